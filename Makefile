@@ -7,6 +7,7 @@ STAMP := $(VENV)/.installed
 GPLVM_VENV := .venv-gplvm
 PRIOR_VENV := .venv-prior
 GPLVM_STAMP := $(GPLVM_VENV)/.installed
+PRIOR_STAMP := $(PRIOR_VENV)/.installed
 
 # Each supported Blender: the Python and the numpy that it brings.
 PYTHON311 ?= python3.11
@@ -22,7 +23,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture extension train-prior clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture extension train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -61,13 +62,16 @@ $(GPLVM_STAMP): pyproject.toml
 	$(GPLVM_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[gplvm]' pytest
 	touch $@
 
-# Trains the motion prior that is shipped, on DATA/cmu. JAX wants a newer
-# NumPy than the rest is tested with. The errors of people left out (PRIOR_FOLD) stand for those of anybody unseen.
+# JAX wants a newer NumPy than the rest is tested with.
+$(PRIOR_STAMP): pyproject.toml
+	$(PYTHON) -m venv $(PRIOR_VENV)
+	$(PRIOR_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[prior]'
+	touch $@
+
+# Trains the motion prior that is shipped, on DATA/cmu. The errors of people left out (PRIOR_FOLD) stand for those of anybody unseen.
 PRIOR_FOLD ?= 07 29 91
 train-prior: export OPENBLAS_NUM_THREADS := 1
-train-prior: $(STAMP)
-	test -x $(PRIOR_VENV)/bin/python || $(PYTHON) -m venv $(PRIOR_VENV)
-	$(PRIOR_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[prior]'
+train-prior: $(STAMP) $(PRIOR_STAMP)
 	$(BIN)/perfanim database build $(DATA)/cmu --out out/prior/cmu.pfdb
 	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb --unseen $(PRIOR_FOLD) --out out/prior/fold.npz
 	$(BIN)/perfanim database build assets/motion --out out/prior/embedded.pfdb
@@ -75,6 +79,20 @@ train-prior: $(STAMP)
 	  --out out/prior/everybody.npz
 	$(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb out/prior/embedded.pfdb \
 	  --further out/prior/everybody.npz --seed 2 --out assets/motion_prior.npz
+
+# The priors of `bench accuracy` into BENCH/databases: none has seen the performers of its takes, nor are the errors that
+# its deviations come from theirs. 6,000 steps each, half an hour in all.
+BENCH ?= out/bench
+PRIOR_FOLDS := 07_49_09:29_91_135 91_05_86:07_29_131 29_127_35_13:07_91_49 14_03:07_29_91 16_135_131:07_29_91
+bench-priors: export OPENBLAS_NUM_THREADS := 1
+bench-priors: $(STAMP) $(PRIOR_STAMP)
+	$(BIN)/perfanim database build $(DATA)/cmu --out out/prior/cmu.pfdb
+	for fold in $(PRIOR_FOLDS); do \
+	  left_out=$${fold%:*} unseen=$${fold#*:}; \
+	  $(PRIOR_VENV)/bin/python tools/train_prior.py --database out/prior/cmu.pfdb --steps 6000 \
+	    --without $$(echo $$left_out | tr _ ' ') --unseen $$(echo $$unseen | tr _ ' ') \
+	    --out $(BENCH)/databases/motion_prior_without_$$left_out.npz || exit; \
+	done
 
 gplvm-test: $(GPLVM_STAMP)
 	$(GPLVM_VENV)/bin/python -m pytest tests/gplvm

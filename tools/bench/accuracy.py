@@ -66,6 +66,7 @@ _KINDS = {
     "kick": r"jump|kick|box",
 }
 _KIND_OF_TRIAL = {"16_16": "walk", "35_01": "walk", "16_02": "jump", "09_03": "run", "14_02": "box", "86_01": "kick"}
+_QUICK = ("nearest", "best")
 _FRAMES = 240  # of each take
 _DRAWN = 2000  # samples of the takes, for an interval
 _UNITS = (
@@ -95,7 +96,9 @@ class _Case:
     database: Database
 
 
-def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: Path | None = None) -> dict[str, Any]:
+def accuracy(
+    data: Path, out: Path, workers: int, progress: Progress, checkout: Path | None = None, quick: bool = False
+) -> dict[str, Any]:
     """Solve takes by every method in every condition.
 
     Unseen kinds of motion keep the performer's other clips. `best` stands without the learned prior, and with one of
@@ -103,11 +106,13 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: 
 
     Args:
         checkout: of another version; its `best` solves the same takes with its own databases of the same motion.
+        quick: whether only `best` is compared with `nearest`, on exact markers.
 
     Returns:
         rows (condition, take, method, frames, errors, share of the nearest neighbour's error), joints (errors by
         joint), means (the same over the takes), prior (geometric means of the errors with the prior over those
-        without, and the worst take), against (the same of `best` over the other version's), disturbed (`best` on noisy,
+        without, and the worst take), against (the same over the other version's `best`, of `best` and with the
+        prior), disturbed (`best` on noisy,
         missing, slow and fast markers), disturbed_means, databases, outputs.
     """
     baseline = Baseline(checkout, data, out / "baseline") if checkout else None
@@ -120,6 +125,8 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: 
         databases[f"{case.condition}: {case.take.title}"] = describe(case.database)
         progress(0.2 + 0.8 * number / len(cases), f"{case.take.title}, {case.condition}")
         methods = compared_methods(out, subject_of(case.take.trial))
+        if quick:
+            methods = {name: methods[name] for name in (*_QUICK, WITH_PRIOR) if name in methods}
         errors = {
             method: evaluate(solve_truth(case.truth, case.database, settings)[0], case.truth)
             for method, settings in methods.items()
@@ -139,13 +146,15 @@ def accuracy(data: Path, out: Path, workers: int, progress: Progress, checkout: 
             for method, error in errors.items()
             for joint, by_unit in error["per_joint"].items()
         ]
-        if case.condition != EMBEDDED:
+        if case.condition != EMBEDDED and not quick:
             found = disturbed_errors(case.truth, case.take.trial, case.database, out, lambda share, text: None)
             disturbed += [of | row for row in found]
     figures = {"rows": rows, "means": _means(rows), "databases": databases}
     figures |= {"disturbed": disturbed, "disturbed_means": disturbed_means(disturbed, CONDITIONS)}
-    figures |= {"prior": _ratios(rows, WITH_PRIOR, "best"), "against": _ratios(rows, "best", BASELINE)}
-    return write_figures(out, "accuracy", figures, {"": rows, "joints": joints, "disturbed": disturbed})
+    figures |= {"prior": _ratios(rows, WITH_PRIOR, "best")}
+    figures |= {"against": _ratios(rows, "best", BASELINE) + _ratios(rows, WITH_PRIOR, BASELINE)}
+    tables = {"": rows, "joints": joints} | ({"disturbed": disturbed} if disturbed else {})
+    return write_figures(out, "accuracy", figures, tables)
 
 
 def _cases(data: Path, out: Path, workers: int, progress: Progress) -> Iterable[_Case]:
@@ -232,7 +241,7 @@ def _ratios(rows: Sequence[dict[str, Any]], method: str, other: str) -> list[dic
         drawn = np.random.default_rng(0).choice(degrees, (_DRAWN, len(takes))).mean(axis=1)
         low, high = np.exp(np.percentile(drawn, (2.5, 97.5)))
         found.append(
-            {"condition": condition, "takes": len(takes)}
+            {"condition": condition, "method": method, "takes": len(takes)}
             | means
             | {
                 "low": round(float(low), 3),

@@ -46,6 +46,7 @@ def add_parser(subparsers: Any) -> None:
         if bench is robustness:
             parser.add_argument("--full", action="store_true", help="500 cuts and 100,000 frames, which takes hours")
         if bench is accuracy:
+            parser.add_argument("--quick", action="store_true", help="best and nearest on exact markers, a few minutes")
             parser.add_argument(
                 "--baseline",
                 type=Path,
@@ -58,7 +59,9 @@ def add_parser(subparsers: Any) -> None:
 def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
-    more = {"sizes": FULL} if getattr(args, "full", False) else {}
+    more: dict[str, Any] = {"sizes": FULL} if getattr(args, "full", False) else {}
+    if getattr(args, "quick", False):
+        more["quick"] = True
     if getattr(args, "baseline", None):
         more["checkout"] = args.baseline
     return args.bench(args.data, args.out, args.workers, progress, **more)

@@ -136,6 +136,9 @@ def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, mon
         clean, noisy = means[condition, "clean"], means[condition, "3 mm"]
         assert clean["of_clean"] == 1.0
         assert noisy["jitter_ratio"] > clean["jitter_ratio"]
+    quick = accuracy(data, tmp_path, 1, silent, quick=True)
+    assert quick["rows"] == [row for row in figures["rows"] if row["method"] in ("nearest", "best")]
+    assert quick["disturbed"] == []
 
 
 def test_another_version_solves_the_same_takes(data, tmp_path):
