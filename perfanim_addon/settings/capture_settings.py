@@ -258,7 +258,7 @@ class CaptureSettings:
         "Feet",
         "Foot lock: keeps standing feet in place. The take keeps the unfiltered motion",
         FEET,
-        "off",
+        "auto",
         update=_retune,
     )
     body_parts: choice(
