@@ -357,6 +357,7 @@ def test_two_before_the_cameras_live_and_solved_again(part: Any, shown: Any, tmp
     live, scene = part("capture.live_capture"), bpy.context.scene
     build_database([str(MOTION)], tmp_path / "two.pfdb", BuildSettings(fps=10.0))
     scene.perfanim.database, scene.perfanim.behaviour = str(tmp_path / "two.pfdb"), "kendo"
+    scene.perfanim.feet = "off"  # shown as the take has it
     scene.render.fps = 60
     scene.frame_set(1)
     shown.entries.add().kind = "PERFORMER"
