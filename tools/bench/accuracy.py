@@ -14,7 +14,7 @@ from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.assets import MOTION
-from perfanim.core.system.progress import Progress
+from perfanim.core.system.progress import Progress, no_progress
 
 from .baseline import Baseline
 from .data import (
@@ -33,7 +33,9 @@ from .data import (
 from .disturbed import disturbed_errors, disturbed_means
 from .figure6 import MARKER_SET, describe, solve_truth, true_subject
 from .methods import BASELINE, METHODS, WITH_PRIOR, compared_methods
+from .plots import check_plots
 from .report import write_figures
+from .worst_frames import Picture, write_pictures
 
 TAKES = (
     WALKING,
@@ -68,6 +70,7 @@ _KINDS = {
 _KIND_OF_TRIAL = {"16_16": "walk", "35_01": "walk", "16_02": "jump", "09_03": "run", "14_02": "box", "86_01": "kick"}
 _QUICK = ("nearest", "best")
 _FRAMES = 240  # of each take
+_MOMENTS = (0.2, 0.4, 0.6, 0.8)  # shares of a take that are pictured
 _DRAWN = 2000  # samples of the takes, for an interval
 _UNITS = (
     "deg_per_joint",
@@ -96,13 +99,22 @@ class _Case:
     database: Database
 
 
+@dataclass(frozen=True)
+class _Strip:
+    """A case as `best` solved it, and its error in degrees per joint."""
+
+    case: _Case
+    solved: Motion
+    error: float
+
+
 def accuracy(
     data: Path, out: Path, workers: int, progress: Progress, checkout: Path | None = None, quick: bool = False
 ) -> dict[str, Any]:
     """Solve takes by every method in every condition.
 
-    Unseen kinds of motion keep the performer's other clips. `best` stands without the learned prior, and with one of
-    those beside the databases (`out`/databases/motion_prior*.npz) that has not seen the performer.
+    Unseen kinds keep the performer's other clips. `best` stands without the learned prior, and with one of those beside
+    the databases (motion_prior*.npz) that has not seen the performer.
 
     Args:
         checkout: of another version; its `best` solves the same takes with its own databases of the same motion.
@@ -112,13 +124,14 @@ def accuracy(
         rows (condition, take, method, frames, errors, share of the nearest neighbour's error), joints (errors by
         joint), means (the same over the takes), prior (geometric means of the errors with the prior over those
         without, and the worst take), against (the same over the other version's `best`, of `best` and with the
-        prior), disturbed (`best` on noisy,
-        missing, slow and fast markers), disturbed_means, databases, outputs.
+        prior), disturbed (`best` on noisy, missing, slow and fast markers), disturbed_means, databases, outputs.
     """
+    check_plots()
     baseline = Baseline(checkout, data, out / "baseline") if checkout else None
     rows: list[dict[str, Any]] = []
     joints: list[dict[str, Any]] = []
     disturbed: list[dict[str, Any]] = []
+    strips: list[_Strip] = []
     databases: dict[str, dict[str, Any]] = {}
     cases = list(_cases(data, out, workers, progress))
     for number, case in enumerate(cases):
@@ -127,10 +140,10 @@ def accuracy(
         methods = compared_methods(out, subject_of(case.take.trial))
         if quick:
             methods = {name: methods[name] for name in (*_QUICK, WITH_PRIOR) if name in methods}
-        errors = {
-            method: evaluate(solve_truth(case.truth, case.database, settings)[0], case.truth)
-            for method, settings in methods.items()
-        }
+        motions = {method: solve_truth(case.truth, case.database, settings)[0] for method, settings in methods.items()}
+        errors = {method: evaluate(motion, case.truth) for method, motion in motions.items()}
+        ours = WITH_PRIOR if WITH_PRIOR in motions else "best"
+        strips += [_Strip(case, motions[ours], errors[ours]["deg_per_joint"])]
         if baseline:
             errors[BASELINE] = evaluate(_solve_by(baseline, case), case.truth)
         of = {"condition": case.condition, "take": case.take.title}
@@ -147,14 +160,31 @@ def accuracy(
             for joint, by_unit in error["per_joint"].items()
         ]
         if case.condition != EMBEDDED and not quick:
-            found = disturbed_errors(case.truth, case.take.trial, case.database, out, lambda share, text: None)
+            found = disturbed_errors(case.truth, case.take.trial, case.database, out, no_progress)
             disturbed += [of | row for row in found]
     figures = {"rows": rows, "means": _means(rows), "databases": databases}
     figures |= {"disturbed": disturbed, "disturbed_means": disturbed_means(disturbed, CONDITIONS)}
-    figures |= {"prior": _ratios(rows, WITH_PRIOR, "best")}
-    figures |= {"against": _ratios(rows, "best", BASELINE) + _ratios(rows, WITH_PRIOR, BASELINE)}
+    against = _ratios(rows, "best", BASELINE) + _ratios(rows, WITH_PRIOR, BASELINE)
+    figures |= {"prior": _ratios(rows, WITH_PRIOR, "best"), "against": against}
     tables = {"": rows, "joints": joints} | ({"disturbed": disturbed} if disturbed else {})
-    return write_figures(out, "accuracy", figures, tables)
+    return write_figures(out, "accuracy", figures, tables, write_pictures(out / "accuracy-strips", _pictures(strips)))
+
+
+def _pictures(strips: Sequence[_Strip]) -> list[Picture]:
+    """Return moments of each condition's median and worst take, truth beside solved."""
+    pictures = []
+    for condition in CONDITIONS:
+        ordered = sorted(
+            (strip for strip in strips if strip.case.condition == condition), key=lambda strip: strip.error
+        )
+        for name, strip in (("median", ordered[(len(ordered) - 1) // 2]), ("worst", ordered[-1])) if ordered else ():
+            truth = strip.case.truth
+            for share in _MOMENTS:
+                frame = int(share * truth.frames)
+                title = f"{condition}, {name}: {strip.case.take.title}, frame {frame}"
+                both = (sliced(motion, frame, frame + 1) for motion in (truth, strip.solved))
+                pictures.append(Picture(title, *both))
+    return pictures
 
 
 def _cases(data: Path, out: Path, workers: int, progress: Progress) -> Iterable[_Case]:
