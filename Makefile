@@ -6,7 +6,9 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 GPLVM_VENV := .venv-gplvm
 PRIOR_VENV := .venv-prior
+DOCS_VENV := .venv-docs
 GPLVM_STAMP := $(GPLVM_VENV)/.installed
+DOCS_STAMP := $(DOCS_VENV)/.installed
 
 # Each supported Blender: the Python and the numpy that it brings.
 PYTHON311 ?= python3.11
@@ -22,7 +24,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture extension train-prior clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture drawings docs extension train-prior clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -79,6 +81,11 @@ train-prior: $(STAMP)
 gplvm-test: $(GPLVM_STAMP)
 	$(GPLVM_VENV)/bin/python -m pytest tests/gplvm
 
+$(DOCS_STAMP): pyproject.toml
+	$(PYTHON) -m venv $(DOCS_VENV)
+	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	touch $@
+
 check: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -124,8 +131,19 @@ frame-bench: $(STAMP)
 architecture-picture: $(STAMP)
 	$(BIN)/python tools/architecture_picture.py
 
+# The drawings in docs/drawings, from marker sets and camera places.
+drawings: $(STAMP)
+	$(BIN)/python tools/make_drawings.py
+
+# The documents as pages in out/docs: drawings up to date, every command and script run, no warning, no broken link.
+docs: export OPENBLAS_NUM_THREADS := 1
+docs: $(STAMP) $(DOCS_STAMP)
+	$(BIN)/python tools/make_drawings.py --check
+	$(BIN)/python tools/run_documents.py
+	$(DOCS_VENV)/bin/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs out/docs
+
 extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist
 
 clean:
-	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) .venv-bpy-* out dist
+	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) .venv-bpy-* out dist docs/api
