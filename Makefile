@@ -9,6 +9,8 @@ PRIOR_VENV := .venv-prior
 DOCS_VENV := .venv-docs
 GPLVM_STAMP := $(GPLVM_VENV)/.installed
 DOCS_STAMP := $(DOCS_VENV)/.installed
+QUALITY_VENV := .venv-quality
+QUALITY_STAMP := $(QUALITY_VENV)/.installed
 
 # Each supported Blender: the Python and the numpy that it brings.
 PYTHON311 ?= python3.11
@@ -24,7 +26,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture drawings docs extension train-prior clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture drawings docs extension release coverage mutation train-prior clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -86,6 +88,11 @@ $(DOCS_STAMP): pyproject.toml
 	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	touch $@
 
+$(QUALITY_STAMP): pyproject.toml
+	$(PYTHON) -m venv $(QUALITY_VENV)
+	$(QUALITY_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,quality]'
+	touch $@
+
 check: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -145,5 +152,25 @@ docs: $(STAMP) $(DOCS_STAMP)
 extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist
 
+# All archives, SHA256SUMS and release-notes.md in dist; prints the largest parts of each archive.
+release: $(STAMP)
+	$(BIN)/python tools/make_release.py --out dist
+
+# Lines of core/ that its tests run; pages in out/coverage. Takes twice as long as the tests.
+coverage: export OPENBLAS_NUM_THREADS := 1
+coverage: $(QUALITY_STAMP)
+	rm -rf out/coverage
+	$(QUALITY_VENV)/bin/python -m coverage run -m pytest tests/core
+	$(QUALITY_VENV)/bin/python -m coverage combine --quiet
+	$(QUALITY_VENV)/bin/python -m coverage html --quiet --directory out/coverage/pages
+	$(QUALITY_VENV)/bin/python -m coverage report
+
+# Share of small changes of the code that its tests notice, and those that survive. All of geometry, solver and labelling
+# takes days on one core; MUTATED=core/geometry/two_bone_ik.py takes minutes.
+MUTATED ?= core/geometry core/solver core/labelling
+mutation: export OPENBLAS_NUM_THREADS := 1
+mutation: $(QUALITY_STAMP)
+	$(QUALITY_VENV)/bin/python tools/mutation.py --out out/mutation $(MUTATED)
+
 clean:
-	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) .venv-bpy-* out dist docs/api
+	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api

@@ -1,20 +1,21 @@
 """Settings of the documentation's generator, Sphinx; run by `make docs`."""
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
+
+from perfanim.core import __version__
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 
 project = "Perfanim"
 author = "The perfanim developers"
-release = version = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
+release = version = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinxarg.ext"]
 html_theme = "furo"
-html_title = f"Perfanim {release}"
+html_title = f"Perfanim {__version__}"
 html_copy_source = False
 default_role = "code"  # docstrings write names as `name`
 myst_heading_anchors = 4
