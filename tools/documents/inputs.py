@@ -86,6 +86,7 @@ def _film(folder: Path, name: str, spec: dict[str, object], videos: tuple[str, s
     export_recording(source, folder / name, RecordingFiles(background_frames=2, board_views=board_views))
     for camera, video in zip(("left", "right"), videos, strict=True):
         shutil.copy(folder / name / f"{camera}.mkv", folder / f"{video}.mp4")
+        shutil.copy(folder / name / "background" / f"{camera}.mkv", folder / f"empty-{camera}.mp4")
 
 
 def _make_character(folder: Path, run: Run) -> None:
