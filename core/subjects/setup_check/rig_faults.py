@@ -8,27 +8,26 @@ from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...geometry.camera import CameraRig
 from ...markers.marker_frame import MarkerFrame
-from ...vision.calibration.refine import Refinement, refine_rig
+from ...vision.calibration.refine import refine_rig
 from ...vision.common_space import CommonSpace, common_space
+from ...vision.matching.camera_swap import EXCHANGED
 from .finding import Fault, Finding
 
-_EXCHANGED = "seem to be exchanged"
-_MOST_EXCHANGED = 0.2  # share of the moments with such a note from which it is so
+_NOTED = 0.2  # share of the moments with a note of exchanged cameras from which it is so
 
 
 def exchange_fault(frames: Sequence[MarkerFrame]) -> list[Finding]:
     """Return a finding if the cameras' images are exchanged."""
-    noted = [note for frame in frames for note in frame.notes if note.endswith(_EXCHANGED)]
-    if len(noted) < _MOST_EXCHANGED * len(frames):
+    noted = sum(EXCHANGED in frame.notes for frame in frames)
+    if noted < _NOTED * len(frames):
         return []
-    text = f"{noted[0]}: swap their device numbers or files, or calibrate again"
-    return [Finding(Fault.EXCHANGED, "", text)]
+    return [Finding(Fault.EXCHANGED, "", f"{EXCHANGED}: swap their device numbers or files, or calibrate again")]
 
 
 def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
     """Return a finding if a camera no longer stands as it was calibrated."""
     try:
-        found: Refinement = refine_rig(rig, [frame.blobs for frame in frames])
+        found = refine_rig(rig, [frame.blobs for frame in frames])
     except CalibrationError:
         return []  # too few markers to tell
     if not found.bumped:
