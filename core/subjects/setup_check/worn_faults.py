@@ -18,7 +18,7 @@ from .finding import Fault, Finding
 
 _SIZES = (1.0, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0)  # of the world that are tried
 _LIKE_POSE_M = 0.05  # RMS distance from a T pose
-_LOOKED_AT = 24  # moments
+_LOOKED_AT = 16  # moments
 _FEWEST_MARKERS = 4
 _FEWEST_MOMENTS = 3
 _NEVER = 0.2  # share of the moments up to which a marker counts as missing
