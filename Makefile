@@ -153,6 +153,7 @@ docs: export OPENBLAS_NUM_THREADS := 1
 docs: $(STAMP) $(DOCS_STAMP)
 	$(BIN)/python tools/make_drawings.py --check
 	$(BIN)/python tools/run_documents.py
+	rm -rf out/docs # pages made from the code are not seen to be old
 	$(DOCS_VENV)/bin/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs out/docs
 
 extension: $(STAMP)
