@@ -14,9 +14,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from cosmic_ray.work_db import WorkDB, use_db
-from cosmic_ray.work_item import TestOutcome, WorkResult
-
 ROOT = Path(__file__).resolve().parents[1]
 _COPIED = ("core", "assets", "tests", "tools", "__init__.py", "pyproject.toml", "README.md", "docs")
 _SLOWER = 5.0  # than without a change: then a changed loop does not end
@@ -85,10 +82,14 @@ def time_tests(place: Path, tests: list[str]) -> float:
     return os.times().elapsed - before.elapsed
 
 
-def results_of(session: Path) -> list[WorkResult]:
-    """Return the results of a session."""
+def outcomes_of(session: Path) -> tuple[int, list[str]]:
+    """Return the number of changes of a session, and the differences of survivors."""
+    from cosmic_ray.work_db import WorkDB, use_db  # in an environment of its own
+    from cosmic_ray.work_item import TestOutcome
+
     with use_db(session, WorkDB.Mode.open) as database:
-        return [result for _, result in database.results]
+        results = [result for _, result in database.results]
+    return len(results), [str(result.diff) for result in results if result.test_outcome is TestOutcome.SURVIVED]
 
 
 def main() -> int:
@@ -107,11 +108,11 @@ def main() -> int:
     survivors = []
     for module in modules_of(options.modules):
         tests = options.tests or tests_of(module)
-        results = results_of(mutate(place, out, module, tests, max(_LEAST_S, _SLOWER * time_tests(place, tests))))
-        alive = [result for result in results if result.test_outcome is TestOutcome.SURVIVED]
-        survivors += [f"{module}\n{result.diff}\n" for result in alive]
-        killed, total = killed + len(results) - len(alive), total + len(results)
-        sys.stdout.write(f"{module}: {len(results) - len(alive)} of {len(results)} changes noticed\n")
+        seconds = max(_LEAST_S, _SLOWER * time_tests(place, tests))
+        count, alive = outcomes_of(mutate(place, out, module, tests, seconds))
+        survivors += [f"{module}\n{difference}\n" for difference in alive]
+        killed, total = killed + count - len(alive), total + count
+        sys.stdout.write(f"{module}: {count - len(alive)} of {count} changes noticed\n")
         sys.stdout.flush()
     (out / "survivors.txt").write_text("\n".join(survivors), encoding="utf-8")
     share = f" ({killed / total:.1%})" if total else ""

@@ -13,6 +13,7 @@ _BRIGHT_ROOM = 110.0  # grey levels of half of the empty image: reflectors hardl
 _SATURATED, _MOST_SATURATED = 250.0, 0.06  # grey levels, share of the empty image
 _DIM_MARKER = 110.0  # grey levels: a marker this dim is lost when it turns or moves away
 _SMALL_RISE = 50.0  # grey levels of a marker smaller than two pixels; of a dim one less
+_SMALL_PX = 1.4  # radius
 _MOST_EMPTY = 0.5  # share of the images with hardly any spots, up to which markers are judged
 _BLUNT_PX = 3.2  # width of an edge; a sharp one has about 2
 _STILL_PX_S = 40.0
@@ -43,21 +44,24 @@ def marker_light_faults(camera: str, spots: Spots, rises: Sequence[float], image
         rises: of images with hardly any spots, how far their brightest pixels are above the empty room, grey levels.
         images: number of all.
     """
-    if len(rises) > _MOST_EMPTY * images:
-        if float(np.median(rises)) > _SMALL_RISE:
-            text = f"you are too far away from {camera}: markers are smaller than two pixels"
-            return [Finding(Fault.FAR, camera, f"{text}; come nearer, or use larger markers or images")]
-        text = f"{camera} is too dark: hardly any markers are seen"
-        return [Finding(Fault.DARK, camera, f"{text}; switch on the lamp at its lens, or expose longer")]
-    usual = float(np.percentile(spots.brightness, 80.0))
-    if usual < _DIM_MARKER:
-        text = f"{camera} is too dark: markers have {usual:.0f} of 255 grey levels"
-        return [Finding(Fault.DARK, camera, f"{text}; put the lamp nearer to the lens, or expose longer")]
-    return []
+    is_empty = len(rises) > _MOST_EMPTY * images
+    usual = 0.0 if is_empty else float(np.percentile(spots.brightness, 80.0))
+    if usual >= _DIM_MARKER:
+        return []
+    # markers smaller than pixels are dim as well
+    if float(np.median(rises)) > _SMALL_RISE if is_empty else float(np.median(spots.radius_px)) < _SMALL_PX:
+        text = f"you are too far away from {camera}: markers are smaller than three pixels"
+        return [Finding(Fault.FAR, camera, f"{text}; come nearer, or use larger markers or images")]
+    text = f"{camera} is too dark: " + (
+        f"markers have {usual:.0f} of 255 grey levels" if usual else "no markers are seen"
+    )
+    return [Finding(Fault.DARK, camera, f"{text}; put the lamp nearer to the lens, or expose longer")]
 
 
 def sharpness_faults(camera: str, spots: Spots) -> list[Finding]:
     """Return findings on focus and shutter of a camera."""
+    if not len(spots.radius_px) or float(np.median(spots.radius_px)) < _SMALL_PX:
+        return []  # such spots have no shape
     slow = spots.speed_px_s < _STILL_PX_S
     edges = spots.edge_px[slow & np.isfinite(spots.edge_px)]
     if len(edges) and float(np.median(edges)) > _BLUNT_PX:

@@ -13,6 +13,8 @@ from ...vision.common_space import CommonSpace, common_space
 from ...vision.matching.camera_swap import EXCHANGED
 from .finding import Fault, Finding
 
+# A turn that moves markers almost along each other's lines shows little; other errors stay when the cameras are moved.
+_CLEAR_PX, _CLEAR_FACTOR = 0.4, 6.0
 _NOTED = 0.2  # share of the moments with a note of exchanged cameras from which it is so
 
 
@@ -30,7 +32,8 @@ def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
         found = refine_rig(rig, [frame.blobs for frame in frames])
     except CalibrationError:
         return []  # too few markers to tell
-    if not found.bumped:
+    clear = found.before_px > max(_CLEAR_PX, _CLEAR_FACTOR * found.after_px)
+    if not (found.bumped or clear):
         return []
     text = f"a camera was moved since the calibration: markers miss each other by {found.before_px:.1f} pixels"
     return [Finding(Fault.BUMPED, "", f"{text}; calibrate the cameras again")]

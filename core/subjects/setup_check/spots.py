@@ -23,6 +23,7 @@ class Spots:
         images: (N,) index of the image.
         pixels: (N, 2) centres.
         brightness: (N,) brightest channel, grey levels.
+        radius_px: (N,) radii.
         edge_px: (N,) contrast over steepest slope: about 2 for a sharp spot; NaN where it cannot be measured.
         spread_px2: (N, 2, 2) second moments of the light about the centre.
         velocity_px_s: (N, 2), NaN where the spot is not in the images before and after.
@@ -31,6 +32,7 @@ class Spots:
     images: IntArray
     pixels: Array
     brightness: Array
+    radius_px: Array
     edge_px: Array
     spread_px2: Array
     velocity_px_s: Array
@@ -78,7 +80,7 @@ class SpotRecorder:
         edges = np.array([edge for edge, _ in self._shapes])
         spreads = np.array([spread for _, spread in self._shapes]).reshape(-1, 2, 2)
         velocity = _velocities(tracks, images, table[:, :2], np.array(self._times_s))
-        return Spots(images, table[:, :2], table[:, 3], edges, spreads, velocity)
+        return Spots(images, table[:, :2], table[:, 3], table[:, 2], edges, spreads, velocity)
 
 
 def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
