@@ -6,8 +6,12 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 GPLVM_VENV := .venv-gplvm
 PRIOR_VENV := .venv-prior
+DOCS_VENV := .venv-docs
 GPLVM_STAMP := $(GPLVM_VENV)/.installed
 PRIOR_STAMP := $(PRIOR_VENV)/.installed
+DOCS_STAMP := $(DOCS_VENV)/.installed
+QUALITY_VENV := .venv-quality
+QUALITY_STAMP := $(QUALITY_VENV)/.installed
 
 # Each supported Blender: the Python and the numpy that it brings.
 PYTHON311 ?= python3.11
@@ -23,7 +27,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz batch-bench retarget-bench frame-bench architecture-picture extension train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench take-fuzz setup-check-bench batch-bench retarget-bench frame-bench architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -97,6 +101,17 @@ bench-priors: $(STAMP) $(PRIOR_STAMP)
 gplvm-test: $(GPLVM_STAMP)
 	$(GPLVM_VENV)/bin/python -m pytest tests/gplvm
 
+$(DOCS_STAMP): pyproject.toml
+	$(PYTHON) -m venv $(DOCS_VENV)
+	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	touch $@
+
+$(QUALITY_STAMP): pyproject.toml
+	$(PYTHON) -m venv $(QUALITY_VENV)
+	$(QUALITY_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,quality]' 'bpy>=4.2' \
+	  || $(QUALITY_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,quality]'
+	touch $@
+
 check: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -129,6 +144,11 @@ take-fuzz: $(STAMP)
 batch-bench: $(STAMP)
 	$(BIN)/python tools/batch_bench.py --data $(DATA) --out out/batch-bench
 
+# Random simulated studios, 12 of each fault and healthy ones, through the check before a capture; a quarter of an hour.
+setup-check-bench: export OPENBLAS_NUM_THREADS := 1
+setup-check-bench: $(STAMP)
+	$(BIN)/python tools/setup_check_bench.py --studios 12 --seed 20
+
 # A walk and boxing on all characters below DATA: bones found, where limbs point, twists, sliding feet. Needs bpy.
 retarget-bench: $(STAMP)
 	$(BIN)/python tools/retarget_bench.py --data $(DATA)
@@ -142,8 +162,40 @@ frame-bench: $(STAMP)
 architecture-picture: $(STAMP)
 	$(BIN)/python tools/architecture_picture.py
 
+# The drawings in docs/drawings, from marker sets and camera places.
+drawings: $(STAMP)
+	$(BIN)/python tools/make_drawings.py
+
+# The documents as pages in out/docs: drawings up to date, every command and script run, no warning, no broken link.
+docs: export OPENBLAS_NUM_THREADS := 1
+docs: $(STAMP) $(DOCS_STAMP)
+	$(BIN)/python tools/make_drawings.py --check
+	$(BIN)/python tools/run_documents.py
+	rm -rf out/docs # pages made from the code are not seen to be old
+	$(DOCS_VENV)/bin/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs out/docs
+
 extension: $(STAMP)
 	$(BIN)/python tools/build_extension.py --out dist
 
+# All archives, SHA256SUMS and release-notes.md in dist; prints the largest parts of each archive.
+release: $(STAMP)
+	$(BIN)/python tools/make_release.py --out dist
+
+# Lines of core/ that its tests run; pages in out/coverage. Takes twice as long as the tests.
+coverage: export OPENBLAS_NUM_THREADS := 1
+coverage: $(QUALITY_STAMP)
+	rm -rf out/coverage
+	$(QUALITY_VENV)/bin/python -m coverage run -m pytest tests/core
+	$(QUALITY_VENV)/bin/python -m coverage combine --quiet
+	$(QUALITY_VENV)/bin/python -m coverage html --quiet --directory out/coverage/pages
+	$(QUALITY_VENV)/bin/python -m coverage report
+
+# Share of small changes of the code that its tests notice, and those that survive. All of geometry, solver and labelling
+# takes days on one core; MUTATED=core/geometry/two_bone_ik.py takes minutes.
+MUTATED ?= core/geometry core/solver core/labelling
+mutation: export OPENBLAS_NUM_THREADS := 1
+mutation: $(QUALITY_STAMP)
+	$(QUALITY_VENV)/bin/python tools/mutation.py --out out/mutation $(MUTATED)
+
 clean:
-	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) .venv-bpy-* out dist
+	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api

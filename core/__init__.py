@@ -2,6 +2,6 @@
 
 from pathlib import Path
 
-__version__ = "0.1.0"
+__version__ = "0.1.0"  # the manifest's, too; pyproject.toml reads it here
 
 PACKAGE_ROOT = Path(__file__).resolve().parent.parent  # the extension's folder

@@ -1,6 +1,5 @@
 """Fixtures shared by all tests: where the recordings of others lie, if they are there."""
 
-import fcntl
 import os
 import subprocess
 import sys
@@ -59,6 +58,8 @@ def mocap_dir() -> Path:
     tool = SHARED / "tools" / "unpack-data"
     if not tool.is_file():
         pytest.skip("../shared/tools/unpack-data is not here")
+    import fcntl  # not on Windows, and the tool is not either
+
     with (Path(tempfile.gettempdir()) / "perfanim-unpack.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # tests run in several processes: one of them unpacks
         done = subprocess.run([str(tool)], check=True, capture_output=True, text=True)

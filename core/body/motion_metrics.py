@@ -54,18 +54,20 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
             truth has none of its own.
 
     Returns:
-        deg_per_joint: mean over frames and joints but the root of the angle between the local rotations, degrees.
-        deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples that mean
-            one rotation the nearer counts.
-        mpjpe_mm: mean joint distance with the roots' positions made equal; mpjpe_absolute_mm: as they are.
-        bone_direction_deg: mean angle between the bones' directions in the world;
-            bone_direction_in_root_deg: as seen from the root, so without its error.
-        twist_deg: mean turn about the own bone in the error of the local rotation.
-        root_position_mm, root_rotation_deg: mean errors of the root.
-        jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN when that is still).
-        foot_skate_cm_s: mean horizontal speed of the toes while the true ones stand on the floor;
-            foot_skate_truth_cm_s: that of the truth; NaN when they never do.
-        frames, fps, joints, per_joint, worst_frames, notes.
+        Measures by name.
+
+        - deg_per_joint: mean over frames and joints but the root of the angle between the local rotations, degrees.
+        - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples that mean
+          one rotation the nearer counts.
+        - mpjpe_mm: mean joint distance with the roots' positions made equal; mpjpe_absolute_mm: as they are.
+        - bone_direction_deg: mean angle between the bones' directions in the world; bone_direction_in_root_deg: as
+          seen from the root, so without its error.
+        - twist_deg: mean turn about the own bone in the error of the local rotation.
+        - root_position_mm, root_rotation_deg: mean errors of the root.
+        - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN when that is still).
+        - foot_skate_cm_s: mean horizontal speed of the toes while the true ones stand on the floor;
+          foot_skate_truth_cm_s: that of the truth; NaN when they never do.
+        - frames, fps, joints, per_joint, worst_frames, notes.
 
     Raises:
         FormatError: the motions share no joint or too few frames.

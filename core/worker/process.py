@@ -1,16 +1,17 @@
 """Main program of a worker process: one request, one job, then the end.
 
 Requests (JSON):
-    {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
-    {"job": "cameras", ...}: images to marker frames.
-    {"job": "trackers", ...}: trackers of another program, by VMC, to marker frames.
-    {"job": "record board", ...}: cameras calibrated from a board held before them.
-    {"job": "record floor", ...}: floor from the board lying on it.
-    {"job": "record floor markers", ...}: floor from markers lying on it.
-    {"job": "record pose", ...}: take of the performer's calibration poses.
-    {"job": "calibrate performer", ...}: the same, and the performer measured from them.
-    {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
-        its summary as RESULT, so that long work never freezes Blender.
+
+- {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
+- {"job": "cameras", ...}: images to marker frames.
+- {"job": "trackers", ...}: trackers of another program, by VMC, to marker frames.
+- {"job": "record board", ...}: cameras calibrated from a board held before them.
+- {"job": "record floor", ...}: floor from the board lying on it.
+- {"job": "record floor markers", ...}: floor from markers lying on it.
+- {"job": "record pose", ...}: take of the performer's calibration poses.
+- {"job": "calibrate performer", ...}: the same, and the performer measured from them.
+- {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
+  its summary as RESULT, so that long work never freezes Blender.
 """
 
 import signal

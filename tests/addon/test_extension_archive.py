@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from perfanim.core import __version__
 from perfanim.core.system.libraries import LIBRARIES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,7 +47,7 @@ def test_the_manifest_names_platform_and_wheels(archive: zipfile.ZipFile) -> Non
         assert 10 < len(reason) <= 64
         assert not reason.endswith(".")
     assert archive.filename is not None
-    assert archive.filename.endswith("perfanim-0.1.0-py311-windows-x64.zip")
+    assert archive.filename.endswith(f"perfanim-{__version__}-py311-windows-x64.zip")
 
 
 def test_the_addon_is_whole_and_nothing_else_is_in(archive: zipfile.ZipFile) -> None:

@@ -44,12 +44,14 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
     """Return the figures of a solved take; None where one is unknown.
 
     Returns:
-        frames, fps, duration_s.
-        marker_rms_mm: RMS distance of located and solved markers over the take; marker_median_mm: the median of the
-            frames' RMS distances; marker_worst_mm: the largest.
-        confidence: mean over the frames; confidence_low: that which 95 % of the frames reach.
-        hidden: share of the markers that no camera shows; longest_gap_s: the longest time that one is hidden.
-        unsolved: share of the frames without a pose of their own.
+        Figures by name.
+
+        - frames, fps, duration_s.
+        - marker_rms_mm: RMS distance of located and solved markers over the take; marker_median_mm: the median of the
+          frames' RMS distances; marker_worst_mm: the largest.
+        - confidence: mean over the frames; confidence_low: that which 95 % of the frames reach.
+        - hidden: share of the markers that no camera shows; longest_gap_s: the longest time that one is hidden.
+        - unsolved: share of the frames without a pose of their own.
     """
     poses, motion = solved.poses_of(), solved.motion
     rms = np.array([pose.marker_rms_m for pose in poses])

@@ -9,6 +9,7 @@ from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
 from .stereo import EPIPOLAR_PX, Matches, StereoMatcher
 
+EXCHANGED = "left and right camera seem to be exchanged"
 _FEWEST_BLOBS = 4
 _FRAMES = 6  # of evidence: within a quarter of a second at 30 Hz
 _DOUBTFUL_PX = 0.75  # mean error of the matches from which it is worth a look ...
@@ -40,7 +41,7 @@ class CameraSwapDetector:
             return ""
         error, exchanged = np.mean(self._errors_px, axis=0)
         worse = error > _DOUBTFUL_PX and exchanged < _BETTER * error
-        return "left and right camera seem to be exchanged" if worse else ""
+        return EXCHANGED if worse else ""
 
     def _error_px(self, matches: Matches, seen: int) -> float:
         """Return the mean meeting error of blobs, pixels; an unmatched one counts most."""

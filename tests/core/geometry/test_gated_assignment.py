@@ -19,6 +19,13 @@ def test_a_pair_at_or_above_the_gate_is_left_out():
     assert pairs([[2.0]], gate=2.1) == [(0, 0)]
 
 
+def test_the_usual_gate_is_one():
+    rows, _ = assign([[0.999]])
+    assert rows.tolist() == [0]
+    rows, _ = assign([[1.0]])
+    assert rows.tolist() == []
+
+
 def test_one_far_pair_does_not_drive_near_ones_apart():
     # without the gate 0.4 + 0.4 + 9.0 would lose to 0.5 + 3.0 + 3.0
     costs = [[0.4, 9.0, 0.5], [9.0, 0.4, 9.0], [3.0, 3.0, 9.0]]

@@ -1,7 +1,6 @@
 """Archives of arrays from anywhere: nothing hostile reaches NumPy's parser or memory."""
 
 import io
-import resource
 import zipfile
 from pathlib import Path
 
@@ -76,6 +75,7 @@ def test_a_small_file_that_unpacks_to_much_takes_no_memory(tmp_path: Path) -> No
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         for number in range(2):
             archive.writestr(f"{number}.npy", _npy(shape=f"({5 << 20},)", data=bytes(40 << 20)))
+    resource = pytest.importorskip("resource")  # not on Windows
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(FormatError, match="declares far more than it holds"):
         read_arrays(tmp_path / "a.npz")

@@ -14,6 +14,7 @@ from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from records import frame_record, pose_record
 
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the program forks")
 PROGRAM = Path(__file__).with_name("write_until_killed.py")
 KILLS = 20
 MOST_LOST = 30  # frames: half a second

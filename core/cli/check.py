@@ -1,0 +1,84 @@
+"""`perfanim check cameras|board`: faults of light, cameras and markers."""
+
+import argparse
+from contextlib import closing
+from typing import Any
+
+from ..system.progress import Progress
+from .options import add_number, add_source_options, add_text, check_height
+
+_EMPTY_SAMPLES = 60
+_BOARD_SAMPLES = 30
+_LONGEST_S = 20.0
+
+
+def add_parser(subparsers: Any) -> None:
+    group = subparsers.add_parser("check", help="find faults of light, cameras and markers before a capture")
+    commands = group.add_subparsers(metavar="WHAT", required=True)
+    cameras = commands.add_parser("cameras", help="pictures of the empty room and of a performer")
+    add_source_options(
+        cameras,
+        "a video, or a folder or pattern of images: the performer in a T pose for two seconds, then walking about",
+    )
+    cameras.add_argument(
+        "--background", metavar="SRC", nargs="+", required=True, help="the empty room, one source per camera"
+    )
+    add_text(cameras, "--marker-set", "NAME", "shipped marker set or TOML file (default boxing)", default="boxing")
+    add_number(cameras, "--height", "M", "of the performer in metres: shows a wrong scale more surely")
+    cameras.set_defaults(run=_check_cameras)
+    board = commands.add_parser("board", help="pictures of the calibration board")
+    add_text(board, "--left", "SRC", "a video, or a folder or pattern of images of the board", required=True)
+    add_text(board, "--right", "SRC", "the same for the right camera", required=True)
+    add_text(board, "--board", "SPEC", "as for calibrate cameras, such as chessboard:9x6:24.23mm", required=True)
+    board.set_defaults(run=_check_board)
+
+
+def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from ..geometry.rig_file import load_rig
+    from ..markers.marker_set import load_marker_set
+    from ..subjects.setup_check.check import check_setup
+    from ..vision.common_space import common_space
+    from ..vision.detection.background import learn_backgrounds
+    from ..vision.sources.source_kinds import open_image_source
+
+    if args.height is not None:
+        check_height(args.height)
+    rig, marker_set = load_rig(args.cameras), load_marker_set(args.marker_set)
+    progress(0.0, "learning the empty room")
+    with closing(open_image_source(*args.background)) as empty:
+        backgrounds = learn_backgrounds(empty.samples(_EMPTY_SAMPLES))
+    with closing(open_image_source(args.left, args.right, *args.camera, size=rig.cameras[0].image_size)) as source:
+        most = max(int(_LONGEST_S * source.fps), 1)
+        moments = _first(source, most, progress)
+        findings = check_setup(rig, backgrounds, moments, marker_set, args.height)
+    return _summary(findings) | {"space": common_space(rig, args.height or 1.8).text}
+
+
+def _check_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from ..subjects.setup_check.board_faults import board_faults
+    from ..vision.calibration.board import BoardView, find_board, parse_board
+    from ..vision.sources.source_kinds import open_image_source
+
+    board = parse_board(args.board)
+    views: dict[str, list[BoardView]] = {"the left camera": [], "the right camera": []}
+    with closing(open_image_source(args.left, args.right)) as source:
+        for number, images in enumerate(source.samples(_BOARD_SAMPLES)):
+            progress(number / _BOARD_SAMPLES, "looking for the board")
+            for seen, image in zip(views.values(), images, strict=True):
+                view = find_board(image, board)
+                seen += [view] if view is not None else []
+    return _summary(board_faults(board, views)) | {"views": {title: len(seen) for title, seen in views.items()}}
+
+
+def _first(source: Any, most: int, progress: Progress) -> Any:
+    """Yield the first moments of a source."""
+    for number, moment in enumerate(source):
+        if number == most:
+            return
+        progress(number / most, "looking at the pictures")
+        yield moment
+
+
+def _summary(findings: Any) -> dict[str, Any]:
+    texts = [{"fault": str(finding.fault), "advice": finding.text} for finding in findings]
+    return {"verdict": "mend first" if texts else "good", "findings": texts}

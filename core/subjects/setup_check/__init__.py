@@ -1,0 +1,1 @@
+"""Check of cameras, light and markers before a capture."""

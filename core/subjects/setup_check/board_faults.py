@@ -1,0 +1,37 @@
+"""Faults of the calibration board in pictures of it."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ...vision.calibration.board import Board, BoardView
+from .finding import Fault, Finding
+
+_SMALLEST_SQUARE_PX = 12.0  # corners of smaller squares disturb each other, and show little of the lens
+_NEAREST = 75.0  # per cent of the pictures: some may be farther away
+
+
+def board_faults(board: Board, views: Mapping[str, Sequence[BoardView]]) -> list[Finding]:
+    """Return findings on the size of the board in each camera's pictures.
+
+    Args:
+        views: per camera the board as found in its pictures.
+    """
+    findings = []
+    for camera, seen in views.items():
+        sizes = [square_px(board, view) for view in seen]
+        size = float(np.percentile(sizes, _NEAREST)) if sizes else float("nan")
+        if size < _SMALLEST_SQUARE_PX:
+            text = f"the board is too small in {camera}'s pictures: its squares are {size:.0f} pixels wide"
+            text += f", {_SMALLEST_SQUARE_PX:.0f} are needed; hold it nearer, or print a larger one"
+            findings.append(Finding(Fault.BOARD_SMALL, camera, text))
+    return findings
+
+
+def square_px(board: Board, view: BoardView) -> float:
+    """Return the median side of the board's squares in a view, pixels."""
+    columns = board.corner_grid[0]
+    place = {int(number): pixel for number, pixel in zip(view.ids, view.pixels, strict=True)}
+    pairs = [(n, n + 1) for n in place if (n + 1) % columns] + [(n, n + columns) for n in place]
+    sides = [np.linalg.norm(place[a] - place[b]) for a, b in pairs if b in place]
+    return float(np.median(sides)) if sides else float("nan")

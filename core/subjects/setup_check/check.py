@@ -1,0 +1,90 @@
+"""The whole check: pictures of a performer, and of the empty room, to findings."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ...errors import CaptureError
+from ...geometry.camera import CameraRig
+from ...markers.marker_set import MarkerSet
+from ...vision.detection.background import Background
+from ...vision.pipeline import MarkerPipeline
+from ...vision.sources.image_set import camera_title
+from ...vision.sources.source_kinds import ImageSetLike
+from ...vision.synchronise import synchronise_frames
+from .finding import Finding
+from .image_faults import marker_light_faults, reflections, room_faults, sharpness_faults
+from .rig_faults import bump_fault, exchange_fault, place_fault
+from .spots import SpotRecorder
+from .worn_faults import find_t_poses, missing_fault, scale_fault
+
+_FEWEST_MOMENTS = 10
+_USUAL_HEIGHT_M = 1.75
+_LOWEST_CAMERA_M = 0.05
+
+
+def check_setup(
+    rig: CameraRig,
+    backgrounds: Sequence[Background],
+    moments: Iterable[ImageSetLike],
+    marker_set: MarkerSet,
+    height_m: float | None = None,
+) -> list[Finding]:
+    """Return the faults to mend first, none if all is well.
+
+    Faults that hide others come first: what follows from them is not judged before they are mended.
+
+    Args:
+        rig: calibrated cameras; with a floor at y = 0 the performer's place is judged.
+        backgrounds: of the empty room, one per camera.
+        moments: a performer with the markers, who stands in a T pose for two seconds, then walks about for as long.
+        height_m: of the performer, if known: it shows a wrong scale more surely.
+
+    Raises:
+        CaptureError: too few images, or of another size than the calibration's.
+    """
+    pipeline = MarkerPipeline(rig)
+    pipeline.set_backgrounds(backgrounds)
+    titles = [camera_title(index, [camera.name for camera in rig.cameras]) for index in range(len(rig))]
+    if found := [finding for pair in zip(titles, backgrounds, strict=True) for finding in room_faults(*pair)]:
+        return found
+    recorders = [SpotRecorder(background.mean.max(axis=2)) for background in backgrounds]
+    frames = []
+    for moment in moments:
+        frames.append(pipeline.process(moment))
+        for recorder, time_s, image, blobs in zip(
+            recorders, moment.times_s, moment.images, frames[-1].detected, strict=True
+        ):
+            recorder.add(time_s, image, blobs)
+    if len(frames) < _FEWEST_MOMENTS:
+        raise CaptureError(
+            f"{len(frames)} moments are too few for a check", advice="record six seconds: a T pose, then some steps"
+        )
+    if found := _camera_faults(titles, recorders):
+        return found
+    if found := exchange_fault(frames):
+        return found
+    if len(rig) < 2:
+        return []
+    frames = synchronise_frames(rig, frames)[0]
+    if found := bump_fault(rig, frames):
+        return found
+    poses = find_t_poses(frames, marker_set, height_m)
+    if found := scale_fault(poses, height_m):
+        return found
+    points_m = np.concatenate([frame.points_m for frame in frames])
+    has_floor = rig.cameras[0].centre_m[1] > _LOWEST_CAMERA_M  # without one the first camera is the origin
+    if len(points_m) and has_floor:
+        found = place_fault(rig, np.median(points_m, axis=0), height_m or _USUAL_HEIGHT_M)
+    return found or missing_fault(rig, poses, marker_set)
+
+
+def _camera_faults(titles: Sequence[str], recorders: Sequence[SpotRecorder]) -> list[Finding]:
+    """Return faults of single cameras; a blur dims markers, so it comes first."""
+    blunt, dim, false = [], [], []
+    for title, recorder in zip(titles, recorders, strict=True):
+        spots = recorder.result()
+        blunt += sharpness_faults(title, spots)
+        dim += marker_light_faults(title, spots, recorder.rises, recorder.images)
+        false += reflections(title, spots)
+    return blunt or dim or false

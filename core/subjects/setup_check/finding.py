@@ -1,0 +1,39 @@
+"""Findings of the check, in plain words."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+Place = tuple[float, float]
+
+
+class Fault(StrEnum):
+    """Faults that pictures show."""
+
+    DARK = "too dark"
+    BRIGHT = "too bright"
+    BLURRED = "out of focus"
+    SHUTTER = "shutter too slow"
+    REFLECTION = "reflection"
+    EXCHANGED = "cameras exchanged"
+    BUMPED = "camera bumped"
+    CLOSE = "too close"
+    FAR = "too far"
+    BOARD_SMALL = "board too small"
+    SQUARE_SIZE = "wrong square size"
+    MARKER_MISSING = "marker missing"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault, its place and advice.
+
+    Args:
+        where: camera, "" where all are meant.
+        text: fact and advice as a sentence.
+        pixels: places in the camera's image, to be ringed.
+    """
+
+    fault: Fault
+    where: str
+    text: str
+    pixels: tuple[Place, ...] = ()

@@ -1,0 +1,77 @@
+"""Faults of the cameras' places, and of the performer's."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...errors import CalibrationError
+from ...geometry.arrays import Array
+from ...geometry.camera import CameraRig
+from ...markers.marker_frame import MarkerFrame
+from ...vision.calibration.refine import refine_rig
+from ...vision.common_space import CommonSpace, common_space
+from ...vision.matching.camera_swap import EXCHANGED
+from .finding import Fault, Finding
+
+# A turn that moves markers almost along each other's lines shows little; other errors stay when the cameras are moved.
+_CLEAR_PX, _CLEAR_FACTOR = 0.4, 6.0
+_NOTED = 0.2  # share of the moments with a note of exchanged cameras from which it is so
+
+
+def exchange_fault(frames: Sequence[MarkerFrame]) -> list[Finding]:
+    """Return a finding if the cameras' images are exchanged."""
+    noted = sum(EXCHANGED in frame.notes for frame in frames)
+    if noted < _NOTED * len(frames):
+        return []
+    return [Finding(Fault.EXCHANGED, "", f"{EXCHANGED}: swap their device numbers or files, or calibrate again")]
+
+
+def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
+    """Return a finding if a camera no longer stands as it was calibrated."""
+    try:
+        found = refine_rig(rig, [frame.blobs for frame in frames])
+    except CalibrationError:
+        return []  # too few markers to tell
+    clear = found.before_px > max(_CLEAR_PX, _CLEAR_FACTOR * found.after_px)
+    if not (found.bumped or clear):
+        return []
+    text = f"a camera was moved since the calibration: markers miss each other by {found.before_px:.1f} pixels"
+    return [Finding(Fault.BUMPED, "", f"{text}; calibrate the cameras again")]
+
+
+def place_fault(rig: CameraRig, torso_m: Array, height_m: float) -> list[Finding]:
+    """Return a finding if the cameras do not show the performer whole, or too small.
+
+    Args:
+        rig: its world has the floor at y = 0.
+        torso_m: (3,) middle of the torso.
+    """
+    space = common_space(rig, height_m)
+    nearest, farthest = _depths_m(space, rig, float(torso_m[0]))
+    depth_m = _depth_m(rig, torso_m)
+    if nearest is None:
+        return []
+    if depth_m < nearest:
+        text = f"you are too close: the cameras cut off head or feet; step back by {nearest - depth_m:.1f} m"
+        return [Finding(Fault.CLOSE, "", text)]
+    if depth_m > farthest:
+        text = f"you are too far away: markers are too small; come {depth_m - farthest:.1f} m nearer"
+        return [Finding(Fault.FAR, "", text)]
+    return []
+
+
+def _depths_m(space: CommonSpace, rig: CameraRig, x_m: float) -> tuple[float | None, float]:
+    """Return least and greatest seen distance from the cameras, beside a place."""
+    columns = np.flatnonzero(space.seen.any(axis=0))
+    if not len(columns):
+        return None, 0.0
+    column = columns[np.argmin(np.abs(space.x_m[columns] - x_m))]
+    z_m = space.z_m[space.seen[:, column]]
+    depths = [_depth_m(rig, np.array([space.x_m[column], 0.0, z])) for z in (z_m[0], z_m[-1])]
+    return min(depths), max(depths)
+
+
+def _depth_m(rig: CameraRig, point_m: Array) -> float:
+    """Return the distance on the floor from the cameras' middle."""
+    middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
+    return float(np.hypot(*(point_m - middle)[[0, 2]]))

@@ -1,0 +1,120 @@
+"""Faults shown by a performer in a T pose: a missing marker, a wrong scale."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...body.calibration_poses import t_pose
+from ...body.skeleton import marker_positions
+from ...body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
+from ...geometry.arrays import Array, Mask
+from ...geometry.camera import CameraRig
+from ...geometry.rigid_transform import kabsch
+from ...labelling.template_labelling import label_by_template
+from ...markers.marker_frame import MarkerFrame
+from ...markers.marker_set import MarkerSet
+from .finding import Fault, Finding
+
+_SIZES = (1.0, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0)  # of the world that are tried
+_LIKE_POSE_M = 0.05  # RMS distance from a T pose
+_LOOKED_AT = 16  # moments
+_FEWEST_MARKERS = 4
+_FEWEST_MOMENTS = 3
+_NEVER = 0.2  # share of the moments up to which a marker counts as missing
+_NEAR_PX = 25.0  # of where it is expected: a blob there may be the marker
+_KNOWN_SCALE, _UNKNOWN_SCALE = 0.10, 0.22  # greatest deviation of bodies of known and of unknown height
+
+
+@dataclass(frozen=True)
+class TPose:
+    """A performer recognised in a T pose.
+
+    Args:
+        size: of the world, 1 where the performer has the height.
+        labelled: (M,) markers that were found as points.
+        markers_m: (M, 3) where the markers are expected in the world.
+    """
+
+    size: float
+    labelled: Mask
+    markers_m: Array
+
+
+def find_t_poses(
+    frames: Sequence[MarkerFrame], marker_set: MarkerSet, height_m: float | None
+) -> list[tuple[MarkerFrame, TPose]]:
+    """Return moments with a recognised T pose, spread over the frames."""
+    skeleton = default_skeleton(height_m or DEFAULT_HEIGHT_M)
+    joints = marker_set.joint_indices(skeleton)
+    template = marker_positions(skeleton, joints, marker_set.offsets_m, t_pose(skeleton), np.zeros(3))
+    chosen = frames[:: max(len(frames) // _LOOKED_AT, 1)]
+    best: list[tuple[MarkerFrame, TPose]] = []
+    for size in _SIZES:
+        found = [(frame, pose) for frame in chosen if (pose := _recognise(frame.points_m, template, size)) is not None]
+        if _count(found) > _count(best):
+            best = found
+        if sum(int(pose.labelled.sum()) >= len(template) - 1 for _, pose in best) >= _FEWEST_MOMENTS:
+            break
+    return best
+
+
+def _count(poses: Sequence[tuple[MarkerFrame, TPose]]) -> int:
+    return sum(int(pose.labelled.sum()) for _, pose in poses)
+
+
+def _recognise(points_m: Array, template_m: Array, size: float) -> TPose | None:
+    """Return the T pose of points in a world of this size, None for another pose."""
+    labels = label_by_template(points_m / size, template_m)
+    known = np.flatnonzero(labels >= 0)
+    if len(known) < _FEWEST_MARKERS:
+        return None
+    source, target = template_m[labels[known]], points_m[known]
+    turn, _ = kabsch(source, target)
+    centred = (source - source.mean(axis=0)) @ turn.T
+    scale = float(np.sum(centred * target) / np.sum(centred**2))
+    shift = target.mean(axis=0) - scale * turn @ source.mean(axis=0)
+    expected = scale * template_m @ turn.T + shift
+    rms_m = float(np.sqrt(np.mean(np.sum((target - expected[labels[known]]) ** 2, axis=1))))
+    if rms_m > _LIKE_POSE_M * scale:
+        return None
+    return TPose(scale, np.isin(np.arange(len(template_m)), labels), expected)
+
+
+def scale_fault(poses: Sequence[tuple[MarkerFrame, TPose]], height_m: float | None) -> list[Finding]:
+    """Return a finding if the world is too large or too small for the performer."""
+    if len(poses) < _FEWEST_MOMENTS:
+        return []
+    size = float(np.median([pose.size for _, pose in poses]))
+    most = 1.0 + (_UNKNOWN_SCALE if height_m is None else _KNOWN_SCALE)
+    if 1.0 / most <= size <= most:
+        return []
+    seems, what = size * (height_m or DEFAULT_HEIGHT_M), "larger" if size < 1.0 else "smaller"
+    text = f"the size of the board's squares is wrong: by the cameras the performer is {seems:.2f} m tall"
+    text += f"; measure a square, it is {what} by a factor of {max(size, 1.0 / size):.2f}, and calibrate again"
+    return [Finding(Fault.SQUARE_SIZE, "", text)]
+
+
+def missing_fault(rig: CameraRig, poses: Sequence[tuple[MarkerFrame, TPose]], marker_set: MarkerSet) -> list[Finding]:
+    """Return a finding if markers of the set are seen by no camera."""
+    if len(poses) < _FEWEST_MOMENTS:
+        return []
+    seen = np.mean([pose.labelled | _has_blob(rig, frame, pose) for frame, pose in poses], axis=0)
+    missing = [text for text, share in zip(marker_set.texts, seen, strict=True) if share <= _NEVER]
+    if not missing:
+        return []
+    worn = "a marker is" if len(missing) == 1 else f"{len(missing)} markers are"
+    text = f"{worn} not seen: {', '.join(missing)}; put it on, or clean it, or choose another marker set"
+    return [Finding(Fault.MARKER_MISSING, "", text)]
+
+
+def _has_blob(rig: CameraRig, frame: MarkerFrame, pose: TPose) -> Mask:
+    """Return (M,) markers with a blob of no point near their expected place."""
+    found = np.zeros(len(pose.markers_m), dtype=bool)
+    for camera, view in enumerate(rig.cameras):
+        free = np.setdiff1d(np.arange(len(frame.blobs[camera])), frame.point_blobs[:, camera])
+        if len(free):
+            expected = view.project(pose.markers_m)
+            distance = np.linalg.norm(expected[:, None] - frame.blobs[camera][free, :2], axis=2).min(axis=1)
+            found |= distance < _NEAR_PX
+    return found

@@ -1,0 +1,64 @@
+"""The check before a capture names the fault of a simulated studio, and none in a healthy one."""
+
+import numpy as np
+import pytest
+from perfanim.core.errors import CaptureError
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.simulate.faults import STUDIO_FAULTS, board_views, studio_with
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.subjects.setup_check.board_faults import board_faults, square_px
+from perfanim.core.subjects.setup_check.check import check_setup
+from perfanim.core.subjects.setup_check.finding import Fault
+from perfanim.core.subjects.setup_check.rig_faults import place_fault
+from perfanim.core.vision.calibration.board import Board, BoardView
+from perfanim.core.vision.detection.background import learn_backgrounds
+
+
+def findings_of(studio):
+    backgrounds = learn_backgrounds(studio.empty)
+    return check_setup(studio.rig, backgrounds, studio.moments, studio.marker_set, studio.height_m)
+
+
+def test_every_fault_has_a_studio_or_a_board():
+    assert {*STUDIO_FAULTS, Fault.BOARD_SMALL} == set(Fault)
+    assert len(Fault) == 12
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_healthy_studios_have_no_fault(seed):
+    assert findings_of(studio_with(None, np.random.default_rng([5, seed]))) == []
+
+
+@pytest.mark.parametrize("fault", STUDIO_FAULTS)
+def test_the_fault_is_named_and_no_other(fault):
+    findings = findings_of(studio_with(fault, np.random.default_rng([6, STUDIO_FAULTS.index(fault)])))
+    assert {finding.fault for finding in findings} == {fault}
+    for finding in findings:
+        assert ";" in finding.text or ":" in finding.text  # a fact, then advice
+
+
+@pytest.mark.parametrize("small", [True, False])
+def test_board(small):
+    found = board_faults(*board_views(np.random.default_rng(3), small))
+    assert {finding.fault for finding in found} == ({Fault.BOARD_SMALL} if small else set())
+
+
+def test_square_px_of_an_exact_view():
+    board = Board("chessboard", 9, 6, 0.03)
+    pixels = board.points_m[:, :2] / 0.03 * 17.0 + 100.0
+    view = BoardView(np.arange(len(pixels)), pixels)
+    assert square_px(board, view) == pytest.approx(17.0)
+    part = BoardView(view.ids[7:12], view.pixels[7:12])  # the end of a row and the beginning of the next
+    assert square_px(board, part) == pytest.approx(17.0)
+
+
+@pytest.mark.parametrize(("z_m", "fault"), [(1.5, Fault.CLOSE), (0.0, None), (-4.0, Fault.FAR)])
+def test_place(z_m, fault):
+    found = place_fault(default_rig(), np.array([0.0, 1.0, z_m]), 1.75)
+    assert [finding.fault for finding in found] == ([fault] if fault else [])
+
+
+def test_too_few_moments_are_refused():
+    studio = studio_with(None, np.random.default_rng(0))
+    with pytest.raises(CaptureError, match="3 moments are too few"):
+        check_setup(studio.rig, learn_backgrounds(studio.empty), studio.moments[:3], load_marker_set("boxing"))

@@ -1,0 +1,106 @@
+"""README.md and docs: commands, scripts, quotations and drawings are those of the code."""
+
+import re
+import tomllib
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import make_drawings
+import perfanim
+import pytest
+import run_documents
+from documents.commands import DOCUMENTS, Command, blocks, commands, make_targets, parse_problem
+
+ROOT = Path(perfanim.__file__).parent
+COMMANDS = [command for document in DOCUMENTS for command in commands(document)]
+
+
+def test_documents_have_commands():
+    assert {command.where.partition(":")[0] for command in COMMANDS} >= {
+        "README.md", "docs/calibration.md", "docs/command-line.md", "docs/export.md", "docs/marker-takes.md"
+    }  # fmt: skip
+    assert len(COMMANDS) > 80
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_commands_exist(document):
+    for command in commands(document):
+        if command.words[0] == "make":
+            targets = {word for word in command.words[1:] if "=" not in word}
+            assert targets <= make_targets(), command.where
+        else:
+            assert parse_problem(command) == "", f"{command.where}: {command.text}"
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("perfanim solve walk.c3d --database m.pfdb --out w.bvh --subjekt a.toml", "unrecognized arguments: --subjekt"),
+        ("perfanim solve walk.c3d", "required"),
+        ("perfanim sing walk.c3d", "invalid choice"),
+    ],
+)
+def test_wrong_commands_are_found(line, problem):
+    assert problem in parse_problem(Command("here:1", tuple(line.split()), in_block=True))
+
+
+@pytest.mark.parametrize("words", ["perfanim take sing", "perfanim solve ... --uses 9"])
+def test_wrong_commands_in_prose_are_found(words):
+    assert parse_problem(Command("here:1", tuple(words.split()), in_block=False)).startswith("there is no")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_blocks_can_be_read(document):
+    for line, block in blocks(document, "toml"):
+        assert tomllib.loads(block), f"{document.name}:{line}"
+    for line, block in blocks(document, "python"):
+        compile(block, f"{document.name}:{line}", "exec")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_addresses_are_whole(document):
+    for address in re.findall(r"\]\((\w+:[^)]*)\)", document.read_text(encoding="utf-8")):
+        parts = urlsplit(address)
+        assert parts.scheme == "https" and "." in parts.netloc, address
+
+
+def test_cheap_commands_run(tmp_path):
+    assert list(run_documents.run_all(tmp_path, cheap=True)) == []
+
+
+def test_reasons_belong_to_commands():
+    texts = [" ".join(command.words) for command in COMMANDS]
+    for start in run_documents.LEFT_OUT:
+        assert any(text.startswith(start) for text in texts), start
+
+
+def test_messages_are_those_of_the_program():
+    page = (ROOT / "docs" / "when-it-looks-wrong.md").read_text(encoding="utf-8")
+    source = "".join(
+        path.read_text(encoding="utf-8") for name in ("core", "perfanim_addon") for path in (ROOT / name).rglob("*.py")
+    )
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith('| "')]
+    quoted = [message for row in rows for message in re.findall(r'"([^"]+)"', row)]
+    assert len(quoted) > 15
+    assert [message for message in quoted if message not in source] == []
+
+
+def test_drawings_are_of_the_present_files():
+    assert make_drawings.main(["--check"]) == 0
+
+
+def test_every_marker_set_is_shown():
+    page = (ROOT / "docs" / "wear-markers.md").read_text(encoding="utf-8")
+    drawn = set(re.findall(r"drawings/markers-([\w-]+)\.svg", page))
+    assert drawn == {path.stem for path in (ROOT / "assets" / "marker_sets").glob("*.toml")}
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {path.stem for path in (ROOT / "docs").glob("*.md")} - {"index"}
+    listed = {
+        line.strip()
+        for block in re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL)
+        for line in block.split("\n")
+    }
+    assert pages <= listed

@@ -1,0 +1,1 @@
+"""Commands and scripts of the documents: found, parsed and run."""

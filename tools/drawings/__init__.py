@@ -1,0 +1,1 @@
+"""Drawings of the documents, computed from marker sets and cameras."""
