@@ -40,17 +40,21 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 
 
 class _Silence:
-    """Warns once why no markers come, and once that they are back."""
+    """Warns once why no markers come, once that they are back, and once of a flood."""
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._from = f" from {sender}" if sender else ""
         self._warning = ""
-        self._hears = self._came = False
+        self._hears = self._came = self._flooded = False
         self._since_s = time.perf_counter()
 
     def update(self, now_s: float, came: bool) -> None:
         """Note whether markers have come."""
+        if self._stream.gathering.flooding and not self._flooded:
+            self._flooded = True
+            where = f"on port {self._receiver.port}"
+            self._channel.send_warning(f"too much comes {where}, most is not read: let a single program send there")
         if came:
             if self._warning:
                 self._channel.send_warning("", standing=True)
