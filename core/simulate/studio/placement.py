@@ -7,9 +7,11 @@ import numpy as np
 
 from ...body.calibration_poses import POSES
 from ...body.motion import Motion, eased_between
+from ...errors import SettingsError
 from ...geometry import rotations as rot
 from .body import make_body
 
+_LONGEST_HELD_S = 60.0
 ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
 
 
@@ -32,6 +34,9 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
 
     They face the cameras (+z), however the motion begins: who stands sideways hides a shoulder.
     """
+    if not seconds <= _LONGEST_HELD_S:
+        advice = f"hold it for {_LONGEST_HELD_S:.0f} s at most"
+        raise SettingsError(f"a pose cannot be held for {seconds:.6g} s", advice=advice)
     if seconds <= 0.0:
         return motion
     rotations, path = motion.rotations, motion.root_positions_m
