@@ -8,7 +8,6 @@ import select
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -112,7 +111,7 @@ def _run_child(door: Door, seed: int, numbers: range, until_s: float) -> Iterato
             came, _, _ = select.select([answers], [], [], _HUNG_S)
             line = answers.readline() if came else b""
             if not line:
-                with suppress(ProcessLookupError):
+                if not came:
                     os.kill(child, 9)
                 _, status = os.waitpid(child, 0)
                 if status:

@@ -53,6 +53,11 @@ class FrameAssembler:
         self._clock_s: float | None = None
         self._placed: dict[Key, Placement] = {}
 
+    @property
+    def understood(self) -> int:
+        """How many packets were read and well-formed."""
+        return self.packets - self.malformed - self.flooding
+
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
         """Add a UDP packet and return the frames that ended; a malformed one only counts.
 

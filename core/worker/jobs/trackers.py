@@ -61,7 +61,7 @@ class _Silence:
             if self._warning and self._came:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._warning = now_s, True, ""
-        elif not self._hears and self._stream.gathering.packets > self._stream.gathering.malformed:
+        elif not self._hears and self._stream.gathering.understood:
             self._hears, self._since_s = True, now_s  # what it sends is known when it has sent all of it once
         elif now_s - self._since_s > _SILENT_S:
             reason = self._reason()
@@ -78,7 +78,7 @@ class _Silence:
             return f"nothing comes {where}, but from {others}: choose who sends under Cameras"
         if not self._stream.gathering.packets:
             return f"nothing comes {where}: let the other program send to this computer and port"
-        if self._stream.gathering.malformed == self._stream.gathering.packets:
+        if not self._stream.gathering.understood:
             return f"what comes {where} is not VMC: choose this protocol in the other program"
         if not self._stream.trackers:
             return f"no trackers come {where}: have the other program send them, not only bones"

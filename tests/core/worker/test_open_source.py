@@ -12,6 +12,8 @@ from perfanim.core.worker.open_source import open_source
     [
         ({"behaviour": "walking", "seconds": 1e12}, "too long"),
         ({"poses": ["t"], "held_s": 1e12}, "held"),
+        ({"poses": ["t"] * 1000}, "held"),
+        ({"partners": [{}] * 1000}, "1000 partners"),
         ({"fps": 1e9}, "frame rate"),
         ({"seconds": "long"}, "setting of the image source"),
         ({"partners": 3}, "setting of the image source"),
