@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from perfanim.core.errors import PerfanimError
+from perfanim.core.errors import MOST_TEXT, PerfanimError
 
 from .doors import Door
 
@@ -130,7 +130,11 @@ def _result(door: Door, data: bytes) -> dict[str, Any]:
         door.read(data)
         end = "accepted"
     except PerfanimError as error:
-        end = "refused" if len(str(error)) <= 310 and "\n" not in str(error) else "a message of several lines"
+        end = (
+            "refused"
+            if len(str(error)) <= MOST_TEXT and "\n" not in str(error)
+            else "a message too long, or of several lines"
+        )
     except SystemExit as stop:  # argparse
         end = "refused" if stop.code in (0, 2) else f"exit status {stop.code}"
     except BaseException as error:  # all else is a fault
