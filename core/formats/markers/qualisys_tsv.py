@@ -99,4 +99,6 @@ def _rows(lines: list[str], first: int, width: int, where: str) -> Array:
                 advice="the file is cut off or damaged",
             )  # fmt: skip
         rows.append(numbers_of(fields, f"{where}, line {number}"))
+    if not rows:
+        raise FormatError("has no frames", where=where)
     return np.array(rows)

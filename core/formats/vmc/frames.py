@@ -8,7 +8,7 @@ from ...errors import FormatError
 from .packets import TRACKERS, Clock, Placement, read_packet
 
 MOST_PACKETS_S = 20_000  # within a second; a program that sends every bone by itself at 120 Hz sends a third
-MOST_BYTES_S = 2_000_000  # within a second, several times what the largest bodies take; the rest is not read
+MOST_BYTES_S = 600_000  # within a second, of a body with its face at 60 Hz less than half; the rest is not read
 MOST_PLACED = 1000  # bones and trackers of a frame; a program that makes up ever new names fills no memory
 
 Key = tuple[str, str]  # address and name
