@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
 # The longest files, which begin first: one that began last would leave the other processes with nothing to do.
 LONGEST = (
+    "setup_check/test_setup_check.py",
     "calibration/test_recorded_boards.py",
     "capture/test_live_capture.py",
     "operators/test_jobs.py",

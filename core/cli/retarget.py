@@ -99,5 +99,5 @@ def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
         package = (__package__ or "").rpartition(".core.")[0]
         return [sys.executable, "-m", f"{package}.perfanim_addon.export.retarget_file", *arguments]
     order = helper_process.order("perfanim.perfanim_addon.export.retarget_file:main", arguments)
-    options = ("--background", "--factory-startup", "--python-exit-code", "1")
+    options = ("--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "1")
     return [blender, *options, "--python", helper_process.SCRIPT, "--", order]

@@ -109,4 +109,4 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         lost = int(np.ptp(markers.frame_numbers)) + 1 - markers.frames
         facts = {"frames": markers.frames, "lost_frames": lost, "fps": markers.fps, "names": list(markers.names)}
     came = recording.gathering
-    return facts | {"packets": came.packets, "malformed": came.malformed, "out": str(out)}
+    return facts | {"packets": came.packets, "malformed": came.malformed, "flooding": came.flooding, "out": str(out)}

@@ -23,6 +23,8 @@ T_POSE_S = 2.0  # how long each performance stands in it at its start
 RADIANS_A_STEP = np.pi / 32767  # rotation vectors are stored as 16-bit integers: 0.005 degrees
 METRES_A_STEP = 1e-4
 _LEAST_S = 5.0
+_MOST_FRAMES = 300_000  # 280 MB; 83 minutes at 60 Hz
+_LEAST_FPS, _MOST_FPS = 1.0, 1000.0
 _RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
 
@@ -62,8 +64,11 @@ def performance(
         skeleton: body with the standard skeleton's joints; the file's own without.
 
     Raises:
-        SettingsError: unknown behaviour; less than five seconds.
+        SettingsError: unknown behaviour; less than five seconds or too many frames; a rate that no camera has.
     """
+    if not _LEAST_FPS <= fps <= _MOST_FPS:
+        advice = f"use {_LEAST_FPS:.0f} to {_MOST_FPS:.0f}"
+        raise SettingsError(f"a frame rate of {fps:g} per second cannot be", advice=advice)
     motion, start = load_performance(behaviour)
     if mirrored:
         motion = replace(
@@ -76,6 +81,11 @@ def performance(
         scale = _sole_depth_m(skeleton) / _sole_depth_m(motion.skeleton)
         motion = replace(motion, skeleton=skeleton, root_positions_m=scale * motion.root_positions_m)
     if seconds is not None:
+        most_s = _MOST_FRAMES / max(fps, motion.fps)
+        if not _LEAST_S <= seconds <= most_s:
+            kind = "short" if seconds < _LEAST_S else "long"
+            advice = f"give {_LEAST_S:.0f} to {most_s:.0f} s"
+            raise SettingsError(f"a performance of {seconds:.6g} s is too {kind}", advice=advice)
         motion = _lasting(motion, start, seconds)
     return resampled(motion, fps)
 
@@ -93,8 +103,6 @@ def with_return(motion: Motion) -> Motion:
 
 def _lasting(motion: Motion, start: int, seconds: float) -> Motion:
     """Return the motion cut, or repeated from frame `start` on, to last `seconds`."""
-    if seconds < _LEAST_S:
-        raise SettingsError(f"a performance of {seconds:.1f} s is too short", advice=f"give {_LEAST_S:.0f} s or more")
     frames = round(seconds * motion.fps) + 1
     if frames > motion.frames:
         again = with_return(sliced(motion, start, motion.frames))

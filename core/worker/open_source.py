@@ -17,6 +17,18 @@ def open_source(spec: Mapping[str, Any]) -> ImageSource:
     Raises:
         SettingsError: the description is not one. CaptureError: the source cannot be opened.
     """
+    try:
+        return _opened(spec)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        advice = "choose the source again"
+        raise SettingsError(f"a setting of the image source is wrong ({error})", advice=advice) from error
+
+
+def _opened(spec: Mapping[str, Any]) -> ImageSource:
+    """Return the source, before wrong types are caught.
+
+    A description is text of another process or of a file, so any value may be of any type.
+    """
     kind = str(spec.get("kind", ""))
     fps = frame_rate(spec)
     if kind == "simulated":

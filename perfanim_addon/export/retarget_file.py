@@ -156,7 +156,7 @@ def _open(character: Path | None) -> None:
         raise FormatError("cannot be read (no such file)", where=str(character), advice="check the path")
     kind = character.suffix.lower()
     if kind == ".blend":
-        _run(character, lambda: bpy.ops.wm.open_mainfile(filepath=str(character), load_ui=False))
+        _run(character, lambda: bpy.ops.wm.open_mainfile(filepath=str(character), load_ui=False, use_scripts=False))
         return
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if kind in _GLTF:

@@ -8,7 +8,7 @@ from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
-from .reader_parts import make_take, numbers_of
+from .reader_parts import frame_count, make_take, numbers_of
 
 _METRES = 0.001  # of its unit; the file does not name it
 _HEADER_LINES = 50  # more than any header has, events among them
@@ -31,10 +31,10 @@ def read_tsv(path: Path | str) -> MarkerTake:
     names = [name.strip() for name in header["MARKER_NAMES"]]
     while names and not names[-1]:
         names.pop()
-    declared = numbers_of(header.get("NO_OF_MARKERS", ["nan"])[:1], where)[0]
+    declared = _value(header, "NO_OF_MARKERS", where)
     if not names or declared != len(names):
         raise FormatError(f"declares {declared:g} markers and names {len(names)}", where=where)
-    fps = numbers_of(header.get("FREQUENCY", ["nan"])[:1], where)[0]
+    fps = _value(header, "FREQUENCY", where)
     if not fps > 0.0:
         raise FormatError("gives no frequency", where=where)
     rows = _rows(lines, first, 3 * len(names), where)
@@ -47,8 +47,12 @@ def read_tsv(path: Path | str) -> MarkerTake:
 def declared_frames(path: Path | str) -> int:
     """Return how many frames the header promises; errors as in `read_tsv`."""
     header, _ = _header(read_bytes(path).decode("utf-8-sig", errors="replace").splitlines(), str(path))
-    frames = numbers_of(header.get("NO_OF_FRAMES", ["nan"])[:1], str(path))[0]
-    return int(frames) if frames > 0.0 else 0
+    return frame_count(_value(header, "NO_OF_FRAMES", str(path)))
+
+
+def _value(header: dict[str, list[str]], key: str, where: str) -> float:
+    """Return the number of a header line, NaN without one."""
+    return float(numbers_of((header.get(key) or ["nan"])[:1], where)[0])
 
 
 def _header(lines: list[str], where: str) -> tuple[dict[str, list[str]], int]:
@@ -57,7 +61,7 @@ def _header(lines: list[str], where: str) -> tuple[dict[str, list[str]], int]:
     for number, line in enumerate(lines[:_HEADER_LINES]):
         key, *fields = line.split("\t")
         if "MARKER_NAMES" in header and _is_data(line):
-            if header.get("DATA_INCLUDED", ["3D"])[0].strip().upper() != "3D":
+            if (header.get("DATA_INCLUDED") or ["3D"])[0].strip().upper() != "3D":
                 raise FormatError("holds no 3D data", where=where, advice="export 3D data from QTM")
             return header, number
         header.setdefault(key.strip().upper(), fields)
@@ -95,4 +99,6 @@ def _rows(lines: list[str], first: int, width: int, where: str) -> Array:
                 advice="the file is cut off or damaged",
             )  # fmt: skip
         rows.append(numbers_of(fields, f"{where}, line {number}"))
+    if not rows:
+        raise FormatError("has no frames", where=where)
     return np.array(rows)

@@ -18,6 +18,12 @@ LENGTHS: dict[str, float] = {
     "mm": 0.001, "millimeter": 0.001, "millimeters": 0.001, "millimetres": 0.001, "millimetre": 0.001,
     "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048, "dm": 0.1, "um": 1e-6,
 }  # fmt: skip
+_MOST_FRAMES = 1e9  # that a header may declare; more is no count
+
+
+def frame_count(declared: float) -> int:
+    """Return a frame count that a header declares, 0 where it is none."""
+    return int(declared) if 0.0 < declared < _MOST_FRAMES else 0
 
 
 def metres_of(unit: str, where: str) -> float:

@@ -10,7 +10,7 @@ from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import make_take, metres_of, rate_from_times, table_of
+from .reader_parts import frame_count, make_take, metres_of, rate_from_times, table_of
 
 
 def read_trc(path: Path | str) -> MarkerTake:
@@ -46,10 +46,12 @@ def declared_frames(path: Path | str) -> int:
     """Return the frame count in a TRC header, 0 when open; errors as in `read_trc`."""
     lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
     frames = _number(_header(lines, str(path)).get("numframes", ""))
-    return int(frames) if frames > 0.0 else 0
+    return frame_count(frames)
 
 
 def _header(lines: list[str], where: str) -> dict[str, str]:
+    if len(lines) < 3:
+        raise FormatError("ends within its header", where=where)
     keys, values = lines[1].split("\t"), lines[2].split("\t")
     header = {k.strip().lower(): v.strip() for k, v in zip(keys, values, strict=False)}
     if "units" not in header and "datarate" not in header:

@@ -138,7 +138,7 @@ def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
     values = np.frombuffer(data, dtype="<f8", count=floats, offset=_HEADER.size)
     single_cameras = np.frombuffer(data, dtype="<i8", count=markers, offset=_HEADER.size + 8 * floats)
     rotations, root, markers_m, observed_m = np.split(values, np.cumsum((4 * joints, 3, 3 * markers)))
-    notes = data[notes_at:end].decode("utf-8")
+    notes = data[notes_at:end].decode("utf-8", errors="replace")
     pose = PerformerPose(
         number=number,
         time_s=time_s,

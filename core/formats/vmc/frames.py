@@ -1,11 +1,14 @@
 """Frames assembled from VMC packets, however a program spreads them."""
 
+import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from ...errors import FormatError
 from .packets import TRACKERS, Clock, Placement, read_packet
 
+MOST_PACKETS_S = 20_000  # within a second; a program that sends every bone by itself at 120 Hz sends a third
+MOST_BYTES_S = 600_000  # within a second, of a body with its face at 60 Hz less than half; the rest is not read
 MOST_PLACED = 1000  # bones and trackers of a frame; a program that makes up ever new names fills no memory
 
 Key = tuple[str, str]  # address and name
@@ -34,11 +37,15 @@ class FrameAssembler:
 
     Attributes:
         packets, malformed: how many came, and how many of them were none.
+        flooding: how many came beyond what a second may bring, and were not read.
     """
 
     def __init__(self) -> None:
         self.packets = 0
         self.malformed = 0
+        self.flooding = 0
+        self._second_s = -math.inf
+        self._packets_left = self._bytes_left = 0
         self._clear()
 
     def _clear(self) -> None:
@@ -46,18 +53,34 @@ class FrameAssembler:
         self._clock_s: float | None = None
         self._placed: dict[Key, Placement] = {}
 
+    @property
+    def understood(self) -> int:
+        """How many packets were read and well-formed."""
+        return self.packets - self.malformed - self.flooding
+
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
         """Add a UDP packet and return the frames that ended; a malformed one only counts.
 
         `arrival_s` is of any clock that only goes forwards.
         """
         self.packets += 1
+        if not self._admits(packet, arrival_s):
+            self.flooding += 1
+            return []
         try:
             messages = read_packet(packet)
         except FormatError:
             self.malformed += 1
             return []
         return [frame for message in messages for frame in self._add(message, arrival_s)]
+
+    def _admits(self, packet: bytes, arrival_s: float) -> bool:
+        """Return whether the present second may bring one more packet."""
+        if arrival_s - self._second_s >= 1.0:
+            self._second_s, self._packets_left, self._bytes_left = arrival_s, MOST_PACKETS_S, MOST_BYTES_S
+        self._packets_left -= 1
+        self._bytes_left -= len(packet)
+        return self._packets_left >= 0 and self._bytes_left >= 0
 
     def _add(self, message: Placement | Clock, arrival_s: float) -> list[VmcFrame]:
         if isinstance(message, Clock):

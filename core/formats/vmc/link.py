@@ -18,6 +18,7 @@ from .recording import Recording
 _LARGEST_PACKET = 65535
 _BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy
 _MOST_WAITING = 1000  # packets that are still read at the end
+_MOST_STRANGERS = 10  # that are remembered; an address is easily made up
 _LONGEST_WAIT_S = 0.5  # between two looks at how far it is
 
 
@@ -127,7 +128,8 @@ class Receiver(AbstractContextManager["Receiver"]):
         except (TimeoutError, BlockingIOError):
             return None
         if self._sender and address != self._sender:
-            self.strangers.add(address)
+            if len(self.strangers) < _MOST_STRANGERS:
+                self.strangers.add(address)
             return None
         return packet
 

@@ -17,7 +17,7 @@ from pythonosc.osc_message import OscMessage
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.parsing import osc_types
 
-from ...errors import FormatError
+from ...errors import FormatError, shorten
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 
@@ -31,6 +31,8 @@ _PLACED_TAGS = re.compile(",sf{7}")  # later versions of the protocol append val
 _TIME_TAGS = re.compile(",f")
 _BUNDLE = b"#bundle\0"
 _BUNDLE_HEAD = 16  # its mark and its time
+_DEEPEST = 4  # bundles in bundles; programs send one level
+_LONGEST_NAME = 128  # characters; bones and serial numbers have a few dozen at most
 _MIRROR_POSITION = np.array([-1.0, 1.0, 1.0])
 _MIRROR_ROTATION = np.array([1.0, 1.0, -1.0, -1.0])
 _AT_REST = (-0.0, 0.0, 0.0, 0.0, -0.0, -0.0, 1.0)  # the origin and no turn, mirrored
@@ -121,21 +123,23 @@ def _messages(packet: bytes) -> Iterator[bytes]:
 
     The library's own reader follows a size that points backwards for ever, so sizes are checked here.
     """
-    pending = [packet]
+    pending = [(packet, 0)]
     while pending:
-        item = pending.pop()
+        item, depth = pending.pop()
         if item.startswith(b"/"):
             yield item
             continue
         if not item.startswith(_BUNDLE) or len(item) < _BUNDLE_HEAD:
             raise FormatError("is no OSC packet")
+        if depth == _DEEPEST:
+            raise FormatError(f"has OSC bundles nested more than {_DEEPEST} deep")
         inner, at = [], _BUNDLE_HEAD
         while at < len(item):
             size = int.from_bytes(item[at : at + 4], "big")
             end = at + 4 + size
             if size % 4 or size == 0 or end > len(item):
                 raise FormatError("has an OSC bundle with wrong sizes")
-            inner.append(item[at + 4 : end])
+            inner.append((item[at + 4 : end], depth + 1))
             at = end
         pending += reversed(inner)
 
@@ -149,8 +153,10 @@ def _read_message(message: bytes) -> Placement | Clock | None:
         _, at = osc_types.get_string(message, 0)
         tags, at = osc_types.get_string(message, at)
         if not (_TIME_TAGS if is_time else _PLACED_TAGS).match(tags):
-            raise FormatError(f"has {address} with values of the types {tags!r}")
+            raise FormatError(f"has {address} with values of the types {shorten(repr(tags), 40)}")
         name, at = ("", at) if is_time else osc_types.get_string(message, at)
+        if len(name) > _LONGEST_NAME:
+            raise FormatError(f"has {address} with a name of {len(name)} characters, {_LONGEST_NAME} at most")
         # not by the library, which takes numbers that are cut off for zeros
         numbers = np.frombuffer(message, ">f4", 1 if is_time else 7, at)
     except (osc_types.ParseError, ValueError) as error:

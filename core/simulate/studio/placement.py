@@ -7,9 +7,11 @@ import numpy as np
 
 from ...body.calibration_poses import POSES
 from ...body.motion import Motion, eased_between
+from ...errors import SettingsError
 from ...geometry import rotations as rot
 from .body import make_body
 
+_LONGEST_HELD_S = 300.0  # all poses together
 ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
 
 
@@ -31,7 +33,13 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
     Each is held for the given time; a second lies between it and the next.
 
     They face the cameras (+z), however the motion begins: who stands sideways hides a shoulder.
+
+    Raises:
+        SettingsError: more than five minutes of poses.
     """
+    if not seconds * len(poses) <= _LONGEST_HELD_S:
+        advice = f"hold all together for {_LONGEST_HELD_S:.0f} s at most"
+        raise SettingsError(f"{len(poses)} poses cannot be held for {seconds:.6g} s each", advice=advice)
     if seconds <= 0.0:
         return motion
     rotations, path = motion.rotations, motion.root_positions_m

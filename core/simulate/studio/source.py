@@ -26,6 +26,7 @@ from .settings import StudioSettings
 
 _AROUND_S = 4.0  # of a performance: T pose, arms down, and a rest at the end
 _SPACING_M = 1.2  # between performers: both stay in the picture, and arms held out do not meet
+_MOST_PARTNERS = 7  # no room holds more, and each takes a second to prepare
 _RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
 
@@ -124,6 +125,10 @@ def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
     loop = bool(spec.get("loop", live))
     fps = float(spec.get("fps") or FPS)
     partners = [_partner(spec, table) for table in spec.get("partners", ())]
+    if len(partners) > _MOST_PARTNERS:
+        raise SettingsError(
+            f"{len(partners)} partners of the simulated performer", advice=f"ask for {_MOST_PARTNERS} at most"
+        )
     places_m = _SPACING_M * (np.arange(1 + len(partners)) - 0.5 * len(partners))
     poses, held_s = spec.get("poses", ()), float(spec.get("held_s", 2.0))
     motions = [with_poses(_motion(one, fps), poses, held_s) for one in (spec, *partners)]

@@ -42,6 +42,7 @@ _BRIGHTNESS_SIGMA = 0.6
 _COHERENCE_CAP = 9.0
 _NO_MATCH = 30.0
 _FORBIDDEN = 1e6
+_MOST_BLOBS = 150  # of a camera that are matched; the cost grows with their square, and with ghosts faster
 
 
 class StereoMatcher:
@@ -56,7 +57,7 @@ class StereoMatcher:
         return undistort_all(self.rig.cameras, [rows[:, :2].astype(np.float64) for rows in blobs])
 
     def match(self, blobs: Sequence[FloatArray], normalised: Sequence[Array], predicted_m: Array | None) -> Matches:
-        """Match blobs of all cameras.
+        """Match blobs of all cameras, of each the brightest `_MOST_BLOBS`.
 
         Args:
             blobs: per camera (n, 5).
@@ -69,8 +70,9 @@ class StereoMatcher:
         for camera in range(1, cameras):
             table = self._attach(camera, normalised, located[0], table)
             for other in range(camera):
-                free_a = unused_blobs(table, other, len(blobs[other]))
-                free_b = unused_blobs(table, camera, len(blobs[camera]))
+                free_a, free_b = (
+                    _brightest(unused_blobs(table, of, len(blobs[of])), blobs[of]) for of in (other, camera)
+                )
                 pairs, located = self._pairs(other, camera, free_a, free_b, blobs, normalised, predicted_m)
                 rows = np.full((len(pairs), cameras), -1, dtype=np.int64)
                 rows[:, other], rows[:, camera] = pairs[:, 0], pairs[:, 1]
@@ -162,6 +164,13 @@ def unused_blobs(table: IntArray, camera: int, count: int) -> IntArray:
     free = np.ones(count, dtype=bool)
     free[table[table[:, camera] >= 0, camera]] = False
     return np.flatnonzero(free)
+
+
+def _brightest(free: IntArray, blobs: FloatArray) -> IntArray:
+    """Return the brightest `_MOST_BLOBS` of these blobs, in their order."""
+    if len(free) <= _MOST_BLOBS:
+        return free
+    return np.sort(free[np.argsort(-blobs[free, 3], kind="stable")[:_MOST_BLOBS]])
 
 
 def epipolar_distances(a: Camera, b: Camera, x: Array, y: Array) -> Array:

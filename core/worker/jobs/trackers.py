@@ -40,24 +40,28 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 
 
 class _Silence:
-    """Warns once why no markers come, and once that they are back."""
+    """Warns once why no markers come, once that they are back, and once of a flood."""
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._from = f" from {sender}" if sender else ""
         self._warning = ""
-        self._hears = self._came = False
+        self._hears = self._came = self._flooded = False
         self._since_s = time.perf_counter()
 
     def update(self, now_s: float, came: bool) -> None:
         """Note whether markers have come."""
+        if self._stream.gathering.flooding and not self._flooded:
+            self._flooded = True
+            where = f"on port {self._receiver.port}"
+            self._channel.send_warning(f"too much comes {where}, most is not read: let a single program send there")
         if came:
             if self._warning:
                 self._channel.send_warning("", standing=True)
             if self._warning and self._came:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._warning = now_s, True, ""
-        elif not self._hears and self._stream.gathering.packets > self._stream.gathering.malformed:
+        elif not self._hears and self._stream.gathering.understood:
             self._hears, self._since_s = True, now_s  # what it sends is known when it has sent all of it once
         elif now_s - self._since_s > _SILENT_S:
             reason = self._reason()
@@ -74,7 +78,7 @@ class _Silence:
             return f"nothing comes {where}, but from {others}: choose who sends under Cameras"
         if not self._stream.gathering.packets:
             return f"nothing comes {where}: let the other program send to this computer and port"
-        if self._stream.gathering.malformed == self._stream.gathering.packets:
+        if not self._stream.gathering.understood:
             return f"what comes {where} is not VMC: choose this protocol in the other program"
         if not self._stream.trackers:
             return f"no trackers come {where}: have the other program send them, not only bones"

@@ -61,3 +61,15 @@ def test_unknown_and_too_short_are_refused():
         performance("flying")
     with pytest.raises(SettingsError, match="too short"):
         performance("walking", 2.0)
+
+
+@pytest.mark.parametrize("seconds", [1e9, np.inf, np.nan])
+def test_an_absurd_length_is_refused_before_memory_is_taken(seconds):
+    with pytest.raises(SettingsError, match="too long; give 5 to 5000 s"):
+        performance("walking", seconds)
+
+
+@pytest.mark.parametrize("fps", [0.0, 1e6, np.inf, np.nan])
+def test_a_rate_that_no_camera_has_is_refused(fps):
+    with pytest.raises(SettingsError, match="frame rate"):
+        performance("walking", fps=fps)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.formats.vmc.frames import MOST_PLACED
+from perfanim.core.formats.vmc.frames import MOST_BYTES_S, MOST_PACKETS_S, MOST_PLACED
 from perfanim.core.formats.vmc.packets import TRACKERS
 from perfanim.core.formats.vmc.tracker_stream import TrackerStream
 from perfanim.core.geometry import rotations as rot
@@ -101,3 +101,18 @@ def test_a_program_that_makes_up_names_fills_no_memory_and_hides_no_marker():
     stream.add(tracker_packet(PLACES), 1.0)
     (frame,) = stream.add(tracker_packet(PLACES), 1.1)[-1:]
     assert len(frame.labels) == len(BOXING)
+
+
+@pytest.mark.parametrize(("packet", "most"), [(b"junk", MOST_PACKETS_S), (bytes(60_000), MOST_BYTES_S // 60_000)])
+def test_of_a_flood_no_more_is_read_than_a_second_may_bring(packet, most):
+    stream = TrackerStream(BOXING)
+    for _ in range(most + 100):
+        stream.add(packet, 5.5)
+    gathering = stream.gathering
+    assert (gathering.packets, gathering.malformed, gathering.flooding) == (most + 100, most, 100)
+    stream.add(tracker_packet(PLACES), 6.0)
+    assert stream.gathering.flooding == 101  # the same second
+    stream.add(tracker_packet(PLACES), 6.6)
+    frames = stream.add(tracker_packet(PLACES), 6.7)
+    assert [len(frame.labels) for frame in frames] == [len(BOXING)] * 2
+    assert gathering.flooding == 101

@@ -131,3 +131,24 @@ def test_three_cameras_see_a_point_better_than_two(rig):
     np.testing.assert_array_equal(matches.blobs[:, 2], 11 - matches.blobs[:, 0])
     two = StereoMatcher(rig).match(blobs[:2], matcher.undistort(blobs)[:2], points)
     assert np.trace(matches.covariances_m2[0]) < np.trace(two.covariances_m2[0])
+
+
+def test_among_a_thousand_dim_reflections_the_markers_are_still_matched(rig):
+    rng = np.random.default_rng(3)
+    points = body()
+    blobs = []
+    for camera, rows in zip(rig.cameras, seen(rig, points, 0.0), strict=True):
+        ghosts = np.column_stack(
+            (
+                rng.uniform(0, camera.image_size, (1000, 2)),
+                np.full(1000, 4.0),
+                rng.uniform(10, 60, 1000),
+                np.zeros(1000),
+            )
+        )
+        blobs.append(np.concatenate((ghosts, rows)).astype(np.float32))
+    matcher = StereoMatcher(rig)
+    found = matcher.match(blobs, matcher.undistort(blobs), points)
+    for camera in range(2):  # the cost grows with the square of those that may be matched
+        assert len(found.blobs) <= 150
+        assert np.isin(1000 + np.arange(12), found.blobs[:, camera]).sum() >= 10

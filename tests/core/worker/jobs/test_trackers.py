@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
+from perfanim.core.formats.vmc import frames
 from perfanim.core.formats.vmc.link import Receiver
 from perfanim.core.formats.vmc.packets import BONE
 from perfanim.core.markers.marker_frame import MarkerFrame
@@ -121,3 +122,14 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
     unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "marker_set": MARKER_SET}
     with pytest.raises(CaptureError, match="no such computer: is no computer that is known"):
         trackers.run(unknown, blender)
+
+
+def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "MOST_PACKETS_S", 2)
+    told = "too much comes"
+    with Running() as job, Program(job.port) as program:
+        job.until(lambda: any(told in text for text in job.blender.told), lambda: program.send(b"junk"))
+        for _ in range(10):
+            program.send(b"junk")
+        job.until_told("is not VMC", lambda: program.send(b"junk"))
+    assert sum(told in text for text in job.blender.told) == 1

@@ -1,0 +1,87 @@
+"""Damaged inputs at every door of the project: a short run with a fixed seed, and that the fuzzer sees faults."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from fuzz.doors import Door, all_doors
+from fuzz.guard import changed_input, run_door
+from fuzz.mutations import change_text
+from perfanim.core.errors import FormatError
+
+SEED = 7
+INPUTS = {"image sources": 15, "marker frames": 25, "command line": 25}
+USUAL_INPUTS = 60
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
+
+
+@pytest.fixture(scope="module")
+def doors(tmp_path_factory):
+    return {door.name: door for door in all_doors(tmp_path_factory.mktemp("doors"))}
+
+
+def test_no_door_lets_damaged_input_do_harm(doors):
+    for door in doors.values():
+        inputs = max(INPUTS.get(door.name, USUAL_INPUTS), len(door.corpus))
+        row = run_door(door, SEED, range(inputs), time.monotonic() + 600.0)
+        assert row.faults == {}, f"{door.name}: python -m fuzz --door '{door.name}' --seed {SEED} --inputs {inputs}"
+        assert row.inputs == row.refused + row.accepted == inputs
+        if door.name != "VMC packets":  # a stream counts what it refuses
+            assert row.refused, door.name
+        assert row.accepted, door.name
+
+
+def test_every_file_that_did_harm_is_thrown_again(doors):
+    found = {path.read_bytes() for path in (Path(__file__).parents[1] / "fuzz" / "found").iterdir()}
+    assert found
+    assert found <= {data for door in doors.values() for data in door.corpus}
+
+
+def harmful(data: bytes) -> None:
+    kinds = {b"a": FormatError("is damaged"), b"b": KeyError("b"), b"c": FormatError("in\ntwo lines")}
+    if data in kinds:
+        raise kinds[data]
+    if data == b"d":
+        time.sleep(0.3)
+    if data == b"e":
+        raise MemoryError
+    if data == b"f":
+        bytes(range(256)) * (1 << 20)
+
+
+def test_the_fuzzer_sees_each_kind_of_fault():
+    corpus = tuple(bytes([letter]) for letter in b"abcdeg")
+    row = run_door(
+        Door("a door", corpus, change_text, harmful, longest_s=0.2), SEED, range(6), time.monotonic() + 600.0
+    )
+    assert (row.inputs, row.refused, row.accepted) == (6, 1, 1)
+    kinds = {numbers[0]: fault for fault, numbers in row.faults.items()}
+    assert set(kinds) == {1, 2, 3, 4}
+    assert kinds[1].startswith("KeyError")
+    assert kinds[3] == "more than 0.2 s"
+    assert kinds[4].startswith("MemoryError")
+    row = run_door(
+        Door("a door", (b"f",), change_text, harmful, longest_s=60.0), SEED, range(1), time.monotonic() + 600.0
+    )
+    assert row.faults == {"more memory than 4 times the input and 64 MB": [0]}
+
+
+def test_a_child_that_dies_costs_one_input():
+    def read(data: bytes) -> None:
+        if data == b"b":
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    row = run_door(Door("a door", (b"a", b"b", b"c"), change_text, read), SEED, range(3), time.monotonic() + 600.0)
+    assert (row.inputs, row.accepted) == (3, 2)
+    assert row.faults == {"the process ended with status 9": [1]}
+
+
+def test_a_seed_repeats_its_inputs(doors):
+    door = doors["BVH"]
+    first, again = ([changed_input(door, SEED, number) for number in range(30)] for _ in range(2))
+    assert first == again
+    assert first != [changed_input(door, SEED + 1, number) for number in range(30)]

@@ -1,0 +1,94 @@
+"""Changes inside files with checksums.
+
+Checksums and lengths are made right again, so that readers go on to the content.
+"""
+
+import hashlib
+import io
+import random
+import struct
+import warnings
+import zipfile
+import zlib
+from collections.abc import Iterator
+
+from .mutations import LARGEST, change_bytes, change_json, change_text
+
+_CHUNK = struct.Struct("<4sHHIII")  # of a take file: magic, kind, 0, sequence number, bytes and CRC-32 of the payload
+_TAKE_PREAMBLE = 20
+_DATABASE = struct.Struct("<12sIQQ32s")  # magic, version, bytes of header and file, SHA-256 of the header
+_JSON_CHUNKS = (1, 4, 5)  # set-up, event, notes
+
+
+def change_zip(chance: random.Random, data: bytes) -> bytes:
+    """Change a file in an archive, its name or packing; sometimes all bytes."""
+    if chance.random() < 0.3:
+        return change_bytes(chance, data)
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        files = [(name, archive.read(name)) for name in archive.namelist()]
+    at = chance.randrange(len(files))
+    name, content = files[at]
+    kind = chance.randrange(5)
+    if kind == 0:
+        files[at] = (chance.choice(("../" + name, "/" + name, "x" * 300 + name, files[0][0], "a\\" + name)), content)
+    elif kind == 1:
+        del files[at]
+    elif kind == 2:  # first a header, as of an array
+        files[at] = (name, change_text(chance, content[:128]) + content[128:])
+    else:
+        files[at] = (name, change_bytes(chance, content))
+    packed = io.BytesIO()
+    packing = chance.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA))
+    with warnings.catch_warnings(action="ignore"), zipfile.ZipFile(packed, "w", packing) as archive:  # names twice
+        for name, content in files:
+            archive.writestr(name, content)
+    return packed.getvalue()[:LARGEST]
+
+
+def change_take(chance: random.Random, data: bytes) -> bytes:
+    """Change, remove and swap chunks of a take file; sometimes its bytes."""
+    if chance.random() < 0.2:
+        return change_bytes(chance, data)
+    chunks = list(_chunks(data))
+    at, other = (chance.randrange(len(chunks)) for _ in range(2))
+    number, sequence, payload = chunks[at]
+    kind = chance.randrange(7)
+    if kind == 0:
+        del chunks[at]
+    elif kind == 1:
+        chunks[at], chunks[other] = chunks[other], chunks[at]
+    elif kind == 2:
+        chunks[at] = (chance.randrange(9), chance.choice((sequence, 0, 0xFFFFFFFF)), payload)
+    else:
+        change = change_json if number in _JSON_CHUNKS else change_bytes
+        chunks[at] = (number, sequence, change(chance, payload))
+    rest = b"".join(_chunk(*chunk) for chunk in chunks)
+    return (data[:_TAKE_PREAMBLE] + rest)[:LARGEST]
+
+
+def _chunks(data: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """Yield kind, sequence number and payload of each chunk of an intact take file."""
+    at = _TAKE_PREAMBLE
+    while at < len(data):
+        _, kind, _, sequence, size, _ = _CHUNK.unpack_from(data, at)
+        at += _CHUNK.size + 4
+        yield kind, sequence, data[at : at + size]
+        at += size
+
+
+def _chunk(kind: int, sequence: int, payload: bytes) -> bytes:
+    head = _CHUNK.pack(b"\x89PFC", kind, 0, sequence, len(payload), zlib.crc32(payload))
+    return head + zlib.crc32(head).to_bytes(4, "little") + payload
+
+
+def change_database(chance: random.Random, data: bytes) -> bytes:
+    """Change facts of a database's header; sometimes its bytes."""
+    if chance.random() < 0.3:
+        return change_bytes(chance, data)
+    magic, version, header_bytes, _, _ = _DATABASE.unpack_from(data)
+    stop = _DATABASE.size + header_bytes
+    header = change_json(chance, data[_DATABASE.size : stop])
+    start = _DATABASE.size + len(header)
+    rest = header + bytes(-start % 64) + data[stop + -stop % 64 :]
+    digest = hashlib.sha256(header).digest()
+    return _DATABASE.pack(magic, version, len(header), _DATABASE.size + len(rest), digest) + rest

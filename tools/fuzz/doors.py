@@ -1,0 +1,223 @@
+"""Doors: readers of files, packets, messages, descriptions, commands, frames."""
+
+import json
+import random
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import chdir
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from perfanim.core.cli.batch.plan import read_plan
+from perfanim.core.cli.main import build_parser
+from perfanim.core.cli.main import main as command_line
+from perfanim.core.database.store import check_arrays, open_database
+from perfanim.core.formats.markers.marker_files import declared_frames, read_take
+from perfanim.core.formats.motion.amc import amc_motion, parse_amc_values
+from perfanim.core.formats.motion.asf import parse_asf, read_asf
+from perfanim.core.formats.motion.motion_sources import motion_files
+from perfanim.core.formats.motion.read_motion import read_motion_parts
+from perfanim.core.formats.take_file.pose_codec import unpack_solved
+from perfanim.core.formats.take_file.reading import read_take_file, summarise
+from perfanim.core.formats.vmc.tracker_stream import TrackerStream
+from perfanim.core.geometry.rig_file import load_rig
+from perfanim.core.markers.label_matching import load_names
+from perfanim.core.markers.marker_frame_codec import unpack_stamped
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.prop import load_prop
+from perfanim.core.markers.subject import load_subject
+from perfanim.core.retarget.bone_map_files import read_bone_map
+from perfanim.core.system.files import read_bytes
+from perfanim.core.worker.open_source import open_source
+from perfanim.core.worker.protocol import Decoder, MessageKind
+
+from .containers import change_database, change_take, change_zip
+from .mutations import Mutation, change_bytes, change_json, change_packet, change_text, change_toml
+from .samples import Samples
+
+Reader = Callable[[Path], Any]
+
+
+@dataclass(frozen=True)
+class Door:
+    """A place where something comes in.
+
+    Args:
+        corpus: well-formed inputs, and those that did harm once.
+        change: makes damaged ones of them.
+        read: what the project does with an input.
+        slack_bytes: memory that it may take beside four times the input's bytes.
+        longest_s: that an input of any kind may take.
+    """
+
+    name: str
+    corpus: tuple[bytes, ...]
+    change: Mutation
+    read: Callable[[bytes], None]
+    slack_bytes: int = 64 << 20
+    longest_s: float = 2.0
+
+
+def all_doors(folder: Path) -> list[Door]:
+    """Return all doors; files are written into `folder`."""
+    samples = Samples()
+    return [*_file_doors(folder, samples), *_stream_doors(samples), _description_door(), _command_door(folder)]
+
+
+def _file_doors(folder: Path, samples: Samples) -> list[Door]:
+    """Return the readers of files."""
+    skeleton = parse_asf(samples.files("*.asf")[0], "the corpus")
+
+    def read_amc(path: Path) -> None:
+        amc_motion(parse_amc_values(read_bytes(path), str(path), skeleton), skeleton, 120.0, "")
+
+    def read_recorded(path: Path) -> None:
+        summarise(path)
+        take = read_take_file(path)
+        _ = take.problems, take.frames, take.recorded_poses, take.setup.subjects(), take.setup.camera_rig()
+
+    def read_markers(path: Path) -> None:
+        declared_frames(path)
+        read_take(path)
+
+    def unpack(path: Path) -> None:
+        with motion_files([path]) as files:
+            for file in files:
+                read_motion_parts(file.path, file.skeleton)
+
+    rows: Sequence[tuple[str, str, str, Mutation, Reader]] = (
+        ("BVH", "*.bvh", ".bvh", change_text, read_motion_parts),
+        ("ASF", "*.asf", ".asf", change_text, read_asf),
+        ("AMC", "*.amc", ".amc", change_text, read_amc),
+        ("archive", "*.zip", ".zip", change_zip, unpack),
+        ("TRC", "*.trc", ".trc", change_text, read_markers),
+        ("CSV", "*.csv", ".csv", change_text, read_markers),
+        ("Qualisys TSV", "*.tsv", ".tsv", change_text, read_markers),
+        ("C3D", "*.c3d", ".c3d", change_bytes, read_markers),
+        ("marker take", "*.take.npz", ".take.npz", change_zip, read_markers),
+        ("recorded take", "written-live.perftake", ".perftake", change_take, read_recorded),
+        ("database", "*.p*fdb", ".pfdb", change_database, lambda path: check_arrays(open_database(path))),
+        ("calibration", "camera*.*", ".toml", change_toml, load_rig),
+        ("subject", "anna*.toml", ".toml", change_toml, load_subject),
+        ("marker set", "marker-set*.toml", ".toml", change_toml, load_marker_set),
+        ("prop", "prop-*.toml", ".toml", change_toml, load_prop),
+        ("bone map", "bone-map*.toml", ".toml", change_toml, read_bone_map),
+        ("names", "names.toml", ".toml", change_toml, load_names),
+        ("plan", "plan*.toml", ".toml", change_toml, lambda path: read_plan(path, {})),
+    )
+    return [
+        Door(name, samples.files(pattern, ending), change, _reader(read, folder / f"input{ending}"))
+        for name, pattern, ending, change, read in rows
+    ]
+
+
+def _reader(read: Reader, path: Path) -> Callable[[bytes], None]:
+    def write_and_read(data: bytes) -> None:
+        path.unlink(missing_ok=True)  # a reader may have mapped the last one
+        path.write_bytes(data)
+        read(path)
+
+    return write_and_read
+
+
+def _stream_doors(samples: Samples) -> list[Door]:
+    """Return the readers of packets, messages and frames."""
+
+    def read_packets(data: bytes) -> None:
+        stream = TrackerStream(samples.marker_set)
+        for arrival_s in range(3):  # the same again ends a frame
+            stream.add(data, float(arrival_s))
+
+    def read_messages(data: bytes) -> None:
+        for message in Decoder().feed(data):
+            if message.kind is MessageKind.FRAME:
+                unpack_stamped(message.payload)
+            elif message.kind is MessageKind.POSE:
+                message.pose()
+            elif message.kind is MessageKind.PREVIEW:
+                message.preview()
+            elif message.kind is MessageKind.ERROR:
+                message.error()
+            else:
+                message.json()
+
+    return [
+        Door("VMC packets", samples.packets(), change_packet, read_packets),
+        Door("worker messages", samples.messages(), change_bytes, read_messages),
+        Door("marker frames", samples.stamped_frames(), change_bytes, lambda data: _step(samples, data)),
+        Door("poses", samples.poses(), change_bytes, lambda data: _ignore(unpack_solved(data))),
+    ]
+
+
+def _ignore(_: object) -> None:
+    """Take a result that nobody needs."""
+
+
+def _step(samples: Samples, data: bytes) -> None:
+    """Step over a damaged frame and a good one; the last pose must be finite."""
+    _, damaged = unpack_stamped(data)
+    session = samples.session()
+    for frame in (samples.frame(0), damaged, samples.frame(1)):
+        pose = session.step(frame)
+    if not samples.is_finite(pose):
+        raise ArithmeticError("the next pose is not finite")
+
+
+def _description_door() -> Door:
+    """Return the reader of descriptions of image sources; no camera is opened."""
+    corpus = tuple(
+        json.dumps(row).encode()
+        for row in (
+            {"kind": "simulated", "behaviour": "walking", "seconds": 3, "fps": 30, "cameras": 2, "poses": ["t"]},
+            {"kind": "simulated", "partners": [{"behaviour": "boxing", "height_m": 1.6}], "studio": {"ghosts": 2}},
+            {"kind": "videos", "paths": ["/no/left.mp4", "/no/right.mp4"], "fps": 30},
+            {"kind": "images", "paths": ["/no/left-*.png", "/no/right-*.png"], "fps": 30},
+        )
+    )
+
+    def read(data: bytes) -> None:
+        spec = json.loads(data) if data[:1] == b"{" and _is_json(data) else {}
+        if isinstance(spec, dict) and spec.get("kind") != "cameras":
+            open_source(spec).close()
+
+    # the simulated performer moves for up to 83 minutes before cameras that see a furnished room
+    return Door("image sources", corpus, change_json, read, 2 << 30, 15.0)
+
+
+def _is_json(data: bytes) -> bool:
+    try:
+        json.loads(data)
+    except (ValueError, RecursionError):
+        return False
+    return True
+
+
+def _command_door(folder: Path) -> Door:
+    """Return the command line, with commands that only read and end soon."""
+    lines = (
+        "take info FILE --json",
+        "take export FILE --out out.csv",
+        "database build FILE --out out.pfdb --fps 30",
+        "database info FILE",
+        "solve FILE --database FILE --subject FILE --out out.bvh --rate 30",
+        "calibrate subject FILE --marker-set boxing --poses t --out out.toml",
+        "evaluate FILE FILE",
+        "track --cameras FILE --left FILE --right FILE --out out.perftake",
+    )
+    (folder / "FILE").write_bytes(b"damaged")
+    build_parser()  # loads all commands, which takes seconds
+    started = (*sorted({line.split()[0] for line in lines}),)
+
+    def change(chance: random.Random, data: bytes) -> bytes:
+        return change_text(chance, data)[:4000]
+
+    def read(data: bytes) -> None:
+        words = [word for word in data.decode("utf-8", "surrogateescape").split() if "\0" not in word]
+        if not words or words[0] not in started or any(word.startswith(("/", "..")) for word in words):
+            return  # other commands listen, play or take minutes
+        with tempfile.TemporaryDirectory(dir=folder) as inside, chdir(inside):
+            Path("FILE").write_bytes(b"damaged")
+            command_line(words)
+
+    return Door("command line", tuple(line.encode() for line in lines), change, read)
