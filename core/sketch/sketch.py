@@ -86,20 +86,20 @@ def read_sketch(path: Path | str) -> Sketch:
     if not rows or tuple(cell.strip().lower() for cell in rows[0][1].split(",")) != _HEADER:
         raise FormatError("is no sketch", where=where, advice=_ADVICE)
     for number, line in rows[1:]:
-        joint, *numbers = _key(line, f"{where}, line {number}")
-        keys.setdefault(str(joint), []).append([float(value) for value in numbers])
+        joint, key = _key(line, f"{where}, line {number}")
+        keys.setdefault(joint, []).append(key)
     if not keys:
         raise FormatError("has no keys", where=where, advice="key at least one control")
     fps = _rate([line for _, line in lines if line.startswith("#")], where)
-    sketch = Sketch(Path(path).stem, fps, tuple(_control(joint, rows) for joint, rows in keys.items()))
+    sketch = Sketch(Path(path).stem, fps, tuple(_control(*item) for item in keys.items()))
     first, last = (pick(pick(control.frames) for control in sketch.controls) for pick in (min, max))
     if last - first >= MOST_FRAMES:
         raise FormatError(f"has keys in frames {first:.0f} to {last:.0f}, {MOST_FRAMES} frames at most", where=where)
     return sketch
 
 
-def _key(line: str, where: str) -> tuple[str | float, ...]:
-    """Return control, frame and position of a row."""
+def _key(line: str, where: str) -> tuple[str, list[float]]:
+    """Return a row's joint, and its frame and position in one list."""
     try:
         cells = next(csv.reader([line]))
     except csv.Error as error:
@@ -114,7 +114,7 @@ def _key(line: str, where: str) -> tuple[str | float, ...]:
         raise FormatError("has no whole frame or no position", where=where, advice=_ADVICE)
     if max(abs(value) for value in position) > _FARTHEST_M or abs(frame) > 1e9:
         raise FormatError(f"lies beyond {_FARTHEST_M:g} m or 1e9 frames", where=where, advice="positions are in metres")
-    return joint, frame, *position
+    return joint, [frame, *position]
 
 
 def _rate(comments: list[str], where: str) -> float:
