@@ -1,0 +1,1 @@
+"""Sketches: a motion roughed out by a few keyframed controls."""

@@ -1,0 +1,132 @@
+"""Sketches: controls of a body with keyframes, and the file they come in.
+
+The file is CSV: comment lines with "#", one of them with "fps=..."; a header `control,frame,x,y,z`; then one row a key,
+in metres, y up, in any order. A control is a joint of the standard skeleton.
+"""
+
+import csv
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..body.motion import LEAST_FPS, MOST_FPS
+from ..body.standard_skeleton import JOINT_NAMES
+from ..errors import FormatError
+from ..formats.markers.reader_parts import numbers_of
+from ..geometry.arrays import Array
+from ..system.files import read_bytes
+from .curves import curve_positions
+
+MOST_FRAMES = 20_000  # from the first key to the last
+_HEADER = ("control", "frame", "x", "y", "z")
+_ADVICE = "columns must be control,frame,x,y,z in metres, and a comment line must state fps=..."
+_FARTHEST_M = 1000.0
+
+
+@dataclass(frozen=True)
+class Control:
+    """A joint with keyframes.
+
+    Args:
+        joint: of the standard skeleton.
+        frames: (K,) of the keys, ascending; two may be the same.
+        positions_m: (K, 3) of the joint's origin in the world.
+    """
+
+    joint: str
+    frames: Array
+    positions_m: Array
+
+    def curve(self, at: Array) -> Array:
+        """Return positions (F, 3) on the curve through the keys, in metres.
+
+        Keys in one frame contradict each other; the curve goes through their mean.
+
+        Args:
+            at: (F,) frames.
+        """
+        frames, key = np.unique(self.frames, return_inverse=True)
+        sums = np.zeros((len(frames), 3))
+        np.add.at(sums, key, self.positions_m)
+        return curve_positions(frames, sums / np.bincount(key)[:, None], at)
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """Controls of one body; frames are counted at `fps`."""
+
+    name: str
+    fps: float
+    controls: tuple[Control, ...]
+
+    @property
+    def frames(self) -> Array:
+        """(F,) all frames from the first key to the last."""
+        first = min(control.frames[0] for control in self.controls)
+        last = max(control.frames[-1] for control in self.controls)
+        return np.arange(first, last + 1.0)
+
+
+def read_sketch(path: Path | str) -> Sketch:
+    """Return the sketch of a CSV file; see the module for its layout.
+
+    Raises:
+        FormatError: not a sketch, or damaged; names file and line.
+    """
+    where = str(path)
+    text = read_bytes(path).decode("utf-8-sig", errors="replace")
+    if "\x00" in text:
+        raise FormatError("is not a text file", where=where)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    rows = [(number, line) for number, line in lines if not line.startswith("#")]
+    keys: dict[str, list[list[float]]] = {}
+    if not rows or tuple(cell.strip().lower() for cell in rows[0][1].split(",")) != _HEADER:
+        raise FormatError("is no sketch", where=where, advice=_ADVICE)
+    for number, line in rows[1:]:
+        joint, key = _key(line, f"{where}, line {number}")
+        keys.setdefault(joint, []).append(key)
+    if not keys:
+        raise FormatError("has no keys", where=where, advice="key at least one control")
+    fps = _rate([line for _, line in lines if line.startswith("#")], where)
+    sketch = Sketch(Path(path).stem, fps, tuple(_control(*item) for item in keys.items()))
+    first, last = (pick(pick(control.frames) for control in sketch.controls) for pick in (min, max))
+    if last - first >= MOST_FRAMES:
+        raise FormatError(f"has keys in frames {first:.0f} to {last:.0f}, {MOST_FRAMES} frames at most", where=where)
+    return sketch
+
+
+def _key(line: str, where: str) -> tuple[str, list[float]]:
+    """Return a row's joint, and its frame and position in one list."""
+    try:
+        cells = next(csv.reader([line]))
+    except csv.Error as error:
+        raise FormatError(f"is not CSV ({error})", where=where) from error
+    if len(cells) != len(_HEADER):
+        raise FormatError(f"has {len(cells)} fields, not {len(_HEADER)}", where=where, advice=_ADVICE)
+    joint = cells[0].strip()
+    if joint not in JOINT_NAMES:
+        raise FormatError(f"there is no joint {joint!r}", where=where, advice="joints: " + ", ".join(JOINT_NAMES))
+    frame, *position = numbers_of(cells[1:], where)
+    if not all(math.isfinite(value) for value in (frame, *position)) or frame != round(frame):
+        raise FormatError("has no whole frame or no position", where=where, advice=_ADVICE)
+    if max(abs(value) for value in position) > _FARTHEST_M or abs(frame) > 1e9:
+        raise FormatError(f"lies beyond {_FARTHEST_M:g} m or 1e9 frames", where=where, advice="positions are in metres")
+    return joint, [frame, *position]
+
+
+def _rate(comments: list[str], where: str) -> float:
+    """Return the frame rate that a comment states."""
+    stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", "\n".join(comments))
+    (fps,) = numbers_of([stated.group(1)], where) if stated else (math.nan,)
+    if not LEAST_FPS <= fps <= MOST_FPS:
+        raise FormatError(f"states no frame rate of {LEAST_FPS:g} to {MOST_FPS:g}", where=where, advice=_ADVICE)
+    return fps
+
+
+def _control(joint: str, keys: list[list[float]]) -> Control:
+    table = np.array(keys)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    return Control(joint, table[:, 0], table[:, 1:])
