@@ -81,6 +81,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
         if part("settings.readiness").starter_database_path().exists()
         else part("operators.database").starter_arguments()
     )
+    bpy.context.scene.perfanim.feet = "off"  # shown as the take has it
     capture = live.LiveCapture(None, prepare)
     limit = time.monotonic() + PATIENCE_S
     try:
