@@ -1,5 +1,6 @@
 """Damaged inputs at every door of the project: a short run with a fixed seed, and that the fuzzer sees faults."""
 
+import math
 import os
 import signal
 import sys
@@ -27,7 +28,7 @@ def doors(tmp_path_factory):
 def test_no_door_lets_damaged_input_do_harm(doors):
     for door in doors.values():
         inputs = max(INPUTS.get(door.name, USUAL_INPUTS), len(door.corpus))
-        row = run_door(door, SEED, range(inputs), time.monotonic() + 600.0)
+        row = run_door(door, SEED, range(inputs), math.inf)
         assert row.faults == {}, f"{door.name}: python -m fuzz --door '{door.name}' --seed {SEED} --inputs {inputs}"
         assert row.inputs == row.refused + row.accepted == inputs
         if door.name != "VMC packets":  # a stream counts what it refuses
@@ -46,7 +47,9 @@ def harmful(data: bytes) -> None:
     if data in kinds:
         raise kinds[data]
     if data == b"d":
-        time.sleep(0.3)
+        begun_s = time.process_time()
+        while time.process_time() - begun_s < 0.3:
+            pass
     if data == b"e":
         raise MemoryError
     if data == b"f":
@@ -55,18 +58,14 @@ def harmful(data: bytes) -> None:
 
 def test_the_fuzzer_sees_each_kind_of_fault():
     corpus = tuple(bytes([letter]) for letter in b"abcdeg")
-    row = run_door(
-        Door("a door", corpus, change_text, harmful, longest_s=0.2), SEED, range(6), time.monotonic() + 600.0
-    )
+    row = run_door(Door("a door", corpus, change_text, harmful, longest_s=0.2), SEED, range(6), math.inf)
     assert (row.inputs, row.refused, row.accepted) == (6, 1, 1)
     kinds = {numbers[0]: fault for fault, numbers in row.faults.items()}
     assert set(kinds) == {1, 2, 3, 4}
     assert kinds[1].startswith("KeyError")
     assert kinds[3] == "more than 0.2 s"
     assert kinds[4].startswith("MemoryError")
-    row = run_door(
-        Door("a door", (b"f",), change_text, harmful, longest_s=60.0), SEED, range(1), time.monotonic() + 600.0
-    )
+    row = run_door(Door("a door", (b"f",), change_text, harmful, longest_s=60.0), SEED, range(1), math.inf)
     assert row.faults == {"more memory than 4 times the input and 64 MB": [0]}
 
 
@@ -75,7 +74,7 @@ def test_a_child_that_dies_costs_one_input():
         if data == b"b":
             os.kill(os.getpid(), signal.SIGKILL)
 
-    row = run_door(Door("a door", (b"a", b"b", b"c"), change_text, read), SEED, range(3), time.monotonic() + 600.0)
+    row = run_door(Door("a door", (b"a", b"b", b"c"), change_text, read), SEED, range(3), math.inf)
     assert (row.inputs, row.accepted) == (3, 2)
     assert row.faults == {"the process ended with status 9": [1]}
 

@@ -48,7 +48,7 @@ class Door:
         change: makes damaged ones of them.
         read: what the project does with an input.
         slack_bytes: memory that it may take beside four times the input's bytes.
-        longest_s: that an input of any kind may take.
+        longest_s: of the processor's time, that an input of any kind may take.
     """
 
     name: str

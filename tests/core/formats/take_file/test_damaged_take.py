@@ -1,6 +1,7 @@
 """Cuts, wrong bits and missing bytes of a take are told, and the rest is read and recovered."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.formats.take_file.chunks import HEADER_BYTES, PREAMBLE_BYTES, ChunkKind, scan
 from perfanim.core.formats.take_file.edit import recover
+from perfanim.core.formats.take_file.pose_codec import pack_solved, unpack_solved
 from perfanim.core.formats.take_file.reading import read_take_file, summarise
 from records import frame_record, frames_of, pose_record, poses_of
 
@@ -124,3 +126,11 @@ def test_recover_keeps_all_that_is_intact(tmp_path: Path, write: Write) -> None:
     with pytest.raises(TakeError, match="has lost its calibration and subject"):
         recover(read_take_file(path), tmp_path / "c.perftake")
     assert not (tmp_path / "c.perftake").exists()
+
+
+def test_notes_that_are_no_text_cost_the_pose_nothing() -> None:
+    solved = unpack_solved(pose_record(3))
+    noted = pack_solved(replace(solved, pose=replace(solved.pose, notes=("left hand hidden",))))
+    damaged = unpack_solved(noted.replace(b"hand", b"h\xffnd")).pose
+    assert damaged.notes == ("left h\N{REPLACEMENT CHARACTER}nd hidden",)
+    np.testing.assert_array_equal(damaged.performers[0].rotations, solved.pose.performers[0].rotations)
