@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.mirroring import mirrored_points, mirrored_rotations, mirrored_skeleton
-from ..body.motion import Motion, eased_between, resampled, sliced
+from ..body.motion import LEAST_FPS, MOST_FPS, Motion, eased_between, resampled, sliced
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
 from ..errors import SettingsError
@@ -24,7 +24,6 @@ RADIANS_A_STEP = np.pi / 32767  # rotation vectors are stored as 16-bit integers
 METRES_A_STEP = 1e-4
 _LEAST_S = 5.0
 _MOST_FRAMES = 300_000  # 280 MB; 83 minutes at 60 Hz
-_LEAST_FPS, _MOST_FPS = 1.0, 1000.0
 _RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
 
@@ -66,8 +65,8 @@ def performance(
     Raises:
         SettingsError: unknown behaviour; less than five seconds or too many frames; a rate that no camera has.
     """
-    if not _LEAST_FPS <= fps <= _MOST_FPS:
-        advice = f"use {_LEAST_FPS:.0f} to {_MOST_FPS:.0f}"
+    if not LEAST_FPS <= fps <= MOST_FPS:
+        advice = f"use {LEAST_FPS:g} to {MOST_FPS:g}"
         raise SettingsError(f"a frame rate of {fps:g} per second cannot be", advice=advice)
     motion, start = load_performance(behaviour)
     if mirrored:
