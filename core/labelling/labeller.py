@@ -93,9 +93,9 @@ class Labeller:
         """(M,) markers followed without a doubt since the last `vouch`."""
         return self._seen.is_sure.copy()
 
-    def vouch(self) -> None:
-        """Take the last frame's labels for certain."""
-        self._seen.is_sure |= self._seen.lost_s == 0.0
+    def vouch(self, markers: Mask) -> None:
+        """Take the last frame's labels of these markers (M,) for certain."""
+        self._seen.is_sure |= markers & (self._seen.lost_s == 0.0)
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) by one assignment of points to the predicted markers.

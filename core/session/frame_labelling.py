@@ -32,6 +32,7 @@ class RivalLabels(NamedTuple):
     Args:
         nearer: they are right if an example is nearer to them than this share of the present distance.
         adds: whether they only name points that had no name.
+        keeps_torso: whether the torso's markers have the same points, so that the pose shows where the torso is.
         labeller: has these labels, those of the frame at `time_s`.
         rival: as the check of labels found it.
     """
@@ -39,6 +40,7 @@ class RivalLabels(NamedTuple):
     observation: Observation
     nearer: float
     adds: bool
+    keeps_torso: bool
     labeller: Labeller
     time_s: float
     rival: Rival
@@ -102,7 +104,7 @@ class FrameLabeller:
         A search for them rests while `busy`.
         """
         if self._check.confidence(frame, pose.observed_m) == 1.0:
-            self._labeller.vouch()
+            self._labeller.vouch(self._check.confirmed_markers)
         rival = self._check.step(frame, elapsed_s, pose, self._labeller.is_sure, busy)
         if rival is None:
             return None
@@ -115,13 +117,15 @@ class FrameLabeller:
         kept = is_sure[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
-        if is_same.all() and np.sum(labels >= 0) == len(points):  # what the search found has been seen meanwhile
+        if is_same.all() and np.sum(labels >= 0) == len(points):  # it has been seen, or its markers are hidden
+            self._check.put_off(rival.renaming)
             return None
         labeller.begin(frame.points_m, labels, is_sure)
         observation = Observation.of_points(self._by_marker(frame.points_m, labels))
-        return RivalLabels(
-            observation, rival.nearer, bool(is_same.all() and len(points)), labeller, frame.time_s, rival
-        )
+        moved_m = np.linalg.norm(observation.points_m - pose.observed_m, axis=1)[self._torso]
+        keeps_torso = bool(np.any(moved_m < _SAME_M) and not np.any(moved_m >= _SAME_M))
+        adds = bool(is_same.all() and len(points))
+        return RivalLabels(observation, rival.nearer, adds, keeps_torso, labeller, frame.time_s, rival)
 
     def refute_rival(self, rival: RivalLabels) -> None:
         """Keep the labels so far, and doubt others that do not fit the body."""

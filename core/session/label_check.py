@@ -34,6 +34,7 @@ _DECISIVE = 8.0  # above this they are right in any case
 _FOLLOWED = 10.0  # less is the gain of labels that contradict markers followed without a doubt since all were certain
 
 Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
+_NEW = -2  # in one: a point without a name gets one
 
 
 class Rival(NamedTuple):
@@ -64,7 +65,9 @@ class LabelCheck:
         self._present_m, self._present_cost = np.empty((0, 3)), 0.0
         self._is_sure: Mask = np.zeros(0, dtype=bool)
         self._confirmed, self._was_doubtful = 0.0, False
+        self._compared: Mask = np.ones(len(names), dtype=bool)
         self._evidence: dict[Renaming, float] = {}
+        self._tried: set[Renaming] = set()
         self._wait_s, self._checked_s, self._looked_s = _FIRST_S, -np.inf, -np.inf
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
@@ -72,6 +75,11 @@ class LabelCheck:
         self._checked_s = time_s
         if start is not None:
             self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.rivals), default=-np.inf))
+
+    @property
+    def confirmed_markers(self) -> Mask:
+        """(M,) markers that were in sight of the last check, so that it speaks for them."""
+        return self._compared
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
         """Return the share of its confidence that a pose with these labels deserves."""
@@ -140,19 +148,32 @@ class LabelCheck:
         # a search that missed the present labels is no evidence for them
         is_found = any(renaming == present for renaming, _, _ in found)
         self._confirmed = self._confirmed + is_found * _confirmation(most) if most < _BETTER else 0.0
+        self._compared = np.isfinite(self._present_m[:, 0])
         if not others or (most < 0.0 and not is_found):
             return None
-        best = self._weigh({renaming: gain for renaming, (_, gain, _) in others.items()})
+        gains = {renaming: gain for renaming, (_, gain, _) in others.items()}
+        best = self._weigh(gains)
+        # a point that gets a name is no evidence for other names of the rest
+        added = [renaming for renaming in gains if self._only_adds(renaming)]
+        if added and _NEW in best and gains[best] - max(map(gains.__getitem__, added)) < _PROVEN:
+            best = max(added, key=gains.__getitem__)
         labels, gain, contradicts = others[best]
         names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._present_m[:, 0]))
         if gain > (_PROVEN if names_more else _DECISIVE):
             return Rival(search, labels, best, np.inf, contradicts)
         is_better = self._evidence[best] > _PROVEN
-        is_plausible = doubtful and min(gain, self._evidence[best]) > _PLAUSIBLE
+        uncertain = doubtful or not self._is_certain(doubtful) or best not in self._tried
+        is_plausible = uncertain and min(gain, self._evidence[best]) > _PLAUSIBLE
         if not (is_better or is_plausible) or time_s - self._looked_s < _DOUBTFUL_S:
             return None
         self._looked_s = time_s
+        self._tried.add(best)
         return Rival(search, labels, best, 1.0 if is_better else _NEARER, contradicts)
+
+    def put_off(self, rival: Renaming) -> None:
+        """Take the present labels for uncertain, as others could not be tried yet."""
+        self._confirmed, self._looked_s = 0.0, -np.inf
+        self._tried.discard(rival)
 
     def refute(self, rival: Renaming) -> None:
         """Count it against other labels that the body does not fit them."""
@@ -169,14 +190,19 @@ class LabelCheck:
         return max(gains, key=lambda other: (self._evidence[other], gains[other]))
 
     def _renaming(self, labels: IntArray, points_m: Array) -> Renaming:
-        """Return the marker that presently has each marker's point: none -1, new -2."""
+        """Return the marker that presently has each marker's point: none -1, new `_NEW`."""
         other = np.full(self._present_m.shape, np.nan)
         other[labels[labels >= 0]] = points_m[labels >= 0]
         near = np.linalg.norm(other[:, None] - self._present_m[None], axis=-1) < _SAME_M
         seen = np.isfinite(other[:, 0])
-        names = np.where(near.any(axis=1), near.argmax(axis=1), np.where(seen, -2, -1))
+        names = np.where(near.any(axis=1), near.argmax(axis=1), np.where(seen, _NEW, -1))
         hidden = ~seen & ~np.isfinite(self._present_m[:, 0])
         return tuple(np.where(hidden, np.arange(len(names)), names).tolist())
+
+    def _only_adds(self, renaming: Renaming) -> bool:
+        """Return whether other markers than the present ones may have points, and no more."""
+        located = np.isfinite(self._present_m[:, 0])
+        return all(before == marker or (before < 0 and not located[marker]) for marker, before in enumerate(renaming))
 
     def _is_contradicted(self, renaming: Renaming) -> bool:
         """Return whether a surely followed marker's point has another name."""

@@ -144,11 +144,11 @@ class Session:
         rival = self.labeller.find_rival(frame, elapsed_s, pose, busy=solution.looked)
         if rival is None:
             return
-        limit_m, fresh = rival.nearer * solution.nearest_m, self.solver.initial_state
+        limit_m = rival.nearer * solution.nearest_m
+        fresh = self.solver.begin_at_torso(solution) if rival.keeps_torso else self.solver.initial_state
         if rival.adds and limit_m < np.inf and not self.solver.closest_m(fresh, rival.observation) < limit_m:
             return
-        start = before if rival.adds else fresh
-        found, state = self.solver.step(start, rival.observation, frame.time_s, True, limit_m)
+        found, state = self.solver.step(before if rival.adds else fresh, rival.observation, frame.time_s, True, limit_m)
         if found is None:
             return
         # only by the markers that both have: with more of them any fit is worse

@@ -61,10 +61,16 @@ class Locator:
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
         """Find root, closest examples and the next search's start; None without a root.
 
+        The first root is that of the torso as the state has it: continued, as its markers are expected, or typical.
         `hurried` examples are the closest ones of a sample, and their neighbours in time.
         """
         continued = state.continued_pose
-        local = self._typical_markers if continued is None else self._subject.markers(continued.reshape(-1, 3))
+        if continued is not None:
+            local = self._subject.markers(continued.reshape(-1, 3))
+        elif state.root is not None and state.markers_m is not None:
+            local = state.root.to_root_frame(state.markers_m)
+        else:
+            local = self._typical_markers
         root, found = state.root, state.found
         is_first = continued is None and not hurried
         frames: IntArray | None = None

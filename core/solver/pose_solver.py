@@ -70,6 +70,10 @@ class PoseSolver:
         """Return a state that knows only where the root was."""
         return replace(self.initial_state, root=state.root)
 
+    def begin_at_torso(self, solution: Solution) -> SolverState:
+        """Return a first state that knows where a solution's torso is, and its shape."""
+        return replace(self.initial_state, root=solution.root, markers_m=solution.markers_m)
+
     def closest_m(self, state: SolverState, observation: Observation) -> float:
         """Return the RMS distance (m) of markers to the closest example; NaN if unseen."""
         in_space = self._in_space(state, observation)

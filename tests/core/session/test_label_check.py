@@ -79,5 +79,76 @@ def test_each_other_labelling_has_its_own_evidence(other: np.ndarray, refuted: b
         found.append(check.step(frame, 0.2, pose, np.zeros(4, dtype=bool)))
         if refuted and number == 1:
             check.refute((1, 0, 2, 3))
-    assert found[:2] == [None, None]
-    assert (found[2] is not None) == (other is EXCHANGED and not refuted)
+    # before they are proven an example must be clearly nearer to them
+    proven = [rival is not None and rival.nearer == 1.0 for rival in found]
+    assert proven == [False, False, other is EXCHANGED and not refuted]
+
+
+class Search:
+    """Stands for a labeller with several labellings of more points than are named."""
+
+    def __init__(self, *rows: tuple[np.ndarray, float]) -> None:
+        self._rows = rows
+
+    def search(self, points_m: np.ndarray) -> Generator[int, None, InitialLabels]:
+        yield 1
+        (labels, gain), *rivals = self._rows
+        costs = tuple((other, 20.0 - less) for other, less in rivals)
+        return InitialLabels(labels, 20.0 - gain, POINTS_M, costs)
+
+    def cost(self, *_: Any) -> float:
+        return 20.0
+
+
+def judged(search: Search, observed_m: np.ndarray, confidence: float = 0.9) -> tuple[Any, Rival | None]:
+    """Return a check and the labels that it finds for a pose with these markers."""
+    check: Any = LabelCheck(search, ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+    pose = SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=confidence, time_s=1.0)
+    return check, check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool))
+
+
+def checks(check: Any, numbers: range) -> list[bool]:
+    """Return whether other labels are to be tried, for checks a second apart."""
+    tried = []
+    for number in numbers:
+        frame = MarkerFrame(number, 1.0 + number, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+        pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0 + number)
+        tried.append(check.step(frame, 1.0, pose, np.zeros(4, dtype=bool)) is not None)
+    return tried
+
+
+@pytest.mark.parametrize(("gain", "times"), [(-0.5, 7), (-3.0, 1), (-6.0, 0)])
+def test_plausible_labels_are_tried_once_and_as_long_as_the_present_ones_are_not_certain(gain: float, times: int):
+    """Crossed feet look much like feet that are not: only a nearer example can tell."""
+    check, found = judged(Search((np.arange(4), 0.0), (EXCHANGED, gain)), POINTS_M)
+    tried = [found is not None, *checks(check, range(1, 12))]
+    assert tried == [True] * times + [False] * (12 - times)  # the evidence against them grows
+    if found is not None:
+        assert found.nearer < 1.0
+        np.testing.assert_array_equal(found.labels, EXCHANGED)
+
+
+def test_labels_that_could_not_be_tried_are_tried_again() -> None:
+    check, found = judged(Search((np.arange(4), 0.0), (EXCHANGED, -1.8)), POINTS_M)
+    assert found is not None
+    check.put_off(found.renaming)
+    assert checks(check, range(1, 3)) == [True, False]
+
+
+def test_a_point_that_gets_a_name_is_no_evidence_for_other_names_of_the_rest() -> None:
+    observed_m = POINTS_M.copy()
+    observed_m[3] = np.nan
+    _, found = judged(Search((EXCHANGED, 6.2), (np.arange(4), 5.2)), observed_m)
+    assert found is not None
+    np.testing.assert_array_equal(found.labels, np.arange(4))
+    _, found = judged(Search((EXCHANGED, 12.0), (np.arange(4), 5.2)), observed_m)
+    assert found is not None
+    np.testing.assert_array_equal(found.labels, EXCHANGED)
+
+
+def test_a_check_speaks_for_the_markers_that_it_saw() -> None:
+    observed_m = POINTS_M.copy()
+    observed_m[2] = np.nan
+    check, _ = judged(Search((np.array([0, 1, -1, 3]), 0.0)), observed_m)
+    np.testing.assert_array_equal(check.confirmed_markers, [True, True, False, True])

@@ -11,7 +11,8 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.settings import METHODS, BestSettings, LocalPcaSettings, SolveSettings
-from perfanim.core.solver.subject_model import SubjectModel
+from perfanim.core.solver.solution import Solution
+from perfanim.core.solver.subject_model import ROOT_AT_REST, SubjectModel
 
 NOISE_M = 0.002
 HAND = 4  # LHAN of locomotion
@@ -169,6 +170,23 @@ def test_the_closest_example_is_told_without_going_on(model, database, noisy):
     hands_only[model.torso] = np.nan
     fresh = PoseSolver(model, database, SolveSettings())
     assert np.isnan(fresh.closest_m(fresh.initial_state, Observation.of_points(hands_only)))
+
+
+def test_the_torso_of_a_solution_leads_to_nearer_examples(model, database):
+    """Other labels of the limbs are judged at the root of the present pose: a bent trunk misleads a first one."""
+    solver = PoseSolver(model, database, SolveSettings())
+    frames = np.arange(0, database.frames, database.frames // 100)
+    away_m = []
+    for markers_m, pose in zip(
+        model.database_markers(database, frames).astype(float), database.poses[frames], strict=True
+    ):
+        seen = Observation.of_points(markers_m)
+        solution = Solution(pose, ROOT_AT_REST, markers_m, 1, 0, 0.0, 0)
+        starts = (solver.initial_state, solver.begin_at_torso(solution))
+        away_m.append([solver.closest_m(start, seen) for start in starts])
+    fresh_m, at_torso_m = np.array(away_m).T
+    assert at_torso_m.mean() < 0.8 * fresh_m.mean()
+    assert np.all(at_torso_m < fresh_m + 0.01)
 
 
 def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
