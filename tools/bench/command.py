@@ -11,7 +11,7 @@ from .accuracy import accuracy
 from .end_to_end import end_to_end
 from .figure5 import figure5
 from .figure6 import figure6
-from .robustness import FULL, robustness
+from .robustness import FULL, PARTS, SEED, robustness
 from .scale import scale
 from .speed import speed
 from .table1 import table1
@@ -45,6 +45,10 @@ def add_parser(subparsers: Any) -> None:
         parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes that read (default 2)")
         if bench is robustness:
             parser.add_argument("--full", action="store_true", help="500 cuts and 100,000 frames, which takes hours")
+            parser.add_argument(
+                "--only", nargs="+", choices=PARTS, metavar="PART", help="one or more of " + ", ".join(PARTS)
+            )
+            parser.add_argument("--seed", type=int, default=SEED, metavar="N", help=f"of chance (default {SEED})")
         if bench is accuracy:
             parser.add_argument("--quick", action="store_true", help="best and nearest on exact markers, a few minutes")
             parser.add_argument(
@@ -60,6 +64,10 @@ def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
     more: dict[str, Any] = {"sizes": FULL} if getattr(args, "full", False) else {}
+    if args.bench is robustness:
+        if args.seed < 0:
+            raise SettingsError(f"--seed {args.seed} is out of range", advice="give 0 or more")
+        more |= {"parts": tuple(dict.fromkeys(args.only or PARTS)), "seed": args.seed}
     if getattr(args, "quick", False):
         more["quick"] = True
     if getattr(args, "baseline", None):

@@ -11,8 +11,9 @@ from bench.data import FPS, TestTake
 from bench.end_to_end import MARKER_SET
 from bench.figure6 import true_subject
 from bench.films import Film, film_row, film_summary, film_take
+from bench.noisy_takes import with_t_pose
 from bench.random_cuts import AFTER, BEFORE, cut_figures, facing, play_cut, random_cuts
-from bench.robustness import Sizes, robustness, with_t_pose
+from bench.robustness import Sizes, robustness
 from bench.walk_outs import walk_outs
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import resampled, sliced
@@ -69,6 +70,15 @@ def test_robustness_writes_what_it_measures(data, tmp_path):
         assert len(list(csv.DictReader(stream))) == len(figures["worst"])
     assert (tmp_path / "robustness-worst.svg").stat().st_size > 5_000
     assert (tmp_path / "robustness-worst-frames.png").stat().st_size > 5_000
+
+
+def test_a_part_alone_has_the_figures_of_the_whole(data, tmp_path):
+    sizes = Sizes(takes=2, cuts=1, t_pose_frames=4, noisy_frames=4, timed_cuts=1, films=0, absences=1)
+    parts = [("cuts",), ("cuts", "absences")]
+    figures = [robustness(data, tmp_path, 1, lambda fraction, text: None, sizes, each, 8) for each in parts]
+    assert figures[0]["cuts"] == figures[1]["cuts"]
+    assert "noise" not in figures[0]
+    assert json.loads((tmp_path / "robustness-cuts.json").read_text())["seed"] == 8
 
 
 def test_a_film_of_a_known_walk_costs_little(embedded_motion, database_of, tmp_path):
