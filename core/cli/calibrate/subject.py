@@ -25,6 +25,7 @@ from ...subjects.pose_calibration import (
     pose_points,
 )
 from ...subjects.prototype_bodies import load_bodies
+from ...subjects.refine_body import Refinement, refine_body
 from ...system.progress import Progress
 from ..options import add_choice, add_names_option, add_number, add_text, check_height
 
@@ -88,9 +89,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.database:
         if known:
             raise SettingsError("--skeleton-from and --database exclude each other", advice="leave one of them out")
-        subject = _from_motion(args, take, marker_set, before, name, progress)
-        doubtful = subject.residual_m > _DOUBTFUL_M
-        facts: dict[str, Any] = {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
+        subject, facts = _from_motion(args, take, marker_set, before, name, progress)
     else:
         result = _from_poses(args, take, marker_set, known, name)
         subject, facts = result.subject, _trust(result)
@@ -137,14 +136,26 @@ def _from_motion(
     before: Subject | None,
     name: str,
     progress: Progress,
-) -> Subject:
+) -> tuple[Subject, dict[str, Any]]:
+    """Return the subject found from motion, and facts about it."""
+    database = open_database(args.database)
     if before:
-        start = replace(before.wearing(marker_set), name=name)
-    else:
-        height_m = 1.7 if args.height is None else args.height
-        check_height(height_m)
-        start = Subject(name, default_skeleton(height_m), marker_set)
-    return subject_from_motion(take, start, open_database(args.database), progress)
+        result = refine_body(take, replace(before.wearing(marker_set), name=name), database, progress)
+        return result.subject, _changes(result)
+    height_m = 1.7 if args.height is None else args.height
+    check_height(height_m)
+    subject = subject_from_motion(take, Subject(name, default_skeleton(height_m), marker_set), database, progress)
+    doubtful = subject.residual_m > _DOUBTFUL_M
+    return subject, {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
+
+
+def _changes(result: Refinement) -> dict[str, Any]:
+    return {
+        "frames": result.frames,
+        "sizes_percent": {part: round(100.0 * change, 1) for part, change in result.sizes.items()},
+        "size_sigmas_percent": {part: round(100.0 * sigma, 1) for part, sigma in result.size_sigmas.items()},
+        "offset_sigmas_mm": {marker: round(1e3 * sigma, 1) for marker, sigma in result.offset_sigmas_m.items()},
+    }
 
 
 def part(take: MarkerTake, text: str | None) -> MarkerTake:

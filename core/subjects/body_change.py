@@ -1,0 +1,83 @@
+"""Change of a body: the sizes of its parts, and its markers' offsets.
+
+Under given joint rotations the markers are linear in both (cf. the attachment phase of O'Brien et al. 2000, where joint
+centres are linear in the same way).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..body.skeleton import Skeleton, forward_kinematics
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+
+SIZE_SIGMA = 0.08  # standard deviation of the whole body's size about the first estimate
+PART_SIGMA = 0.04  # of a part's share in it
+OFFSET_SIGMA_M = 0.02  # of a marker about its usual place on the body
+
+PARTS: dict[str, tuple[str, ...]] = {
+    "hips": ("femur",),
+    "trunk": ("lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head", "clavicle", "humerus"),
+    "thighs": ("tibia",),
+    "shanks": ("foot",),
+    "feet": ("toes",),
+    "arms": ("radius", "wrist", "hand", "fingers", "thumb"),
+}
+
+
+def observed_positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
+    """Return (F, M, 3) positions in the set's order, NaN where the take has none."""
+    result = np.full((take.frames, len(marker_set), 3), np.nan)
+    for column, name in enumerate(marker_set.names):
+        if name in take.names:
+            result[:, column] = take.positions_m[:, take.names.index(name)]
+    return result
+
+
+def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Array]:
+    """Return the derivatives by part sizes and offsets, and the markers (F, M, 3)."""
+    skeleton, joints = subject.skeleton, subject.marker_set.joint_indices(subject.skeleton)
+    positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
+    parts = _part_of_joint(skeleton)
+    by_part = np.empty((*rotations.shape[:1], len(joints), 3, len(PARTS)))
+    for part in range(len(PARTS)):
+        only = np.where((parts == part)[:, None], skeleton.offsets_m, 0.0)
+        kept = replace(skeleton, offsets_m=only)
+        by_part[..., part] = forward_kinematics(kept, rotations, np.zeros(3))[0][:, joints]
+    turns = rot.to_matrix(world[:, joints])
+    by_offset = np.zeros((len(rotations), len(joints), 3, 3 * len(joints)))
+    for marker in range(len(joints)):
+        by_offset[:, marker, :, 3 * marker : 3 * marker + 3] = turns[:, marker]
+    offsets = subject.marker_set.offsets_m
+    markers = positions[:, joints] + np.einsum("fmij,mj->fmi", turns, offsets)
+    return by_part, by_offset, markers
+
+
+def _part_of_joint(skeleton: Skeleton) -> IntArray:
+    """Return (J,) the part of each joint's offset from its parent; -1 for the root."""
+    result = np.full(len(skeleton), -1, dtype=np.int64)
+    for number, members in enumerate(PARTS.values()):
+        for joint, name in enumerate(skeleton.names):
+            if name in members or (name[:1] in "lr" and name[1:] in members):
+                result[joint] = number
+    return result
+
+
+def sized(skeleton: Skeleton, parts: Array) -> Skeleton:
+    """Return the skeleton with each part's bones longer by its share."""
+    part = _part_of_joint(skeleton)
+    factors = np.where(part >= 0, 1.0 + parts[part], 1.0)
+    offsets = skeleton.offsets_m * factors[:, None]
+    tips = skeleton.tips_m.copy()
+    for joint in range(len(skeleton)):
+        followers = [
+            child
+            for child in np.flatnonzero(skeleton.parents == joint)
+            if np.allclose(skeleton.offsets_m[child], skeleton.tips_m[joint], atol=1e-6)
+        ]
+        tips[joint] = offsets[followers[0]] if followers else skeleton.tips_m[joint] * factors[joint]
+    return replace(skeleton, offsets_m=offsets, tips_m=tips)
