@@ -40,6 +40,13 @@ class Control:
     frames: Array
     positions_m: Array
 
+    def distinct_keys(self) -> tuple[Array, Array]:
+        """Return frames (K,) and positions (K, 3), m; keys in one frame as their mean."""
+        frames, key = np.unique(self.frames, return_inverse=True)
+        sums = np.zeros((len(frames), 3))
+        np.add.at(sums, key, self.positions_m)
+        return frames, sums / np.bincount(key)[:, None]
+
     def curve(self, at: Array) -> Array:
         """Return positions (F, 3) on the curve through the keys, in metres.
 
@@ -48,10 +55,7 @@ class Control:
         Args:
             at: (F,) frames.
         """
-        frames, key = np.unique(self.frames, return_inverse=True)
-        sums = np.zeros((len(frames), 3))
-        np.add.at(sums, key, self.positions_m)
-        return curve_positions(frames, sums / np.bincount(key)[:, None], at)
+        return curve_positions(*self.distinct_keys(), at)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,161 @@
+"""Motion between the keys, drawn from the chosen windows of the database.
+
+Each window's motion is corrected by what its neighbours show: a ridge regression over windows near it tells how poses
+change with the controls' places. Windows are then blended where stretches meet.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array
+from .motion_library import BODY, MotionLibrary
+from .retrieval import CONTEXT_S, Looks, Stretch, Windows
+
+_CLOSEST = 48  # windows of the regression
+_SIGMA_M = 0.03  # distance at a control that counts as one
+_FRAMES = 5  # of a window at which bodies are compared
+
+
+@dataclass(frozen=True)
+class BaseMotion:
+    """Motion drawn from the database.
+
+    Args:
+        poses: (F, 28, 3); root_rotations: (F, 4); root_positions_m: (F, 3).
+        standing: (F, 2) share with which left and right toes stand.
+    """
+
+    poses: Array
+    root_rotations: Array
+    root_positions_m: Array
+    standing: Array
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Motion of one window (T, ...)."""
+
+    poses: Array
+    root_rotations: Array
+    root_positions_m: Array
+    standing: Array
+
+
+def window_motion(library: MotionLibrary, windows: Windows, index: int, times_s: Array) -> _Part:
+    """Return the motion of a placed window at times (T,) since its stretch's first."""
+    frames = windows.starts[index] + times_s * windows.rates[index] * library.fps
+    poses, turns, places = library.poses_at(frames)
+    yaw = float(np.angle(windows.turns[index]))
+    planar = windows.turns[index] * (places[:, 2] + 1j * places[:, 0]) + windows.shifts[index]
+    placed = np.column_stack((planar.imag, places[:, 1], planar.real))
+    turned = rot.multiply(rot.from_rotation_vector(np.array([0.0, yaw, 0.0])), turns)
+    nearest = np.round(frames).astype(np.int64)
+    return _Part(poses, turned, placed, library.contacts[nearest].astype(np.float64))
+
+
+def blended(
+    library: MotionLibrary, looks: Looks, stretches: list[Stretch], candidates: list[Windows], chosen: list[int],
+    times_s: Array,
+) -> BaseMotion:  # fmt: skip
+    """Return the motion of all stretches at times (F,), blended where they meet."""
+    count = len(times_s)
+    poses, turns, places = (
+        np.zeros((count, len(library.database.poses[0]), 3)),
+        np.zeros((count, 4)),
+        np.zeros((count, 3)),
+    )
+    standing, total = np.zeros((count, 2)), np.zeros(count)
+    for stretch, windows, index in zip(stretches, candidates, chosen, strict=True):
+        inside = np.flatnonzero((times_s >= stretch.before_s - 1e-9) & (times_s <= stretch.after_s + 1e-9))
+        part = corrected(library, looks, stretch, windows, index, times_s[inside])
+        weights = _weights(stretch, times_s[inside], float(times_s[-1]))
+        same = np.where(np.sum(part.root_rotations * turns[inside], axis=1) < 0.0, -1.0, 1.0)
+        poses[inside] += weights[:, None, None] * part.poses
+        turns[inside] += (weights * same)[:, None] * part.root_rotations
+        places[inside] += weights[:, None] * part.root_positions_m
+        standing[inside] += weights[:, None] * part.standing
+        total[inside] += weights
+    return BaseMotion(
+        poses / total[:, None, None], rot.normalize(turns), places / total[:, None], standing / total[:, None]
+    )
+
+
+def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
+    """Return the weights (T,) of a window: falling beyond its joins, never quite zero."""
+    left = np.ones(len(times_s)) if stretch.first_s <= 1e-9 else (times_s - stretch.before_s) / (2.0 * CONTEXT_S)
+    right = np.ones(len(times_s)) if stretch.last_s >= end_s - 1e-9 else (stretch.after_s - times_s) / (2.0 * CONTEXT_S)
+    f = np.clip(np.minimum(left, right), 0.0, 1.0)
+    return np.asarray(f * f * (3.0 - 2.0 * f) + 1e-6)
+
+
+def corrected(
+    library: MotionLibrary, looks: Looks, stretch: Stretch, windows: Windows, index: int, times_s: Array
+) -> _Part:
+    """Return the motion of a window as its neighbours would meet the controls."""
+    relative_s = times_s - stretch.first_s
+    own = window_motion(library, windows, index, relative_s)
+    near = looks.between(stretch.before_s, stretch.after_s)
+    if len(windows.starts) < 8 or not len(near.times_s):
+        return own
+    bodies = _bodies(library, windows, relative_s)
+    away = np.mean((bodies - bodies[index]) ** 2, axis=1) * 3.0
+    picked = np.argsort(away + windows.costs, kind="stable")[:_CLOSEST]
+    distances = (away + windows.costs)[picked]
+    weights = np.exp(-0.5 * distances / (np.median(distances) + 1e-9))
+    weights /= weights.sum()
+    parts = [window_motion(library, windows, int(at), relative_s) for at in picked]
+    shown = _shown(library, windows.picked(picked), near, stretch)
+    goals = np.concatenate((near.planar.real, near.planar.imag, near.heights_m))
+    sizes = np.sqrt(np.tile(near.weights, 3)) / _SIGMA_M
+    # outputs relative to the window's own
+    turns = np.array(
+        [rot.to_rotation_vector(rot.multiply(rot.conjugate(own.root_rotations), p.root_rotations)) for p in parts]
+    )
+    outputs = np.concatenate(
+        (
+            np.array([p.poses - own.poses for p in parts]).reshape(len(parts), -1),
+            turns.reshape(len(parts), -1),
+            np.array([p.root_positions_m - own.root_positions_m for p in parts]).reshape(len(parts), -1),
+        ),
+        axis=1,
+    )
+    change = _ridge(shown * sizes, outputs, weights, goals * sizes)
+    count = len(times_s)
+    pose, turn, place = np.split(change, [own.poses.size, own.poses.size + 3 * count])
+    return _Part(
+        own.poses + pose.reshape(own.poses.shape),
+        rot.multiply(own.root_rotations, rot.from_rotation_vector(turn.reshape(count, 3))),
+        own.root_positions_m + place.reshape(count, 3),
+        own.standing,
+    )
+
+
+def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
+    """Return the outputs expected at a goal, by weighted ridge regression."""
+    middle, mean = weights @ inputs, weights @ outputs
+    roots = np.sqrt(weights)[:, None]
+    x, y = roots * (inputs - middle), roots * (outputs - mean)
+    gram = x @ x.T
+    gram[np.diag_indices_from(gram)] += 1.0
+    return np.asarray(mean + (x @ (goal - middle)) @ np.linalg.solve(gram, y))
+
+
+def _bodies(library: MotionLibrary, windows: Windows, times_s: Array) -> Array:
+    """Return (K, N) places of the body's joints at some frames of the windows."""
+    columns = [library.columns[name] for name in BODY]
+    found = []
+    for at_s in np.linspace(times_s[0], times_s[-1], _FRAMES):
+        frames = np.round(windows.starts + at_s * windows.rates * library.fps).astype(np.int64)
+        planar = windows.turns[:, None] * library.planar[frames][:, columns] + windows.shifts[:, None]
+        found += [planar.real, planar.imag, library.heights_m[frames][:, columns]]
+    return np.concatenate(found, axis=1)
+
+
+def _shown(library: MotionLibrary, windows: Windows, near: Looks, stretch: Stretch) -> Array:
+    """Return (K, 3 N) where the windows show the controls at the looks."""
+    times = (near.times_s - stretch.first_s)[None] * windows.rates[:, None] * library.fps
+    frames = windows.starts[:, None] + np.round(times).astype(np.int64)
+    planar = windows.turns[:, None] * library.planar[frames, near.columns] + windows.shifts[:, None]
+    return np.concatenate((planar.real, planar.imag, library.heights_m[frames, near.columns]), axis=1)
