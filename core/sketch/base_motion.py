@@ -13,8 +13,8 @@ from ..geometry.arrays import Array
 from .motion_library import BODY, MotionLibrary
 from .retrieval import CONTEXT_S, Looks, Stretch, Windows
 
-_CLOSEST = 48  # windows of the regression
-_SIGMA_M = 0.03  # distance at a control that counts as one
+_CLOSEST = 32  # windows of the regression
+_SIGMA_M = 0.05  # distance at a control that counts as one
 _FRAMES = 5  # of a window at which bodies are compared
 
 
@@ -138,7 +138,7 @@ def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
     roots = np.sqrt(weights)[:, None]
     x, y = roots * (inputs - middle), roots * (outputs - mean)
     gram = x @ x.T
-    gram[np.diag_indices_from(gram)] += 1.0
+    gram += np.eye(len(gram))
     return np.asarray(mean + (x @ (goal - middle)) @ np.linalg.solve(gram, y))
 
 

@@ -15,7 +15,7 @@ _STEPS = 10  # of Gauss-Newton at most
 _MARKER_SIGMA_M = 0.0005
 _CHANGE_SHARE = 0.1  # of the database's covariance, with which a pose varies about its motion
 _CHANGE_RAD = 0.02  # and beside that
-_ROOT_SIGMA = (0.05, 0.1)  # m, rad, about the database's motion
+_ROOT_SIGMA = (0.05, 0.05)  # m, rad, about the database's motion
 _LIMIT_PERCENTILES, _LIMIT_MARGIN_RAD = (0.5, 99.5), 0.05  # of the database's joint angles
 _SAMPLES = 4000  # frames that these are taken over
 

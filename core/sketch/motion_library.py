@@ -1,6 +1,6 @@
 """Motion of a database on the body of a character, ready to be searched.
 
-Points on the floor plane are complex numbers, z + i x: to turn by a yaw about the vertical is to multiply by exp(i yaw).
+Points on the floor are complex numbers, z + i x: to turn by a yaw about the vertical is to multiply by exp(i yaw).
 """
 
 from collections.abc import Sequence

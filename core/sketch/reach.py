@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..body.skeleton import Skeleton
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array
 
 _STRAIGHTEST = 0.985  # of the bones end to end: no limb is quite straight
 
@@ -23,8 +23,8 @@ class Reach:
         total = chains.sum(axis=1)
         self._reach_m = _STRAIGHTEST * (total[:, None] + total - 2.0 * np.sum(np.where(shared, lengths, 0.0), axis=2))
 
-    def limited(self, points_m: Array) -> tuple[Array, Mask]:
-        """Return targets (F, M, 3) within reach, and which were not (F, M).
+    def limited(self, points_m: Array) -> Array:
+        """Return targets (F, M, 3) within reach.
 
         The later joint of a pair is drawn towards the earlier one.
         """
@@ -35,4 +35,4 @@ class Reach:
                 far = np.linalg.norm(way, axis=1)
                 share = np.minimum(1.0, self._reach_m[later, earlier] / np.maximum(far, 1e-9))
                 result[:, later] = result[:, earlier] + share[:, None] * way
-        return result, np.linalg.norm(result - points_m, axis=-1) > 1e-6
+        return result

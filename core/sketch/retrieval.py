@@ -10,16 +10,19 @@ from itertools import pairwise
 from math import ceil, floor
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, IntArray, Mask
 from .motion_library import BODY, MotionLibrary
 from .sketch import Sketch
+
+Complex = NDArray[np.complex128]
 
 RATES = (1.0, 0.87, 1.15)  # at which a window may be played
 CONTEXT_S = 0.2  # beyond a stretch that a window is compared, and blended with its neighbours
 _SHORTEST_S, _LONGEST_S = 0.2, 0.55  # of a stretch
 _CURVE_STEP_S = 0.12  # between two looks at a curve
-_CURVE_WEIGHT = 0.35  # of such a look at most, a key's being 1
+_CURVE_WEIGHTS = 0.01, 0.15  # of such a look without and with full `follow`, a key's being 1
 _CANDIDATES = 48  # windows of a stretch among which is chosen,
 NEIGHBOURS = 160  # and that are known near the keys
 _APART_S = 0.1  # two candidates of one clip begin at least so far apart
@@ -41,7 +44,7 @@ class Looks:
 
     times_s: Array
     columns: IntArray
-    planar: Array
+    planar: Complex
     heights_m: Array
     weights: Array
 
@@ -74,8 +77,8 @@ class Windows:
 
     starts: IntArray
     rates: Array
-    turns: Array
-    shifts: Array
+    turns: Complex
+    shifts: Complex
     costs: Array
 
     def picked(self, which: IntArray) -> "Windows":
@@ -85,7 +88,7 @@ class Windows:
 
 def looks_of(sketch: Sketch, library: MotionLibrary, follow: float) -> Looks:
     """Return the points of a sketch: keys, and their curves as far as they are followed."""
-    start = sketch.frames[0]
+    start, weight = sketch.frames[0], float(np.interp(follow, (0.0, 1.0), _CURVE_WEIGHTS))
     rows = []
     for control in sketch.controls:
         column = library.columns[control.joint]
@@ -95,7 +98,7 @@ def looks_of(sketch: Sketch, library: MotionLibrary, follow: float) -> Looks:
         steps = np.arange(control.frames[0], control.frames[-1], _CURVE_STEP_S * sketch.fps)
         times_s = (steps - start) / sketch.fps
         between = np.abs(steps[:, None] - control.frames).min(axis=1) > 0.3 * _CURVE_STEP_S * sketch.fps
-        curve = np.column_stack((times_s, control.curve(steps), np.full(len(steps), _CURVE_WEIGHT * (0.2 + follow))))
+        curve = np.column_stack((times_s, control.curve(steps), np.full(len(steps), weight)))
         for part in (keys, curve[between]):
             rows.append(np.column_stack((part, np.full(len(part), column))))
     table = np.concatenate(rows)
@@ -191,7 +194,7 @@ def choose_windows(
 
 
 def _best_path(
-    library: MotionLibrary, stretches: list[Stretch], candidates: list[Windows], allowed: list[Array]
+    library: MotionLibrary, stretches: list[Stretch], candidates: list[Windows], allowed: list[Mask]
 ) -> list[int]:
     kept = [np.flatnonzero(free)[:_CANDIDATES] for free in allowed]
     costs = candidates[0].costs[kept[0]]

@@ -18,24 +18,13 @@ from ..solver.subject_model import RootPose
 from ..system.progress import Progress, no_progress
 from .base_motion import BaseMotion, blended
 from .body_fit import BodyFit
-from .motion_library import TOES, MotionLibrary, standing_toes_m
-from .reach import Reach
-from .retrieval import Looks, Stretch, Windows, choose_windows, looks_of, nearest_windows, stretches_of
+from .motion_library import MotionLibrary
+from .retrieval import choose_windows, looks_of, nearest_windows, stretches_of
 from .sketch import Control, Sketch
-from .targets import (
-    KEY_SIGMA_M,
-    STAND_SIGMA_M,
-    SWING_SIGMA_M,
-    Targets,
-    control_targets,
-    held_foot,
-    standing_runs,
-)
+from .targets import Targets, carried_root, target_joints, targets_of
 
 MET_M = 0.005  # a key this near is met
-_ANKLES = ("lfoot", "rfoot")
-_SHORTEST_CONTACT_S = 0.1
-_UNCHANGED_M = 1e-4  # or rad: a frame whose inputs change less is not solved again
+_UNCHANGED = 1e-4  # m and rad: a frame whose inputs change less is not solved again
 
 
 @dataclass(frozen=True)
@@ -95,15 +84,6 @@ class SketchSolution:
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Windows of a sketch's stretches, and the choice."""
-
-    stretches: list[Stretch]
-    candidates: list[Windows]
-    chosen: list[int]
-
-
-@dataclass(frozen=True)
 class _Solved:
     """Inputs and poses of all frames, to solve again only what changes."""
 
@@ -125,7 +105,7 @@ class SketchSolver:
         self._library: MotionLibrary | None = None
         self._behaviours: tuple[str, ...] = ()
         self._fits: dict[tuple[str, ...], BodyFit] = {}
-        self._found: _Found | None = None
+        self._drawn_from: tuple[str, ...] = ()
         self._solved: _Solved | None = None
 
     def solve(
@@ -145,102 +125,65 @@ class SketchSolver:
             progress(0.6 * number / len(stretches), "searching")
             candidates.append(nearest_windows(library, looks, stretch))
         chosen = choose_windows(library, stretches, candidates, settings.variation)
-        self._found = _Found(stretches, candidates, chosen)
-        return self._posed(sketch, settings, library, looks, progress)
+        times_s = (sketch.frames - sketch.frames[0]) / sketch.fps
+        base = blended(library, looks, stretches, candidates, chosen, times_s)
+        picked = zip(candidates, chosen, strict=True)
+        self._drawn_from = tuple(dict.fromkeys(library.clip_of(each.starts[index]).name for each, index in picked))
+        return self._bent(sketch, settings, base, progress)
 
     def preview(self, sketch: Sketch, settings: SketchSettings | None = None) -> SketchSolution:
         """Return a first picture of a moved key: the last motion, bent to the keys.
 
-        Without a last solution of as many frames this is `solve`.
+        Without a last solution of the same controls and as many frames this is `solve`.
         """
-        settings = settings or SketchSettings()
-        library = self._library_for(sketch, settings)
-        if self._found is None or self._solved is None or len(self._solved.poses) != len(sketch.frames):
+        settings, last = settings or SketchSettings(), self._solved
+        if last is None or last.targets.joints != target_joints(sketch) or len(last.poses) != len(sketch.frames):
             return self.solve(sketch, settings)
-        return self._posed(sketch, settings, library, None, no_progress)
+        return self._bent(sketch, settings, last.base, no_progress)
 
     def _library_for(self, sketch: Sketch, settings: SketchSettings) -> MotionLibrary:
         joints = [control.joint for control in sketch.controls]
         library = self._library
         if library is None or settings.behaviours != self._behaviours or not set(joints) <= set(library.joints):
             library = MotionLibrary(self._skeleton, self._database, joints, settings.behaviours)
-            self._library, self._behaviours, self._found, self._solved = library, settings.behaviours, None, None
+            self._library, self._behaviours = library, settings.behaviours
         return library
 
-    def _posed(
-        self, sketch: Sketch, settings: SketchSettings, library: MotionLibrary, looks: Looks | None, progress: Progress
-    ) -> SketchSolution:
-        found, last = self._found, self._solved
-        assert found is not None
-        if looks is not None or last is None:
-            looks = looks or looks_of(sketch, library, settings.follow)
-            times_s = (sketch.frames - sketch.frames[0]) / sketch.fps
-            base = blended(library, looks, found.stretches, found.candidates, found.chosen, times_s)
-        else:
-            base = last.base
-        targets = self._targets(sketch, settings, base)
-        self._solved = solved = self._fitted(base, targets, progress)
-        rotations = rotations_from_pose(solved.poses, self._database.zero_of(self._skeleton), solved.root_rotations)
-        motion = Motion(sketch.name, sketch.fps, self._skeleton, rotations, solved.root_positions_m)
-        distances, unmet = key_distances(sketch, motion)
-        clips = [
-            library.clip_of(windows.starts[index]).name
-            for windows, index in zip(found.candidates, found.chosen, strict=True)
-        ]
-        return SketchSolution(motion, unmet, tuple(dict.fromkeys(clips)), distances)
-
-    def _targets(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion) -> Targets:
-        """Return the targets of controls and feet in every frame, within reach."""
-        frames, controls = sketch.frames, {control.joint: control for control in sketch.controls}
-        names = sorted(controls, key=lambda name: (name != "root", name not in _ANKLES, name))
-        joints = (*names, *(name for name in (*_ANKLES, *TOES) if name not in controls))
-        indices = [self._skeleton.index(name) for name in joints]
-        zero = self._database.zero_of(self._skeleton)
+    def _bent(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion, progress: Progress) -> SketchSolution:
+        """Return the database's motion bent to the keys."""
+        skeleton, zero, joints = self._skeleton, self._database.zero_of(self._skeleton), target_joints(sketch)
         rotations = rotations_from_pose(base.poses, zero, base.root_rotations)
-        base_m = forward_kinematics(self._skeleton, rotations, base.root_positions_m)[0][:, indices]
-        points = base_m.copy()
-        sigmas = np.full(points.shape[:2], SWING_SIGMA_M)
-        for column, name in enumerate(names):
-            points[:, column] = control_targets(controls[name], frames, base_m[:, column], settings.follow)
-            sigmas[:, column] = KEY_SIGMA_M
-        moved = points[:, 0] - base_m[:, 0] if "root" in controls else np.zeros((len(frames), 3))
-        for side, (ankle, toes) in enumerate(zip(_ANKLES, TOES, strict=True)):
-            at, toe = joints.index(ankle), joints.index(toes)
-            wanted = points[:, at] - base_m[:, at] if ankle in controls else moved
-            keyed = np.zeros(len(frames), dtype=np.bool_)
-            if ankle in controls:
-                keyed[(controls[ankle].frames - frames[0]).astype(np.int64)] = True
-            stands = np.zeros(len(frames), dtype=np.bool_)
-            if settings.hold_feet:
-                shortest = round(_SHORTEST_CONTACT_S * sketch.fps)
-                floor_m = None if set(_ANKLES) & set(controls) else standing_toes_m(self._skeleton)
-                contacts = standing_runs(base.standing[:, side], shortest)
-                wanted, stands = held_foot(base_m[:, toe], wanted, contacts, keyed, floor_m)
-            for column in {at, toe} - {joints.index(name) for name in set(controls) - {ankle}}:
-                points[:, column] = base_m[:, column] + wanted
-                sigmas[stands, column] = np.minimum(sigmas[stands, column], STAND_SIGMA_M)
-        points, _ = Reach(self._skeleton, joints).limited(points)
-        return Targets(joints, points, sigmas)
+        base_m = forward_kinematics(skeleton, rotations, base.root_positions_m)[0]
+        base_m = base_m[:, [skeleton.index(name) for name in joints]]
+        targets = targets_of(sketch, skeleton, base_m, base.standing, settings.follow, settings.hold_feet)
+        roots = carried_root(targets, len(sketch.controls), base_m, base.root_rotations, base.root_positions_m)
+        self._solved = solved = self._fitted(base, roots, targets, progress)
+        rotations = rotations_from_pose(solved.poses, zero, solved.root_rotations)
+        motion = Motion(sketch.name, sketch.fps, skeleton, rotations, solved.root_positions_m)
+        distances, unmet = key_distances(sketch, motion)
+        return SketchSolution(motion, unmet, self._drawn_from, distances)
 
-    def _fitted(self, base: BaseMotion, targets: Targets, progress: Progress) -> _Solved:
-        """Return the poses fitted to targets; unchanged frames as they were solved."""
+    def _fitted(self, base: BaseMotion, roots: tuple[Array, Array], targets: Targets, progress: Progress) -> _Solved:
+        """Return the poses fitted to targets; frames without a change as they were."""
         if targets.joints not in self._fits:
             self._fits[targets.joints] = BodyFit(self._skeleton, self._database, targets.joints)
-        fit, last = self._fits[targets.joints], self._solved
-        count = len(base.poses)
+        fit, last, count = self._fits[targets.joints], self._solved, len(base.poses)
+        poses, turns, places = base.poses.copy(), *(values.copy() for values in roots)
         same = np.zeros(count, dtype=np.bool_)
-        poses, turns, places = base.poses.copy(), base.root_rotations.copy(), base.root_positions_m.copy()
         if last is not None and last.targets.joints == targets.joints and len(last.poses) == count:
-            close = np.abs(targets.points_m - last.targets.points_m).max(axis=(1, 2)) < _UNCHANGED_M
-            close &= np.abs(base.poses - last.base.poses).max(axis=(1, 2)) < _UNCHANGED_M
-            close &= np.abs(targets.sigmas_m - last.targets.sigmas_m).max(axis=1) < 1e-9
-            same = close & (np.abs(base.root_positions_m - last.base.root_positions_m).max(axis=1) < _UNCHANGED_M)
+            pairs = (
+                (targets.points_m, last.targets.points_m), (targets.sigmas_m, last.targets.sigmas_m),
+                (base.poses, last.base.poses), (base.root_rotations, last.base.root_rotations),
+                (base.root_positions_m, last.base.root_positions_m),
+            )  # fmt: skip
+            changes = [np.abs(now - then).reshape(count, -1).max(axis=1) for now, then in pairs]
+            same = np.max(changes, axis=0) < _UNCHANGED
             poses[same], turns[same] = last.poses[same], last.root_rotations[same]
             places[same] = last.root_positions_m[same]
         for frame in np.flatnonzero(~same).tolist():
             progress(0.6 + 0.4 * frame / count, "fitting")
-            root = RootPose(base.root_rotations[frame], base.root_positions_m[frame])
-            poses[frame], root = fit.fit(base.poses[frame], root, targets.points_m[frame], targets.sigmas_m[frame])
+            root = RootPose(turns[frame], places[frame])
+            poses[frame], root = fit.fit(poses[frame], root, targets.points_m[frame], targets.sigmas_m[frame])
             turns[frame], places[frame] = root.rotation, root.position_m
         return _Solved(base, targets, poses, turns, places)
 
