@@ -4,7 +4,7 @@ Each window's motion is corrected by what its neighbours show: a ridge regressio
 change with the controls' places. Windows are then blended where stretches meet.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,11 @@ class BaseMotion:
     root_rotations: Array
     root_positions_m: Array
     standing: Array
+
+    def turned(self, rotation: Array) -> "BaseMotion":
+        """Return the motion turned in the world by a quaternion (4,)."""
+        turns, places = rot.multiply(rotation, self.root_rotations), rot.rotate(rotation, self.root_positions_m)
+        return replace(self, root_rotations=turns, root_positions_m=places)
 
 
 @dataclass(frozen=True)
@@ -137,8 +142,7 @@ def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
     middle, mean = weights @ inputs, weights @ outputs
     roots = np.sqrt(weights)[:, None]
     x, y = roots * (inputs - middle), roots * (outputs - mean)
-    gram = x @ x.T
-    gram += np.eye(len(gram))
+    gram = x @ x.T + np.eye(len(x))
     return np.asarray(mean + (x @ (goal - middle)) @ np.linalg.solve(gram, y))
 
 

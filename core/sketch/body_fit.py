@@ -17,6 +17,7 @@ _CHANGE_SHARE = 0.1  # of the database's covariance, with which a pose varies ab
 _CHANGE_RAD = 0.02  # and beside that
 _ROOT_SIGMA = (0.05, 0.05)  # m, rad, about the database's motion
 _LIMIT_PERCENTILES, _LIMIT_MARGIN_RAD = (0.5, 99.5), 0.05  # of the database's joint angles
+_MOST_BEYOND_RAD = 0.35
 _SAMPLES = 4000  # frames that these are taken over
 
 
@@ -52,4 +53,6 @@ class BodyFit:
         limits = np.array((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)))
         expectation = Expectation(Prior(flat, self._covariance), known, root, _ROOT_SIGMA, limits)
         solved, root, _ = fit_to_markers(expectation, self._model, _MARKER_SIGMA_M, _STEPS)
+        # impossible targets pull with any force: no joint goes far beyond its limits all the same
+        solved = np.clip(solved, limits[0] - _MOST_BEYOND_RAD, limits[1] + _MOST_BEYOND_RAD)
         return solved.reshape(-1, 3), root

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ..body.skeleton import Skeleton
-from ..database.store import Clip, Database
+from ..database.store import Clip, Database, check_arrays
 from ..errors import SettingsError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
@@ -41,11 +41,13 @@ class MotionLibrary:
 
     Raises:
         SettingsError: no clip has such a behaviour.
+        DatabaseError: the database is damaged.
     """
 
     def __init__(
         self, skeleton: Skeleton, database: Database, joints: Sequence[str] = (), behaviours: Sequence[str] = ()
     ) -> None:
+        check_arrays(database)
         self.database = database
         self.fps = database.fps
         self.joints = tuple(dict.fromkeys((*BODY, *joints)))

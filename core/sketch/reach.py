@@ -21,7 +21,10 @@ class Reach:
         chains = np.where(skeleton.is_ancestor[indices], lengths, 0.0)
         shared = skeleton.is_ancestor[indices][:, None] & skeleton.is_ancestor[indices][None]
         total = chains.sum(axis=1)
-        self._reach_m = _STRAIGHTEST * (total[:, None] + total - 2.0 * np.sum(np.where(shared, lengths, 0.0), axis=2))
+        between = total[:, None] + total - 2.0 * np.sum(np.where(shared, lengths, 0.0), axis=2)
+        parents = skeleton.parents[indices]
+        rigid = (parents[:, None] == indices) | (parents == np.array(indices)[:, None])
+        self._reach_m = np.where(rigid, 1.0, _STRAIGHTEST) * between
 
     def limited(self, points_m: Array) -> Array:
         """Return targets (F, M, 3) within reach.

@@ -5,7 +5,7 @@ it, `targets` bends it to the keys and holds standing feet, and each frame's pos
 database's motion as prior. Joints without a control are free.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..body.motion import Motion
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database, rotations_from_pose
 from ..errors import SettingsError
+from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..solver.subject_model import RootPose
 from ..system.progress import Progress, no_progress
@@ -20,10 +21,11 @@ from .base_motion import BaseMotion, blended
 from .body_fit import BodyFit
 from .motion_library import MotionLibrary
 from .retrieval import choose_windows, looks_of, nearest_windows, stretches_of
-from .sketch import Control, Sketch
+from .sketch import Control, Sketch, tilted, upright_from
 from .targets import Targets, carried_root, target_joints, targets_of
 
 MET_M = 0.005  # a key this near is met
+_FAR_M = 0.2  # distance of the controls from the database's motion, from which the body may lie
 _UNCHANGED = 1e-4  # m and rad: a frame whose inputs change less is not solved again
 
 
@@ -119,6 +121,19 @@ class SketchSolver:
         """
         settings = settings or SketchSettings()
         library = self._library_for(sketch, settings)
+        base, off_m2 = self._drawn(sketch, settings, library, progress)
+        tilt = upright_from(sketch)
+        if off_m2 > _FAR_M**2 and tilt is not None:
+            # nothing like it: a body that lies may move like one that stands
+            upright, off_upright_m2 = self._drawn(tilted(sketch, tilt), settings, library, progress)
+            if off_upright_m2 < 0.5 * off_m2:
+                base = upright.turned(rot.conjugate(tilt))
+        return self._bent(sketch, settings, base, progress)
+
+    def _drawn(
+        self, sketch: Sketch, settings: SketchSettings, library: MotionLibrary, progress: Progress
+    ) -> tuple[BaseMotion, float]:
+        """Return the database's motion for a sketch, and its distance from it, m2."""
         looks, stretches = looks_of(sketch, library, settings.follow), stretches_of(sketch)
         candidates = []
         for number, stretch in enumerate(stretches):
@@ -126,10 +141,10 @@ class SketchSolver:
             candidates.append(nearest_windows(library, looks, stretch))
         chosen = choose_windows(library, stretches, candidates, settings.variation)
         times_s = (sketch.frames - sketch.frames[0]) / sketch.fps
-        base = blended(library, looks, stretches, candidates, chosen, times_s)
-        picked = zip(candidates, chosen, strict=True)
+        picked = list(zip(candidates, chosen, strict=True))
         self._drawn_from = tuple(dict.fromkeys(library.clip_of(each.starts[index]).name for each, index in picked))
-        return self._bent(sketch, settings, base, progress)
+        base = blended(library, looks, stretches, candidates, chosen, times_s)
+        return base, float(np.mean([each.costs[index] for each, index in picked]))
 
     def preview(self, sketch: Sketch, settings: SketchSettings | None = None) -> SketchSolution:
         """Return a first picture of a moved key: the last motion, bent to the keys.
@@ -207,6 +222,16 @@ def solve_sketch(
         DatabaseError: no clip is long enough.
     """
     return SketchSolver(skeleton, database).solve(sketch, settings, progress)
+
+
+def with_lead_in(motion: Motion, first_frame: int) -> Motion:
+    """Return the motion after its first pose, held from frame 0 on.
+
+    Files of motion count frames from 0: so a frame of the file is the same of the sketch. A sketch that begins before
+    frame 0 is returned as it is.
+    """
+    held = np.concatenate((np.zeros(max(first_frame, 0), dtype=np.int64), np.arange(motion.frames)))
+    return replace(motion, rotations=motion.rotations[held], root_positions_m=motion.root_positions_m[held])
 
 
 def key_distances(sketch: Sketch, motion: Motion) -> tuple[Array, tuple[UnmetKey, ...]]:

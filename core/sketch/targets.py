@@ -8,6 +8,7 @@ displacement of its first key before that, and of its last key after it.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
@@ -19,7 +20,7 @@ from .reach import Reach
 from .sketch import Control, Sketch
 
 _ANKLES = ("lfoot", "rfoot")
-_KEY_SIGMA_M, _SWING_SIGMA_M, _STAND_SIGMA_M = 0.002, 0.03, 0.004
+_KEY_SIGMA_M, _SWING_SIGMA_M, _STAND_SIGMA_M = 0.001, 0.03, 0.004
 _STANDS = 0.5  # share of the windows that show it
 _TURNED_M = (
     0.25,
@@ -28,6 +29,7 @@ _TURNED_M = (
 _STAYED_M, _STAYED_M_S = 0.04, 0.1  # a foot stands between two keys that are no further apart, at no higher speed
 _STEP_M, _STEP_M_S = 0.05, 1.0  # it takes a step between keys further apart, of this mean speed
 _SHORTEST_CONTACT_S = 0.1
+_ROLL_S = 0.13  # in which a foot turns onto the place where it stands
 
 
 @dataclass(frozen=True)
@@ -81,14 +83,35 @@ def targets_of(
         if hold_feet:
             stances = stances_of(standing[:, side] > _STANDS, toes_m + wanted, keyed, keys_m, sketch.fps)
             floor_m = None if leader or "root" in controls else standing_toes_m(skeleton)
-            wanted, stands = held_foot(toes_m, wanted, stances, keyed, floor_m)
+            wanted, stands, anchors_m = held_foot(toes_m, wanted, stances, keyed, floor_m)
             sigmas[stands] = np.where(np.isin(np.arange(len(joints)), columns), _STAND_SIGMA_M, sigmas[stands])
         for column, name in zip(columns, pair, strict=True):
             if name == leader:
                 sigmas[:, column] = _KEY_SIGMA_M
             if name == leader or name not in controls:
                 points[:, column] = base_m[:, column] + wanted
+        if hold_feet and leader != pair[1] and pair[1] not in controls:
+            ankle_m, toes_m = points[:, columns[0]], points[:, columns[1]]
+            points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, round(_ROLL_S * sketch.fps))
     return Targets(joints, Reach(skeleton, joints).limited(points), sigmas)
+
+
+def _rolled(ankle_m: Array, toes_m: Array, anchors_m: Array, ease: int) -> Array:
+    """Return toes (F, 3) that stay at anchors while the ankle moves above them.
+
+    Args:
+        anchors_m: (F, 3), NaN where the foot does not stand.
+        ease: frames before and after a stance in which what that changes comes and goes.
+    """
+    length_m = np.linalg.norm(toes_m - ankle_m, axis=1, keepdims=True)
+    way = anchors_m - ankle_m
+    stands = np.isfinite(anchors_m[:, 0])
+    change = ankle_m + length_m * way / np.linalg.norm(way, axis=1, keepdims=True) - toes_m
+    near = binary_dilation(stands, iterations=ease)
+    known = np.flatnonzero(stands | ~near)
+    change[~stands] = 0.0
+    at = np.arange(len(toes_m))
+    return toes_m + np.column_stack([np.interp(at, known, axis[known]) for axis in change.T])
 
 
 def carried_root(
@@ -161,8 +184,10 @@ def stances_of(standing: Mask, toes_m: Array, keyed: IntArray, ankles_m: Array, 
 
 def held_foot(
     toes_m: Array, displacement_m: Array, stances: list[tuple[int, int]], keyed: IntArray, floor_m: float | None
-) -> tuple[Array, Mask]:
-    """Return displacements (F, 3) that hold a foot while it stands, and when it does.
+) -> tuple[Array, Mask, Array]:
+    """Return displacements that hold a foot while it stands, and when and where it does.
+
+    They are (F, 3), (F,) and (F, 3), the places of the toes, NaN where the foot does not stand.
 
     Args:
         toes_m: (F, 3) where the database's motion has the toes.
@@ -175,7 +200,7 @@ def held_foot(
     known, values = np.zeros(len(toes_m), dtype=np.bool_), displacement_m.copy()
     known[keyed] = True
     stands = np.zeros(len(toes_m), dtype=np.bool_)
-    wanted = toes_m + displacement_m
+    wanted, places = toes_m + displacement_m, np.full_like(toes_m, np.nan)
     for first, stop in stances:
         inside = np.arange(first, stop)
         own = keyed[(keyed >= first) & (keyed < stop)]
@@ -186,8 +211,9 @@ def held_foot(
             if floor_m is not None:
                 anchors[:, 1] = floor_m
         values[inside], known[inside], stands[inside] = anchors - toes_m[inside], True, True
+        places[inside] = anchors.mean(axis=0)
     if not known.any():
-        return displacement_m, stands
+        return displacement_m, stands, places
     # what contacts add to the wanted displacement fades between them
     added = curve_positions(frames[known], (values - displacement_m)[known], frames)
-    return displacement_m + added, stands
+    return displacement_m + added, stands, places
