@@ -58,8 +58,9 @@ class MotionLibrary:
         self._floors_m = np.zeros(len(database.clips))
         zero = database.zero_of(skeleton)
         local_m = markers_at_rest(skeleton, indices, np.zeros((len(indices), 3)), zero, database.poses)
-        self.planar: Planar = np.empty(local_m.shape[:2], dtype=np.complex64)
-        self.heights_m: FloatArray = np.empty(local_m.shape[:2], dtype=np.float32)
+        # joint by joint in memory, as they are searched
+        self.planar: Planar = np.empty(local_m.shape[:2], dtype=np.complex64, order="F")
+        self.heights_m: FloatArray = np.empty(local_m.shape[:2], dtype=np.float32, order="F")
         for first in range(0, database.frames, _CHUNK):
             frames = slice(first, first + _CHUNK)
             world_m = rot.rotate(

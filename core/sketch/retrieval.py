@@ -12,6 +12,7 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import DatabaseError
 from ..geometry.arrays import Array, IntArray, Mask
 from .motion_library import BODY, MotionLibrary
 from .sketch import Sketch
@@ -28,6 +29,7 @@ NEIGHBOURS = 160  # and that are known near the keys
 _APART_S = 0.1  # two candidates of one clip begin at least so far apart
 _JOIN_WEIGHT = 0.5  # of the change at a join (m2), the keys' being 1
 _VELOCITY_S = 0.15  # that a change of velocity counts
+_SAME_M = 0.002  # or s
 _TAKEN_S = 0.5  # another explanation begins so far from those before
 
 
@@ -47,6 +49,13 @@ class Looks:
     planar: Complex
     heights_m: Array
     weights: Array
+
+    def same(self, other: "Looks") -> bool:
+        """Return whether all are where the other ones are, but for millimetres."""
+        if len(self.times_s) != len(other.times_s) or not np.array_equal(self.columns, other.columns):
+            return False
+        changes = (np.abs(one - two) for one, two in zip(vars(self).values(), vars(other).values(), strict=True))
+        return all(float(change.max(initial=0.0)) < _SAME_M for change in changes)
 
     def between(self, first_s: float, last_s: float) -> "Looks":
         """Return those of a time."""
@@ -128,10 +137,20 @@ def stretches_of(sketch: Sketch) -> list[Stretch]:
     ]
 
 
-def nearest_windows(library: MotionLibrary, looks: Looks, stretch: Stretch) -> Windows:
-    """Return the windows nearest to the controls, well apart from each other."""
-    near = looks.between(stretch.before_s, stretch.after_s)
+def nearest_windows(library: MotionLibrary, near: Looks, stretch: Stretch) -> Windows:
+    """Return the windows nearest to the controls, well apart from each other.
+
+    Args:
+        near: looks in the time of the stretch and its context.
+
+    Raises:
+        DatabaseError: no clip is as long.
+    """
     found = [_placed(library, near, stretch, rate) for rate in RATES]
+    if not any(len(windows.starts) for windows in found):
+        longest_s = stretch.after_s - stretch.before_s
+        advice = "choose more behaviours, or build a database of longer clips"
+        raise DatabaseError(f"has no clip of {longest_s:.1f} s to draw from", advice=advice)
     windows = Windows(*(np.concatenate(parts) for parts in zip(*(vars(f).values() for f in found), strict=True)))
     order = np.argsort(windows.costs, kind="stable")[: 40 * NEIGHBOURS]
     apart = _APART_S * library.fps
@@ -156,16 +175,16 @@ def _placed(library: MotionLibrary, looks: Looks, stretch: Stretch, rate: float)
     weights = (looks.weights / total).astype(np.float32)
     middle = complex(weights @ looks.planar) if len(weights) else 0j
     sums = np.zeros(len(starts), dtype=np.complex64)
-    squares, across, off = np.zeros(len(starts)), np.zeros(len(starts), dtype=np.complex64), np.zeros(len(starts))
+    across, (squares, off) = np.zeros_like(sums), np.zeros((2, len(starts)), dtype=np.float32)
     for time_s, column, goal, height_m, weight in zip(
         looks.times_s, looks.columns, looks.planar, looks.heights_m, weights, strict=True
     ):
         frames = starts + round((time_s - stretch.first_s) * per_s)
-        points = library.planar[frames, column]
+        points = library.planar[:, column][frames]
         sums += weight * points
         squares += weight * (points.real**2 + points.imag**2)
-        across += weight * np.conj(points) * np.complex64(goal - middle)
-        off += weight * (library.heights_m[frames, column] - np.float32(height_m)) ** 2
+        across += np.conj(points) * np.complex64(weight * (goal - middle))
+        off += weight * (library.heights_m[:, column][frames] - np.float32(height_m)) ** 2
     squares -= sums.real**2 + sums.imag**2
     spread = float(weights @ np.abs(looks.planar - middle) ** 2) if len(weights) else 0.0
     sizes = np.abs(across)

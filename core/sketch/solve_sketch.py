@@ -20,7 +20,7 @@ from ..system.progress import Progress, no_progress
 from .base_motion import BaseMotion, blended
 from .body_fit import BodyFit
 from .motion_library import MotionLibrary
-from .retrieval import choose_windows, looks_of, nearest_windows, stretches_of
+from .retrieval import Looks, Stretch, Windows, choose_windows, looks_of, nearest_windows, stretches_of
 from .sketch import Control, Sketch, tilted, upright_from
 from .targets import Targets, carried_root, target_joints, targets_of
 
@@ -108,6 +108,7 @@ class SketchSolver:
         self._behaviours: tuple[str, ...] = ()
         self._fits: dict[tuple[str, ...], BodyFit] = {}
         self._drawn_from: tuple[str, ...] = ()
+        self._searched: dict[Stretch, tuple[Looks, Windows]] = {}
         self._solved: _Solved | None = None
 
     def solve(
@@ -135,10 +136,16 @@ class SketchSolver:
     ) -> tuple[BaseMotion, float]:
         """Return the database's motion for a sketch, and its distance from it, m2."""
         looks, stretches = looks_of(sketch, library, settings.follow), stretches_of(sketch)
-        candidates = []
+        candidates, searched = [], {}
         for number, stretch in enumerate(stretches):
             progress(0.6 * number / len(stretches), "searching")
-            candidates.append(nearest_windows(library, looks, stretch))
+            near = looks.between(stretch.before_s, stretch.after_s)
+            before = self._searched.get(stretch)
+            if before is None or not before[0].same(near):
+                before = near, nearest_windows(library, near, stretch)
+            searched[stretch] = before
+            candidates.append(before[1])
+        self._searched = searched
         chosen = choose_windows(library, stretches, candidates, settings.variation)
         times_s = (sketch.frames - sketch.frames[0]) / sketch.fps
         picked = list(zip(candidates, chosen, strict=True))
@@ -161,7 +168,7 @@ class SketchSolver:
         library = self._library
         if library is None or settings.behaviours != self._behaviours or not set(joints) <= set(library.joints):
             library = MotionLibrary(self._skeleton, self._database, joints, settings.behaviours)
-            self._library, self._behaviours = library, settings.behaviours
+            self._library, self._behaviours, self._searched = library, settings.behaviours, {}
         return library
 
     def _bent(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion, progress: Progress) -> SketchSolution:
