@@ -15,6 +15,7 @@ from .retrieval import CONTEXT_S, Looks, Stretch, Windows
 
 _CLOSEST = 32  # windows of the regression
 _SIGMA_M = 0.05  # distance at a control that counts as one
+_FARTHEST = 4.0  # such distances, to which it is trusted
 _FRAMES = 5  # of a window at which bodies are compared
 
 
@@ -143,7 +144,8 @@ def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
     roots = np.sqrt(weights)[:, None]
     x, y = roots * (inputs - middle), roots * (outputs - mean)
     gram = x @ x.T + np.eye(len(x))
-    return np.asarray(mean + (x @ (goal - middle)) @ np.linalg.solve(gram, y))
+    away = np.clip(goal - middle, -_FARTHEST, _FARTHEST)
+    return np.asarray(mean + (x @ away) @ np.linalg.solve(gram, y))
 
 
 def _bodies(library: MotionLibrary, windows: Windows, times_s: Array) -> Array:

@@ -69,6 +69,10 @@ def targets_of(
     for column, name in enumerate(joints[: len(controls)]):
         points[:, column] = _control_targets(controls[name], frames, base_m[:, column], follow)
         sigmas[:, column] = _KEY_SIGMA_M
+    reach, keyed_in = Reach(skeleton, joints), np.zeros((len(frames), len(controls)), dtype=np.bool_)
+    for column, name in enumerate(joints[: len(controls)]):
+        keyed_in[(controls[name].frames - frames[0]).astype(np.int64), column] = True
+    points[:, : len(controls)] = reach.yielding(points[:, : len(controls)], keyed_in)
     # without a key of its own a foot goes with the hips
     carried = points[:, 0] - base_m[:, 0] if "root" in controls else np.zeros((len(frames), 3))
     for side, pair in enumerate(zip(_ANKLES, TOES, strict=True)):
@@ -93,7 +97,7 @@ def targets_of(
         if hold_feet and leader != pair[1] and pair[1] not in controls:
             ankle_m, toes_m = points[:, columns[0]], points[:, columns[1]]
             points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, round(_ROLL_S * sketch.fps))
-    return Targets(joints, Reach(skeleton, joints).limited(points), sigmas)
+    return Targets(joints, reach.limited(points), sigmas)
 
 
 def _rolled(ankle_m: Array, toes_m: Array, anchors_m: Array, ease: int) -> Array:
