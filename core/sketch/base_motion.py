@@ -1,7 +1,7 @@
 """Motion between the keys, drawn from the chosen windows of the database.
 
-Each window's motion is corrected by what its neighbours show: a ridge regression over windows near it tells how poses
-change with the controls' places. Windows are then blended where stretches meet.
+Each window's motion is corrected by its neighbours: a ridge regression over windows near it gives the change of poses
+with the controls' places. Windows are then blended where stretches meet.
 """
 
 from dataclasses import dataclass, replace

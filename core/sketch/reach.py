@@ -33,7 +33,7 @@ class Reach:
         return float(self._reach_m[self._joints.index(joint), self._joints.index(other)])
 
     def yielding(self, points_m: Array, keyed: Mask) -> Array:
-        """Return targets (F, C, 3) of controls that between their keys yield to keys of others.
+        """Return controls (F, C, 3) that between their keys yield to others' keys.
 
         Args:
             keyed: (F, C) frames in which each has a key.

@@ -27,7 +27,7 @@ from .targets import Targets, carried_root, target_joints, targets_of
 
 MET_M = 0.005  # a key this near is met
 _FAR_M = 0.2  # distance of the controls from the database's motion, from which the body may lie
-_UNCHANGED = 1e-4  # m and rad: a frame whose inputs change less is not solved again
+_UNCHANGED = 1e-4  # m and rad: a frame is not solved again if its inputs change less
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class SketchSolution:
 
 @dataclass(frozen=True)
 class _Solved:
-    """Inputs and poses of all frames, to solve again only what changes."""
+    """Inputs and poses of all frames, kept for the next solution."""
 
     base: BaseMotion
     targets: Targets

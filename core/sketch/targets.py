@@ -1,8 +1,8 @@
 """Targets of a body's joints in every frame: keys met, standing feet held.
 
 A joint's target is where the database's motion has it, plus a displacement. At a key the displacement leads to the
-key; while a foot stands it keeps the toes where they are; between these it runs smoothly. A control goes on with the
-displacement of its first key before that, and of its last key after it.
+key; while a foot stands it keeps the toes where they are; between these it runs smoothly. Before its first key a
+control keeps that key's displacement, after its last key the last one's.
 """
 
 from dataclasses import dataclass
@@ -161,7 +161,7 @@ def _control_targets(control: Control, frames: Array, base_m: Array, follow: flo
 
 
 def stances_of(standing: Mask, toes_m: Array, keyed: IntArray, ankles_m: Array, fps: float) -> list[tuple[int, int]]:
-    """Return [first, stop) of each time in which a foot stands in one place.
+    """Return [first, stop) of each time that a foot stands in one place.
 
     The database's motion shows when it stands, and so do keys without a way between them. Keys with one show a step.
 
@@ -189,7 +189,7 @@ def stances_of(standing: Mask, toes_m: Array, keyed: IntArray, ankles_m: Array, 
 def held_foot(
     toes_m: Array, displacement_m: Array, stances: list[tuple[int, int]], keyed: IntArray, floor_m: float | None
 ) -> tuple[Array, Mask, Array]:
-    """Return displacements that hold a foot while it stands, and when and where it does.
+    """Return displacements that hold a foot while it stands, and its stances.
 
     They are (F, 3), (F,) and (F, 3), the places of the toes, NaN where the foot does not stand.
 
