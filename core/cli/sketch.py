@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from ..body.motion import with_lead_in
 from ..database.store import open_database
 from ..errors import FormatError, PerfanimError
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ..markers.subject import load_subject
-from ..sketch.sketch import read_sketch
-from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver, with_lead_in
+from ..sketch.sketch import MOST_FRAMES, read_sketch
+from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
 from ..system.progress import Progress
 from .options import add_motion_options, add_number, add_repeated, add_switch, add_text
 from .partial_result import PartialResult
@@ -86,9 +87,11 @@ def _solve(
     sketch = read_sketch(keys)
     solution = solver.solve(sketch, settings, progress)
     first = int(sketch.frames[0])
+    # files of motion count frames from 0: so a frame of the file is the same of the sketch
+    lead_in = first if 0 < first <= MOST_FRAMES else 0
     out.parent.mkdir(parents=True, exist_ok=True)
-    written = write_motion(with_lead_in(solution.motion, first), out, args.units, args.naming, args.rate)
-    return _facts(solution) | {"first_frame": first, "fps": written.fps, "out": str(out)}
+    written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
+    return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}
 
 
 def _facts(solution: SketchSolution) -> dict[str, Any]:

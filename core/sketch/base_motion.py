@@ -1,7 +1,7 @@
 """Motion between the keys, drawn from the chosen windows of the database.
 
-Each window's motion is corrected by what its neighbours show: a ridge regression over windows near it tells how poses
-change with the controls' places. Windows are then blended where stretches meet.
+Each window's motion is corrected by its neighbours: a ridge regression over windows near it gives the change of poses
+with the controls' places. Windows are then blended where stretches meet.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +15,7 @@ from .retrieval import CONTEXT_S, Looks, Stretch, Windows
 
 _CLOSEST = 32  # windows of the regression
 _SIGMA_M = 0.05  # distance at a control that counts as one
+_FARTHEST = 4.0  # such distances, to which it is trusted
 _FRAMES = 5  # of a window at which bodies are compared
 
 
@@ -143,7 +144,8 @@ def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
     roots = np.sqrt(weights)[:, None]
     x, y = roots * (inputs - middle), roots * (outputs - mean)
     gram = x @ x.T + np.eye(len(x))
-    return np.asarray(mean + (x @ (goal - middle)) @ np.linalg.solve(gram, y))
+    away = np.clip(goal - middle, -_FARTHEST, _FARTHEST)
+    return np.asarray(mean + (x @ away) @ np.linalg.solve(gram, y))
 
 
 def _bodies(library: MotionLibrary, windows: Windows, times_s: Array) -> Array:

@@ -52,7 +52,7 @@ class MotionLibrary:
         self.fps = database.fps
         self.joints = tuple(dict.fromkeys((*BODY, *joints)))
         self.columns = {name: column for column, name in enumerate(self.joints)}
-        self._usable = _usable_frames(database, behaviours)
+        self._usable = _usable_clips(database, behaviours)
         indices = np.array([skeleton.index(name) for name in self.joints])
         self._scales = np.array([_leg_m(skeleton) / _leg_m(database.skeletons[c.skeleton]) for c in database.clips])
         self._floors_m = np.zeros(len(database.clips))
@@ -102,10 +102,10 @@ class MotionLibrary:
         return self.database.clips[int(self.database.clip_of_frame[int(frame)])]
 
     def starts(self, first: int, last: int) -> IntArray:
-        """Return frames f, all of whose frames f + first to f + last belong to one clip.
+        """Return the frames of windows, each within one clip.
 
         Args:
-            first, last: frames of the database relative to f.
+            first, last: frames of a window, relative to the returned one.
         """
         step = max(1, round(self.fps / _SEARCH_FPS))
         found = [
@@ -123,7 +123,7 @@ class MotionLibrary:
         return np.asarray(positions)
 
     def poses_at(self, frames: Array) -> tuple[Array, Array, Array]:
-        """Return poses (N, 28, 3), root rotations (N, 4) and positions (N, 3) between frames.
+        """Return poses (N, 28, 3), root rotations (N, 4) and places (N, 3).
 
         Args:
             frames: (N,) of one clip, need not be whole.
@@ -147,8 +147,8 @@ def standing_toes_m(skeleton: Skeleton) -> float:
     return 0.024 * _leg_m(skeleton) / 0.8
 
 
-def _usable_frames(database: Database, behaviours: Sequence[str]) -> Mask:
-    """Return (C,) which clips fit a pattern."""
+def _usable_clips(database: Database, behaviours: Sequence[str]) -> Mask:
+    """Return the mask (C,) of clips that fit a pattern."""
     fits = [
         not behaviours or any(fnmatch(text.lower(), p.lower()) for p in behaviours for text in (c.behaviour, c.name))
         for c in database.clips

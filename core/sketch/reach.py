@@ -3,9 +3,10 @@
 import numpy as np
 
 from ..body.skeleton import Skeleton
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Mask
+from .curves import curve_positions
 
-_STRAIGHTEST = 0.985  # of the bones end to end: no limb is quite straight
+_STRAIGHTEST = 0.998  # of the bones end to end: no limb is quite straight
 
 
 class Reach:
@@ -16,6 +17,7 @@ class Reach:
     """
 
     def __init__(self, skeleton: Skeleton, joints: tuple[str, ...]) -> None:
+        self._joints = joints
         lengths = np.linalg.norm(skeleton.offsets_m, axis=1)
         indices = [skeleton.index(name) for name in joints]
         chains = np.where(skeleton.is_ancestor[indices], lengths, 0.0)
@@ -25,6 +27,30 @@ class Reach:
         parents = skeleton.parents[indices]
         rigid = (parents[:, None] == indices) | (parents == np.array(indices)[:, None])
         self._reach_m = np.where(rigid, 1.0, _STRAIGHTEST) * between
+
+    def between(self, joint: str, other: str) -> float:
+        """Return how far two of the joints can be apart, metres."""
+        return float(self._reach_m[self._joints.index(joint), self._joints.index(other)])
+
+    def yielding(self, points_m: Array, keyed: Mask) -> Array:
+        """Return controls (F, C, 3) that between their keys yield to others' keys.
+
+        Args:
+            keyed: (F, C) frames in which each has a key.
+        """
+        result = points_m.copy()
+        for joint in range(keyed.shape[1]):
+            needed = np.zeros(points_m.shape[::2])
+            for other in set(range(keyed.shape[1])) - {joint}:
+                way = result[:, other] - result[:, joint]
+                far = np.linalg.norm(way, axis=1)
+                beyond = np.maximum(far - self._reach_m[joint, other], 0.0) * (keyed[:, other] & ~keyed[:, joint])
+                needed += (beyond / np.maximum(far, 1e-9))[:, None] * way
+            knots = np.flatnonzero(keyed[:, joint] | needed.any(axis=1))
+            if needed.any():
+                frames = np.arange(len(needed), dtype=np.float64)
+                result[:, joint] += curve_positions(frames[knots], needed[knots], frames)
+        return result
 
     def limited(self, points_m: Array) -> Array:
         """Return targets (F, M, 3) within reach.

@@ -96,7 +96,7 @@ class Windows:
 
 
 def looks_of(sketch: Sketch, library: MotionLibrary, follow: float) -> Looks:
-    """Return the points of a sketch: keys, and their curves as far as they are followed."""
+    """Return the points of a sketch: keys, and curves between as far as followed."""
     start, weight = sketch.frames[0], float(np.interp(follow, (0.0, 1.0), _CURVE_WEIGHTS))
     rows = []
     for control in sketch.controls:
@@ -231,7 +231,7 @@ def _best_path(
 
 
 def _changes(library: MotionLibrary, before: tuple[Windows, Stretch], after: tuple[Windows, Stretch]) -> Array:
-    """Return (K, K) mean squared change of the body from windows to the next at the join."""
+    """Return (K, K) mean squared changes of the body where windows join, m2."""
     sides = [_state(library, windows, after[1].first_s - stretch.first_s) for windows, stretch in (before, after)]
     squares = [np.sum(side**2, axis=1) for side in sides]
     return np.maximum(squares[0][:, None] + squares[1] - 2.0 * sides[0] @ sides[1].T, 0.0) / len(BODY)

@@ -90,7 +90,7 @@ def upright_from(sketch: Sketch) -> Array | None:
 
 
 def tilted(sketch: Sketch, rotation: Array) -> Sketch:
-    """Return the sketch turned in the world by a quaternion (4,), and set on the floor."""
+    """Return the sketch turned by a quaternion (4,) and set on the floor."""
     turned = [rot.rotate(rotation, control.positions_m) for control in sketch.controls]
     down = np.array([0.0, min(points[:, 1].min() for points in turned) - _ANKLE_M, 0.0])
     controls = [replace(c, positions_m=points - down) for c, points in zip(sketch.controls, turned, strict=True)]

@@ -5,7 +5,7 @@ it, `targets` bends it to the keys and holds standing feet, and each frame's pos
 database's motion as prior. Joints without a control are free.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,13 +20,14 @@ from ..system.progress import Progress, no_progress
 from .base_motion import BaseMotion, blended
 from .body_fit import BodyFit
 from .motion_library import MotionLibrary
+from .reach import Reach
 from .retrieval import Looks, Stretch, Windows, choose_windows, looks_of, nearest_windows, stretches_of
 from .sketch import Control, Sketch, tilted, upright_from
 from .targets import Targets, carried_root, target_joints, targets_of
 
 MET_M = 0.005  # a key this near is met
 _FAR_M = 0.2  # distance of the controls from the database's motion, from which the body may lie
-_UNCHANGED = 1e-4  # m and rad: a frame whose inputs change less is not solved again
+_UNCHANGED = 1e-4  # m and rad: a frame is not solved again if its inputs change less
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class SketchSolution:
 
 @dataclass(frozen=True)
 class _Solved:
-    """Inputs and poses of all frames, to solve again only what changes."""
+    """Inputs and poses of all frames, kept for the next solution."""
 
     base: BaseMotion
     targets: Targets
@@ -231,20 +232,11 @@ def solve_sketch(
     return SketchSolver(skeleton, database).solve(sketch, settings, progress)
 
 
-def with_lead_in(motion: Motion, first_frame: int) -> Motion:
-    """Return the motion after its first pose, held from frame 0 on.
-
-    Files of motion count frames from 0: so a frame of the file is the same of the sketch. A sketch that begins before
-    frame 0 is returned as it is.
-    """
-    held = np.concatenate((np.zeros(max(first_frame, 0), dtype=np.int64), np.arange(motion.frames)))
-    return replace(motion, rotations=motion.rotations[held], root_positions_m=motion.root_positions_m[held])
-
-
 def key_distances(sketch: Sketch, motion: Motion) -> tuple[Array, tuple[UnmetKey, ...]]:
     """Return the distances (K,) of all keys, control by control, and the unmet ones."""
     skeleton = motion.skeleton
     positions = forward_kinematics(skeleton, motion.rotations, motion.root_positions_m)[0]
+    reach = Reach(skeleton, tuple(control.joint for control in sketch.controls))
     distances, unmet = [], []
     for control in sketch.controls:
         at = (control.frames - sketch.frames[0]).astype(np.int64)
@@ -252,12 +244,18 @@ def key_distances(sketch: Sketch, motion: Motion) -> tuple[Array, tuple[UnmetKey
         distances.append(away)
         for frame, distance in zip(control.frames.tolist(), away.tolist(), strict=True):
             if distance > MET_M:
-                reason = _reason(sketch, control, frame)
+                reason = _reason(sketch, control, frame, reach)
                 unmet.append(UnmetKey(control.joint, int(frame), distance, reason))
     return np.concatenate(distances), tuple(sorted(unmet, key=lambda key: key.frame))
 
 
-def _reason(sketch: Sketch, control: Control, frame: float) -> str:
+def _reason(sketch: Sketch, control: Control, frame: float, reach: Reach) -> str:
     if np.sum(control.frames == frame) > 1:
         return "this control has several keys in this frame"
+    at = np.array([frame])
+    place = control.curve(at)[0]
+    for other in sketch.controls:
+        away_m, most_m = float(np.linalg.norm(other.curve(at)[0] - place)), reach.between(control.joint, other.joint)
+        if away_m > most_m:
+            return f"it is {away_m:.2f} m from {other.joint}, the body reaches {most_m:.2f} m"
     return "the body does not bend so far"

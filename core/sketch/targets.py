@@ -1,8 +1,8 @@
 """Targets of a body's joints in every frame: keys met, standing feet held.
 
 A joint's target is where the database's motion has it, plus a displacement. At a key the displacement leads to the
-key; while a foot stands it keeps the toes where they are; between these it runs smoothly. A control goes on with the
-displacement of its first key before that, and of its last key after it.
+key; while a foot stands it keeps the toes where they are; between these it runs smoothly. Before its first key a
+control keeps that key's displacement, after its last key the last one's.
 """
 
 from dataclasses import dataclass
@@ -69,6 +69,10 @@ def targets_of(
     for column, name in enumerate(joints[: len(controls)]):
         points[:, column] = _control_targets(controls[name], frames, base_m[:, column], follow)
         sigmas[:, column] = _KEY_SIGMA_M
+    reach, keyed_in = Reach(skeleton, joints), np.zeros((len(frames), len(controls)), dtype=np.bool_)
+    for column, name in enumerate(joints[: len(controls)]):
+        keyed_in[(controls[name].frames - frames[0]).astype(np.int64), column] = True
+    points[:, : len(controls)] = reach.yielding(points[:, : len(controls)], keyed_in)
     # without a key of its own a foot goes with the hips
     carried = points[:, 0] - base_m[:, 0] if "root" in controls else np.zeros((len(frames), 3))
     for side, pair in enumerate(zip(_ANKLES, TOES, strict=True)):
@@ -93,7 +97,7 @@ def targets_of(
         if hold_feet and leader != pair[1] and pair[1] not in controls:
             ankle_m, toes_m = points[:, columns[0]], points[:, columns[1]]
             points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, round(_ROLL_S * sketch.fps))
-    return Targets(joints, Reach(skeleton, joints).limited(points), sigmas)
+    return Targets(joints, reach.limited(points), sigmas)
 
 
 def _rolled(ankle_m: Array, toes_m: Array, anchors_m: Array, ease: int) -> Array:
@@ -157,7 +161,7 @@ def _control_targets(control: Control, frames: Array, base_m: Array, follow: flo
 
 
 def stances_of(standing: Mask, toes_m: Array, keyed: IntArray, ankles_m: Array, fps: float) -> list[tuple[int, int]]:
-    """Return [first, stop) of each time in which a foot stands in one place.
+    """Return [first, stop) of each time that a foot stands in one place.
 
     The database's motion shows when it stands, and so do keys without a way between them. Keys with one show a step.
 
@@ -185,7 +189,7 @@ def stances_of(standing: Mask, toes_m: Array, keyed: IntArray, ankles_m: Array, 
 def held_foot(
     toes_m: Array, displacement_m: Array, stances: list[tuple[int, int]], keyed: IntArray, floor_m: float | None
 ) -> tuple[Array, Mask, Array]:
-    """Return displacements that hold a foot while it stands, and when and where it does.
+    """Return displacements that hold a foot while it stands, and its stances.
 
     They are (F, 3), (F,) and (F, 3), the places of the toes, NaN where the foot does not stand.
 

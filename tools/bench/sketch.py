@@ -1,4 +1,4 @@
-"""Sketches made of recorded takes: a body from keys, beside other ways from the same curves.
+"""Sketches made of recorded takes: bodies from keys, by several methods.
 
 The true paths of a few joints are keyed every 8, 16 or 32 frames of 30 a second, or where they turn most, and joined by
 Blender's default curves. The takes are out of the database; other takes of their subjects are in it. The constants of
@@ -60,7 +60,7 @@ _DRAWN = 4  # frames of each take
 
 
 def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Solve sketches of eight takes by every method, with five and with three controls.
+    """Solve sketches of eight takes by every method, and write the table.
 
     Returns:
         rows (take, controls, keys, method, errors), means over the takes, ratios, database, outputs.
@@ -94,7 +94,7 @@ def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
 
 
 def without_takes(whole: Database, path: Path, takes: tuple[TestTake, ...]) -> Database:
-    """Return the database without takes, of the split one without its end; built if missing."""
+    """Return the database without the takes (or their end), built if missing."""
     if path.exists():
         return open_database(path)
     first = {take.trial: min(other.first for other in takes if other.trial == take.trial) for take in takes}
@@ -125,7 +125,7 @@ def sketch_of(truth: Motion, joints: tuple[str, ...], keys: str) -> Sketch:
 
 
 def _turning_frames(path: Array, count: int) -> Array:
-    """Return the frames of keys, each put where the curve through the others is furthest off."""
+    """Return frames of keys, each where the curve of the others is furthest off."""
     frames, at = np.array([0, len(path) - 1]), np.arange(len(path), dtype=np.float64)
     while len(frames) < min(count, len(path)):
         away = np.linalg.norm(curve_positions(frames.astype(np.float64), path[frames], at) - path, axis=1)

@@ -1,4 +1,4 @@
-"""Other ways from the curves of a sketch to a body, to compare the solver of sketches with."""
+"""Other methods from the curves of a sketch to a body, for comparison."""
 
 import numpy as np
 from perfanim.core.body.calibration_poses import standing
@@ -19,6 +19,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 _KNEE, _ELBOW = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0])  # knees bend forwards, elbows backwards
 _SPINE = ("lowerback", "upperback", "thorax")
 _MOST_TWIST_RAD = np.radians(60.0)  # of the chest against the hips
+_BENT_RAD = 0.2
 _STRAIGHTEST = 0.995
 
 
@@ -46,7 +47,7 @@ def inverse_kinematics(sketch: Sketch, skeleton: Skeleton) -> Motion:
     pairs = [curves[f"l{end}"] - curves[f"r{end}"] for end in ("foot", "hand") if f"l{end}" in curves]
     hips = _yaws(pairs)
     twist = np.clip((chest - hips + np.pi) % (2.0 * np.pi) - np.pi, -_MOST_TWIST_RAD, _MOST_TWIST_RAD)
-    rotations = np.repeat(standing(skeleton)[None], len(hips), axis=0)
+    rotations = np.repeat(_bent(skeleton)[None], len(hips), axis=0)
     rotations[:, 0] = rot.from_rotation_vector(hips[:, None] * _UP)
     for name in _SPINE:
         rotations[:, skeleton.index(name)] = rot.from_rotation_vector(twist[:, None] / len(_SPINE) * _UP)
@@ -56,8 +57,19 @@ def inverse_kinematics(sketch: Sketch, skeleton: Skeleton) -> Motion:
     return Motion(sketch.name, sketch.fps, skeleton, rotations, curves["root"])
 
 
+def _bent(skeleton: Skeleton) -> Array:
+    """Return rotations (J, 4) of a standing body, its limbs a little bent as a rig's are."""
+    rotations = standing(skeleton)
+    _, world = forward_kinematics(skeleton, rotations, np.zeros(3))
+    for name, axis in (("tibia", _KNEE), ("radius", _ELBOW)):
+        for joint in (skeleton.index(side + name) for side in "lr"):
+            local = rot.rotate(rot.conjugate(world[joint]), axis)
+            rotations[joint] = rot.multiply(rotations[joint], rot.from_rotation_vector(_BENT_RAD * local))
+    return rotations
+
+
 def _yaws(pairs: list[Array]) -> Array:
-    """Return (F,) how far a body is turned whose left lies along the sum of vectors."""
+    """Return yaws (F,) of a body with its left along the sum of vectors."""
     planar = sum(pair[:, [0, 2]] / np.linalg.norm(pair[:, [0, 2]], axis=1, keepdims=True) for pair in pairs)
     return np.asarray(np.unwrap(np.arctan2(-planar[:, 1], planar[:, 0])))
 
