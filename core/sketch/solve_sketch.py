@@ -108,7 +108,6 @@ class SketchSolver:
         self._library: MotionLibrary | None = None
         self._behaviours: tuple[str, ...] = ()
         self._fits: dict[tuple[str, ...], BodyFit] = {}
-        self._drawn_from: tuple[str, ...] = ()
         self._searched: dict[Stretch, tuple[Looks, Windows]] = {}
         self._solved: _Solved | None = None
 
@@ -149,10 +148,9 @@ class SketchSolver:
         self._searched = searched
         chosen = choose_windows(library, stretches, candidates, settings.variation)
         times_s = (sketch.frames - sketch.frames[0]) / sketch.fps
-        picked = list(zip(candidates, chosen, strict=True))
-        self._drawn_from = tuple(dict.fromkeys(library.clip_of(each.starts[index]).name for each, index in picked))
-        base = blended(library, looks, stretches, candidates, chosen, times_s)
-        return base, float(np.mean([each.costs[index] for each, index in picked]))
+        picks = list(zip(stretches, candidates, chosen, strict=True))
+        off_m2 = float(np.mean([windows.costs[index] for _, windows, index in picks]))
+        return blended(library, looks, picks, times_s), off_m2
 
     def preview(self, sketch: Sketch, settings: SketchSettings | None = None) -> SketchSolution:
         """Return a first picture of a moved key: the last motion, bent to the keys.
@@ -184,7 +182,7 @@ class SketchSolver:
         rotations = rotations_from_pose(solved.poses, zero, solved.root_rotations)
         motion = Motion(sketch.name, sketch.fps, skeleton, rotations, solved.root_positions_m)
         distances, unmet = key_distances(sketch, motion)
-        return SketchSolution(motion, unmet, self._drawn_from, distances)
+        return SketchSolution(motion, unmet, base.drawn_from, distances)
 
     def _fitted(self, base: BaseMotion, roots: tuple[Array, Array], targets: Targets, progress: Progress) -> _Solved:
         """Return the poses fitted to targets; frames without a change as they were."""
