@@ -104,7 +104,7 @@ class SketchSolver:
     """
 
     def __init__(self, skeleton: Skeleton, database: Database) -> None:
-        self._skeleton, self._database = skeleton, database
+        self._skeleton, self.database = skeleton, database
         self._library: MotionLibrary | None = None
         self._behaviours: tuple[str, ...] = ()
         self._fits: dict[tuple[str, ...], BodyFit] = {}
@@ -166,13 +166,13 @@ class SketchSolver:
         joints = [control.joint for control in sketch.controls]
         library = self._library
         if library is None or settings.behaviours != self._behaviours or not set(joints) <= set(library.joints):
-            library = MotionLibrary(self._skeleton, self._database, joints, settings.behaviours)
+            library = MotionLibrary(self._skeleton, self.database, joints, settings.behaviours)
             self._library, self._behaviours, self._searched = library, settings.behaviours, {}
         return library
 
     def _bent(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion, progress: Progress) -> SketchSolution:
         """Return the database's motion bent to the keys."""
-        skeleton, zero, joints = self._skeleton, self._database.zero_of(self._skeleton), target_joints(sketch)
+        skeleton, zero, joints = self._skeleton, self.database.zero_of(self._skeleton), target_joints(sketch)
         rotations = rotations_from_pose(base.poses, zero, base.root_rotations)
         base_m = forward_kinematics(skeleton, rotations, base.root_positions_m)[0]
         base_m = base_m[:, [skeleton.index(name) for name in joints]]
@@ -187,7 +187,7 @@ class SketchSolver:
     def _fitted(self, base: BaseMotion, roots: tuple[Array, Array], targets: Targets, progress: Progress) -> _Solved:
         """Return the poses fitted to targets; frames without a change as they were."""
         if targets.joints not in self._fits:
-            self._fits[targets.joints] = BodyFit(self._skeleton, self._database, targets.joints)
+            self._fits[targets.joints] = BodyFit(self._skeleton, self.database, targets.joints)
         fit, last, count = self._fits[targets.joints], self._solved, len(base.poses)
         poses, turns, places = base.poses.copy(), *(values.copy() for values in roots)
         same = np.zeros(count, dtype=np.bool_)
