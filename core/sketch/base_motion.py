@@ -4,6 +4,7 @@ Each window's motion is corrected by its neighbours: a ridge regression over win
 with the controls' places. Windows are then blended where stretches meet.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,12 +27,14 @@ class BaseMotion:
     Args:
         poses: (F, 28, 3); root_rotations: (F, 4); root_positions_m: (F, 3).
         standing: (F, 2) share with which left and right toes stand.
+        drawn_from: names of the clips, in order of time.
     """
 
     poses: Array
     root_rotations: Array
     root_positions_m: Array
     standing: Array
+    drawn_from: tuple[str, ...]
 
     def turned(self, rotation: Array) -> "BaseMotion":
         """Return the motion turned in the world by a quaternion (4,)."""
@@ -62,30 +65,29 @@ def window_motion(library: MotionLibrary, windows: Windows, index: int, times_s:
 
 
 def blended(
-    library: MotionLibrary, looks: Looks, stretches: list[Stretch], candidates: list[Windows], chosen: list[int],
-    times_s: Array,
-) -> BaseMotion:  # fmt: skip
-    """Return the motion of all stretches at times (F,), blended where they meet."""
+    library: MotionLibrary, looks: Looks, picks: Sequence[tuple[Stretch, Windows, int]], times_s: Array
+) -> BaseMotion:
+    """Return the motion of all stretches at times (F,), blended where they meet.
+
+    Args:
+        picks: stretches in order, each with its windows and the chosen one.
+    """
     count = len(times_s)
-    poses, turns, places = (
-        np.zeros((count, len(library.database.poses[0]), 3)),
-        np.zeros((count, 4)),
-        np.zeros((count, 3)),
-    )
-    standing, total = np.zeros((count, 2)), np.zeros(count)
-    for stretch, windows, index in zip(stretches, candidates, chosen, strict=True):
+    poses = np.zeros((count, *library.database.poses.shape[1:]))
+    turns, places, standing, total = (np.zeros((count, size)) for size in (4, 3, 2, 1))
+    for stretch, windows, index in picks:
         inside = np.flatnonzero((times_s >= stretch.before_s - 1e-9) & (times_s <= stretch.after_s + 1e-9))
         part = corrected(library, looks, stretch, windows, index, times_s[inside])
-        weights = _weights(stretch, times_s[inside], float(times_s[-1]))
-        same = np.where(np.sum(part.root_rotations * turns[inside], axis=1) < 0.0, -1.0, 1.0)
-        poses[inside] += weights[:, None, None] * part.poses
-        turns[inside] += (weights * same)[:, None] * part.root_rotations
-        places[inside] += weights[:, None] * part.root_positions_m
-        standing[inside] += weights[:, None] * part.standing
+        weights = _weights(stretch, times_s[inside], float(times_s[-1]))[:, None]
+        # of the two quaternions of a rotation the one near those before
+        same = np.where(np.sum(part.root_rotations * turns[inside], axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        poses[inside] += weights[:, :, None] * part.poses
+        turns[inside] += weights * same * part.root_rotations
+        places[inside] += weights * part.root_positions_m
+        standing[inside] += weights * part.standing
         total[inside] += weights
-    return BaseMotion(
-        poses / total[:, None, None], rot.normalize(turns), places / total[:, None], standing / total[:, None]
-    )
+    names = dict.fromkeys(library.clip_of(windows.starts[index]).name for _, windows, index in picks)
+    return BaseMotion(poses / total[:, :, None], rot.normalize(turns), places / total, standing / total, tuple(names))
 
 
 def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:

@@ -24,6 +24,7 @@ CONTEXT_S = 0.2  # beyond a stretch that a window is compared, and blended with 
 _SHORTEST_S, _LONGEST_S = 0.2, 0.55  # of a stretch
 _CURVE_STEP_S = 0.12  # between two looks at a curve
 _CURVE_WEIGHTS = 0.01, 0.15  # of such a look without and with full `follow`, a key's being 1
+_OUTSIDE_WEIGHT = 0.001  # before a control's first key and after its last: where nothing else says where the body is
 _CANDIDATES = 48  # windows of a stretch among which is chosen,
 NEIGHBOURS = 160  # and that are known near the keys
 _APART_S = 0.1  # two candidates of one clip begin at least so far apart
@@ -104,10 +105,12 @@ def looks_of(sketch: Sketch, library: MotionLibrary, follow: float) -> Looks:
         keys = np.column_stack(
             ((control.frames - start) / sketch.fps, control.positions_m, np.ones(len(control.frames)))
         )
-        steps = np.arange(control.frames[0], control.frames[-1], _CURVE_STEP_S * sketch.fps)
+        steps = np.arange(start, sketch.frames[-1], _CURVE_STEP_S * sketch.fps)
         times_s = (steps - start) / sketch.fps
+        inside = (steps >= control.frames[0]) & (steps <= control.frames[-1])
+        weights = np.where(inside, weight, _OUTSIDE_WEIGHT)
         between = np.abs(steps[:, None] - control.frames).min(axis=1) > 0.3 * _CURVE_STEP_S * sketch.fps
-        curve = np.column_stack((times_s, control.curve(steps), np.full(len(steps), weight)))
+        curve = np.column_stack((times_s, control.curve(steps), weights))
         for part in (keys, curve[between]):
             rows.append(np.column_stack((part, np.full(len(part), column))))
     table = np.concatenate(rows)

@@ -35,7 +35,7 @@ class Control:
 
     Args:
         joint: of the standard skeleton.
-        frames: (K,) of the keys, ascending; two may be the same.
+        frames: (K,) of the keys, whole numbers, ascending; two may be the same.
         positions_m: (K, 3) of the joint's origin in the world.
     """
 

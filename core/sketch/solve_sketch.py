@@ -104,11 +104,10 @@ class SketchSolver:
     """
 
     def __init__(self, skeleton: Skeleton, database: Database) -> None:
-        self._skeleton, self._database = skeleton, database
+        self._skeleton, self.database = skeleton, database
         self._library: MotionLibrary | None = None
         self._behaviours: tuple[str, ...] = ()
         self._fits: dict[tuple[str, ...], BodyFit] = {}
-        self._drawn_from: tuple[str, ...] = ()
         self._searched: dict[Stretch, tuple[Looks, Windows]] = {}
         self._solved: _Solved | None = None
 
@@ -149,10 +148,9 @@ class SketchSolver:
         self._searched = searched
         chosen = choose_windows(library, stretches, candidates, settings.variation)
         times_s = (sketch.frames - sketch.frames[0]) / sketch.fps
-        picked = list(zip(candidates, chosen, strict=True))
-        self._drawn_from = tuple(dict.fromkeys(library.clip_of(each.starts[index]).name for each, index in picked))
-        base = blended(library, looks, stretches, candidates, chosen, times_s)
-        return base, float(np.mean([each.costs[index] for each, index in picked]))
+        picks = list(zip(stretches, candidates, chosen, strict=True))
+        off_m2 = float(np.mean([windows.costs[index] for _, windows, index in picks]))
+        return blended(library, looks, picks, times_s), off_m2
 
     def preview(self, sketch: Sketch, settings: SketchSettings | None = None) -> SketchSolution:
         """Return a first picture of a moved key: the last motion, bent to the keys.
@@ -168,13 +166,13 @@ class SketchSolver:
         joints = [control.joint for control in sketch.controls]
         library = self._library
         if library is None or settings.behaviours != self._behaviours or not set(joints) <= set(library.joints):
-            library = MotionLibrary(self._skeleton, self._database, joints, settings.behaviours)
+            library = MotionLibrary(self._skeleton, self.database, joints, settings.behaviours)
             self._library, self._behaviours, self._searched = library, settings.behaviours, {}
         return library
 
     def _bent(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion, progress: Progress) -> SketchSolution:
         """Return the database's motion bent to the keys."""
-        skeleton, zero, joints = self._skeleton, self._database.zero_of(self._skeleton), target_joints(sketch)
+        skeleton, zero, joints = self._skeleton, self.database.zero_of(self._skeleton), target_joints(sketch)
         rotations = rotations_from_pose(base.poses, zero, base.root_rotations)
         base_m = forward_kinematics(skeleton, rotations, base.root_positions_m)[0]
         base_m = base_m[:, [skeleton.index(name) for name in joints]]
@@ -184,12 +182,12 @@ class SketchSolver:
         rotations = rotations_from_pose(solved.poses, zero, solved.root_rotations)
         motion = Motion(sketch.name, sketch.fps, skeleton, rotations, solved.root_positions_m)
         distances, unmet = key_distances(sketch, motion)
-        return SketchSolution(motion, unmet, self._drawn_from, distances)
+        return SketchSolution(motion, unmet, base.drawn_from, distances)
 
     def _fitted(self, base: BaseMotion, roots: tuple[Array, Array], targets: Targets, progress: Progress) -> _Solved:
         """Return the poses fitted to targets; frames without a change as they were."""
         if targets.joints not in self._fits:
-            self._fits[targets.joints] = BodyFit(self._skeleton, self._database, targets.joints)
+            self._fits[targets.joints] = BodyFit(self._skeleton, self.database, targets.joints)
         fit, last, count = self._fits[targets.joints], self._solved, len(base.poses)
         poses, turns, places = base.poses.copy(), *(values.copy() for values in roots)
         same = np.zeros(count, dtype=np.bool_)

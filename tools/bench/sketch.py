@@ -2,9 +2,13 @@
 
 The true paths of a few joints are keyed every 8, 16 or 32 frames of 30 a second, or where they turn most, and joined by
 Blender's default curves. The takes are out of the database; other takes of their subjects are in it. The constants of
-the solver were chosen on the takes of `DEVELOPMENT`.
+the solver were chosen on the takes of `DEVELOPMENT`. Five controls with keys every 16 frames are also solved with the
+whole subject out of the database.
 """
 
+import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +54,8 @@ DEVELOPMENT = (
 )
 CONTROLS = {"five": ("root", "lfoot", "rfoot", "lhand", "rhand"), "three": ("root", "lhand", "rhand")}
 KEYS = ("8", "16", "32", "turns")
+UNSEEN = "five, unseen subject"
+_EDITS = 5
 _TURNS_EVERY = 16  # frames that there is a key for where paths turn most
 _MOST_FRAMES = 240  # of a take
 _MEASURES = (
@@ -63,34 +69,93 @@ def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
     """Solve sketches of eight takes by every method, and write the table.
 
     Returns:
-        rows (take, controls, keys, method, errors), means over the takes, ratios, database, outputs.
+        rows (take, controls, keys, method, errors), means over the takes, ratios, times of edits, database, outputs.
     """
     check_plots()
     whole = whole_database(data, out, (CMU,), workers, progress)
     database = without_takes(whole, out / "databases" / "cmu-without-sketched.pfdb", TAKES)
     rows: list[dict[str, Any]] = []
     pictures: list[Picture] = []
+    edits: list[dict[str, float]] = []
     for number, take in enumerate(TAKES):
         truth = true_motion(data, take)
-        solver = SketchSolver(truth.skeleton, database)
+        compared = Compared(take, truth, database)
         for controls, joints in CONTROLS.items():
             for keys in KEYS:
                 progress(0.2 + 0.8 * number / len(TAKES), f"{take.title}: {controls} controls, keys {keys}")
-                drawn = sketch_of(truth, joints, keys)
-                motions = {
-                    OURS: solver.solve(drawn).motion,
-                    IK: inverse_kinematics(drawn, truth.skeleton),
-                    BEST: solved_as_markers(drawn, truth.skeleton, database, METHODS["best"]),
-                    NEAREST: solved_as_markers(drawn, truth.skeleton, database, METHODS["nearest"]),
-                }
-                facts = {"take": take.title, "controls": controls, "keys": keys, "frames": truth.frames}
-                rows += [facts | {"method": name} | errors_of(drawn, motion, truth) for name, motion in motions.items()]
+                rows += compared.rows(sketch_of(truth, joints, keys), {"controls": controls, "keys": keys})
                 if (controls, keys) == ("five", "16"):
-                    pictures += _strip(take.title, truth, motions[OURS])
+                    pictures += _strip(take.title, truth, compared.motions[OURS])
+        edits.append({"take": take.title, "frames": truth.frames} | edit_times(compared.solver, truth))
+        path = out / "databases" / f"cmu-without-sketched-and-{take.trial}.pfdb"
+        unseen = Compared(take, truth, without_subject_of(whole, path, take))
+        rows += unseen.rows(sketch_of(truth, CONTROLS["five"], "16"), {"controls": UNSEEN, "keys": "16"})
     means = means_of(rows)
-    figures = {"rows": rows, "means": means, "ratios": ratios_of(means), "database_frames": database.frames}
+    figures = {"rows": rows, "means": means, "ratios": ratios_of(means), "edits": edits}
+    figures["database_frames"] = database.frames
     plots = write_pictures(out / "sketch-beside-truth", pictures)
-    return write_figures(out, "sketch", figures, {"": rows, "means": means}, plots)
+    return write_figures(out, "sketch", figures, {"": rows, "means": means, "edits": edits}, plots)
+
+
+class Compared:
+    """Methods compared on sketches of one take.
+
+    Attributes:
+        motions: of the last sketch by method.
+    """
+
+    def __init__(self, take: TestTake, truth: Motion, database: Database) -> None:
+        self._take, self._truth, self._database = take, truth, database
+        self.solver = SketchSolver(truth.skeleton, database)
+        self.motions: dict[str, Motion] = {}
+
+    def rows(self, drawn: Sketch, facts: dict[str, Any]) -> list[dict[str, Any]]:
+        """Solve a sketch by every method; return a row with the errors of each."""
+        skeleton, database = self._truth.skeleton, self._database
+        self.motions = {
+            OURS: self.solver.solve(drawn).motion,
+            IK: inverse_kinematics(drawn, skeleton),
+            BEST: solved_as_markers(drawn, skeleton, database, METHODS["best"]),
+            NEAREST: solved_as_markers(drawn, skeleton, database, METHODS["nearest"]),
+        }
+        facts = {"take": self._take.title} | facts | {"frames": self._truth.frames}
+        return [
+            facts | {"method": name} | errors_of(drawn, motion, self._truth) for name, motion in self.motions.items()
+        ]
+
+
+def edit_times(solver: SketchSolver, truth: Motion) -> dict[str, float]:
+    """Return times to solve a sketch, and to solve it again after a key moved, ms.
+
+    A hand's key in the middle moves by 3 cm a time; medians, of the processor's time.
+    """
+    drawn = sketch_of(truth, CONTROLS["five"], "16")
+    found = SketchSolver(truth.skeleton, solver.database)
+    times: dict[str, list[float]] = {"from_start_ms": [], "first_picture_ms": [], "whole_ms": []}
+
+    def measure(name: str, solve: Callable[[Sketch], object]) -> None:
+        began_s = time.process_time()
+        solve(drawn)
+        times[name].append(1e3 * (time.process_time() - began_s))
+
+    measure("from_start_ms", found.solve)
+    for _ in range(_EDITS):
+        hand = drawn.controls[-1]
+        positions_m = hand.positions_m.copy()
+        positions_m[len(positions_m) // 2] += [0.02, 0.02, 0.01]
+        drawn = replace(drawn, controls=(*drawn.controls[:-1], replace(hand, positions_m=positions_m)))
+        measure("first_picture_ms", found.preview)
+        measure("whole_ms", found.solve)
+    return {name: round(float(np.median(values)), 1) for name, values in times.items()}
+
+
+def without_subject_of(whole: Database, path: Path, take: TestTake) -> Database:
+    """Return the database without a take's subject, built if missing."""
+    if path.exists():
+        return open_database(path)
+    subject = next(clip.subject for clip in whole.clips if clip.name == take.trial)
+    kept = [(clip, 0, clip.stop - clip.start) for clip in whole.clips if clip.subject != subject]
+    return write_subset(whole, path, kept)
 
 
 def without_takes(whole: Database, path: Path, takes: tuple[TestTake, ...]) -> Database:

@@ -58,7 +58,7 @@ def inverse_kinematics(sketch: Sketch, skeleton: Skeleton) -> Motion:
 
 
 def _bent(skeleton: Skeleton) -> Array:
-    """Return rotations (J, 4) of a standing body, its limbs a little bent as a rig's are."""
+    """Return rotations (J, 4) of a standing body, limbs a little bent as a rig's."""
     rotations = standing(skeleton)
     _, world = forward_kinematics(skeleton, rotations, np.zeros(3))
     for name, axis in (("tibia", _KNEE), ("radius", _ELBOW)):

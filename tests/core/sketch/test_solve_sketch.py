@@ -88,6 +88,18 @@ def test_feet_alone_carry_the_body_along(truth, solver):
     assert np.linalg.norm(way[:, [0, 2]], axis=1).max() < 0.15
 
 
+def test_body_stays_about_where_it_is_while_nothing_is_keyed(truth, solver, database):
+    early, late = (sketch_of(truth, (joint,), "16").controls[0] for joint in ("root", "rhand"))
+    later = replace(late, frames=late.frames + 150.0, positions_m=late.positions_m + np.array([0.0, 0.0, 1.0]))
+    solution = solver.solve(Sketch("pause", 30.0, (early, later)))
+    assert solution.unmet == ()
+    assert_sound(solution, database)
+    places = solution.motion.root_positions_m[:, [0, 2]]
+    keyed = np.concatenate((early.positions_m, later.positions_m))[:, [0, 2]]
+    nearest = np.linalg.norm(places[:, None] - keyed, axis=2).min(axis=1)
+    assert nearest.max() < 1.5
+
+
 def test_a_single_key_gives_a_pose(solver, database):
     solution = solver.solve(Sketch("one", 30.0, (Control("lhand", np.array([7.0]), np.array([[0.3, 1.2, 0.4]])),)))
     assert solution.motion.frames == 1

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from bench.data import TestTake as Take
 from bench.methods import METHODS
-from bench.sketch import BEST, CONTROLS, IK, NEAREST, OURS, sketch, sketch_of, without_takes
+from bench.sketch import BEST, CONTROLS, IK, NEAREST, OURS, UNSEEN, sketch, sketch_of, without_takes
 from bench.sketch_references import inverse_kinematics, solved_as_markers
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.sketch.solve_sketch import key_distances
@@ -71,7 +72,13 @@ def test_table_compares_all_methods(embedded_motion, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.sketch.TAKES", (Take("walk (16_16)", "16_16"),))
     monkeypatch.setattr("bench.sketch.KEYS", ("16",))
     figures = sketch(tmp_path, tmp_path / "out", 1, lambda fraction, text: None)
-    assert [row["method"] for row in figures["rows"]] == 2 * [OURS, IK, BEST, NEAREST]
+    assert [row["method"] for row in figures["rows"]] == 3 * [OURS, IK, BEST, NEAREST]
+    assert [row["controls"] for row in figures["rows"][::4]] == ["five", "three", UNSEEN]
+    clips = {
+        clip.subject for clip in open_database(tmp_path / "out/databases/cmu-without-sketched-and-16_16.pfdb").clips
+    }
+    assert clips == {"09"}
+    assert 0.0 < figures["edits"][0]["first_picture_ms"] < figures["edits"][0]["from_start_ms"]
     rows = {(row["controls"], row["method"]): row for row in figures["rows"]}
     assert rows["five", OURS]["farthest_key_mm"] < 5.0
     for row in figures["ratios"]:
