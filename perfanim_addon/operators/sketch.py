@@ -3,11 +3,16 @@
 from typing import Any
 
 import bpy
+import numpy as np
 
+from ...core.body.calibration_poses import hanging
+from ...core.body.skeleton import forward_kinematics
+from ...core.body.standing import standing_root_m
 from ...core.errors import PerfanimError, SettingsError
 from ...core.markers.subject import skeleton_table
 from ...core.worker.sketch_messages import settings_table, sketch_table, solution_from
 from ..animation.keyframes import KeyBounds
+from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
 from ..character.create_character import find_armature
 from ..preferences import preferences
@@ -25,10 +30,17 @@ PANEL = live_sketch.KEY
 
 
 def _character(context: bpy.types.Context) -> bpy.types.Object:
-    """Return the chosen character; a new one where none is chosen."""
+    """Return the chosen character; where none is chosen a new one that stands relaxed.
+
+    Hips are lower over legs that are spread as at rest: keys there would make a walk crouch.
+    """
     chosen = settings(context)
     if chosen.armature is None:
-        add_character(context, performer_skeleton(chosen))
+        skeleton = performer_skeleton(chosen)
+        name, rotations = add_character(context, skeleton), hanging(skeleton)
+        lowest_m = forward_kinematics(skeleton, rotations, np.zeros(3))[0][:, 1].min()
+        up_m = skeleton.rest_positions_m[:, 1].min() - lowest_m
+        ArmatureDriver(name, skeleton).apply(rotations, standing_root_m(skeleton) + np.array([0.0, up_m, 0.0]))
     return chosen.armature
 
 
