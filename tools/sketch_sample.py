@@ -6,6 +6,7 @@ The motion is drawn from the starter motion. With --render FOLDER, pictures of s
 """
 
 import argparse
+import sys
 import tempfile
 from pathlib import Path
 
@@ -49,13 +50,15 @@ def main() -> None:
     scene.render.fps, scene.frame_start = FPS, 1
     bpy.ops.perfanim.add_controls()
     armature = scene.perfanim.armature
+    armature.perfanim_sketch.parts = {"HANDS"}
+    bpy.ops.perfanim.add_controls()
     armature.perfanim_sketch.behaviours = "walking, transition, boxing"
     for joint, keys in KEYS.items():
         control = controls_of(armature)[joint]
         for frame, place in keys.items():
             control.location = place
             control.keyframe_insert("location", frame=frame)
-    print(_solve(armature))
+    sys.stdout.write(f"{_solve(armature)}\n")
     options.out.parent.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.save_as_mainfile(filepath=str(options.out.resolve()))
     if options.render:

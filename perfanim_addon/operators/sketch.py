@@ -93,12 +93,10 @@ class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
         return f"{sum(len(each.frames) for each in sketch.controls)} keys of {action.name}"
 
 
-class PERFANIM_OT_solve_sketch(SolvingOperator, bpy.types.Operator):
-    """Solve the whole body's motion from the keyed controls, and put it onto the character"""
+class _SolvesSketch(SolvingOperator):
+    """Base of Solve Sketch and Bake."""
 
-    bl_label = "Solve Sketch"
     bl_options = {"REGISTER", "UNDO"}
-    title = "Solving the sketch"
     panel = PANEL
 
     @classmethod
@@ -135,7 +133,14 @@ class PERFANIM_OT_solve_sketch(SolvingOperator, bpy.types.Operator):
         return write_solution(context, armature, self._sketch, self._chosen, solved, self.bounds(context))
 
 
-class PERFANIM_OT_bake_sketch(PERFANIM_OT_solve_sketch):
+class PERFANIM_OT_solve_sketch(_SolvesSketch, bpy.types.Operator):
+    """Solve the whole body's motion from the keyed controls, and put it onto the character"""
+
+    bl_label = "Solve Sketch"
+    title = "Solving the sketch"
+
+
+class PERFANIM_OT_bake_sketch(_SolvesSketch, bpy.types.Operator):
     """Solve the sketch into an action with few keys, within the tolerances of Fewer Keys"""
 
     bl_label = "Bake"

@@ -24,11 +24,11 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
         "Controls",
         "Controls to add, Shift-click for several. What has no control is free",
         tuple((key, key.title(), f"Add controls: {key.lower()}", 1 << bit) for bit, key in enumerate(CONTROLS)),
-        default={"HANDS", "FEET", "HIPS"},
+        default={"FEET", "HIPS"},
         options={"ENUM_FLAG"},
     )
     follow: number(
-        "Follow the Curve",
+        "Follow",
         "Between the keys: 0 keeps the database's motion, 1 follows the curves. Keys are met either way",
         0.3,
         0.0,

@@ -21,7 +21,6 @@ JOINT = "perfanim_joint"  # custom property of a control
 _SIZE_M = 0.08  # of a control of a person's hand
 _LARGER = {"root": 2.0, "thorax": 1.6, "head": 1.6}
 _SHAPES = {"root": "CUBE"}
-_COLOURS = {"l": (0.1, 0.4, 1.0, 1.0), "r": (1.0, 0.2, 0.15, 1.0), "": (1.0, 0.8, 0.1, 1.0)}
 _FARTHEST_M = 1000.0
 _MOVED = 1e-4  # of a location, by which a control is off its curves while it is dragged
 _ALONG_PATH = 8  # frames between two positions on a path or under a parent
@@ -36,7 +35,7 @@ def controls_of(armature_object: bpy.types.Object) -> dict[str, bpy.types.Object
 def add_controls(
     context: bpy.types.Context, armature_object: bpy.types.Object, space: CaptureSpace, joints: Iterable[str]
 ) -> list[str]:
-    """Add the missing controls at a character's present pose; return their names.
+    """Add and select the missing controls at a character's pose; return their names.
 
     Raises:
         CharacterError: a joint has no bone.
@@ -54,7 +53,19 @@ def add_controls(
         if joint not in present:
             place = posed.matrix_world @ posed.pose.bones[bones[joint]].head
             names.append(_add_empty(kept, armature_object, joint, place, space.length_in_scene(_SIZE_M)))
+    _select(context, names)
     return names
+
+
+def _select(context: bpy.types.Context, names: list[str]) -> None:
+    """Select new controls in Object Mode, so that I keys them."""
+    if not names:
+        return
+    if context.mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    for each in context.view_layer.objects:
+        each.select_set(each.name in names)
+    context.view_layer.objects.active = bpy.data.objects[names[0]]
 
 
 def _collection(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Collection:
@@ -73,7 +84,6 @@ def _add_empty(
     empty = bpy.data.objects.new(f"{joint_label(joint)} of {armature_object.name}", None)
     empty.empty_display_type = _SHAPES.get(joint, "SPHERE")
     empty.empty_display_size = size * _LARGER.get(joint, 1.0)
-    empty.color = _COLOURS[joint[0] if joint[0] in "lr" and joint != "root" else ""]
     empty.show_in_front, empty.location = True, place
     empty[JOINT] = joint
     kept.objects.link(empty)
