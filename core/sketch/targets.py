@@ -29,6 +29,7 @@ _TURNED_M = (
 _STAYED_M, _STAYED_M_S = 0.04, 0.1  # a foot stands between two keys that are no further apart, at no higher speed
 _STEP_M, _STEP_M_S = 0.05, 1.0  # it takes a step between keys further apart, of this mean speed
 _SHORTEST_CONTACT_S = 0.1
+_FLOOR_M = 0.12  # a foot that stands higher, or lower, stands on something else
 _ROLL_S = 0.13  # in which a foot turns onto the place where it stands
 
 
@@ -86,7 +87,7 @@ def targets_of(
             keyed = (keys - frames[0]).astype(np.int64)
         if hold_feet:
             stances = stances_of(standing[:, side] > _STANDS, toes_m + wanted, keyed, keys_m, sketch.fps)
-            floor_m = None if leader or "root" in controls else standing_toes_m(skeleton)
+            floor_m = None if leader else standing_toes_m(skeleton)
             wanted, stands, anchors_m = held_foot(toes_m, wanted, stances, keyed, floor_m)
             sigmas[stands] = np.where(np.isin(np.arange(len(joints)), columns), _STAND_SIGMA_M, sigmas[stands])
         for column, name in zip(columns, pair, strict=True):
@@ -198,7 +199,7 @@ def held_foot(
         displacement_m: (F, 3) wanted without contacts.
         stances: [first, stop) of each.
         keyed: (K,) frames in which the foot has a key, which binds.
-        floor_m: height at which toes stand, None to leave it.
+        floor_m: height of standing toes on the floor, for those near it; None to leave them.
     """
     frames = np.arange(len(toes_m), dtype=np.float64)
     known, values = np.zeros(len(toes_m), dtype=np.bool_), displacement_m.copy()
@@ -212,7 +213,7 @@ def held_foot(
             anchors = np.column_stack([np.interp(inside, own, wanted[own, axis]) for axis in range(3)])
         else:
             anchors = np.repeat(wanted[inside].mean(axis=0)[None], len(inside), axis=0)
-            if floor_m is not None:
+            if floor_m is not None and abs(anchors[0, 1] - floor_m) < _FLOOR_M:
                 anchors[:, 1] = floor_m
         values[inside], known[inside], stands[inside] = anchors - toes_m[inside], True, True
         places[inside] = anchors.mean(axis=0)
