@@ -22,10 +22,9 @@ from .sketch import Control, Sketch
 _ANKLES = ("lfoot", "rfoot")
 _KEY_SIGMA_M, _SWING_SIGMA_M, _STAND_SIGMA_M = 0.001, 0.03, 0.004
 _STANDS = 0.5  # share of the windows that show it
-_TURNED_M = (
-    0.25,
-    0.5,
-)  # distance of the controls from the database's motion at which a body is turned to them: not, fully
+# distances of the controls from the database's motion at which a body begins to be turned to them, and is fully
+_TURNED_M = 0.25, 0.5
+_LIMBS_M = 0.15  # way to targets that limbs go without the body
 _STAYED_M, _STAYED_M_S = 0.04, 0.1  # a foot stands between two keys that are no further apart, at no higher speed
 _STEP_M, _STEP_M_S = 0.05, 1.0  # it takes a step between keys further apart, of this mean speed
 _SHORTEST_CONTACT_S = 0.1
@@ -39,7 +38,7 @@ class Targets:
 
     Args:
         joints: names (M).
-        points_m: (F, M, 3), NaN without target.
+        points_m: (F, M, 3).
         sigmas_m: (F, M) standard deviations.
     """
 
@@ -97,7 +96,7 @@ def targets_of(
                 points[:, column] = base_m[:, column] + wanted
         if hold_feet and leader != pair[1] and pair[1] not in controls:
             ankle_m, toes_m = points[:, columns[0]], points[:, columns[1]]
-            points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, round(_ROLL_S * sketch.fps))
+            points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, max(1, round(_ROLL_S * sketch.fps)))
     return Targets(joints, reach.limited(points), sigmas)
 
 
@@ -106,7 +105,7 @@ def _rolled(ankle_m: Array, toes_m: Array, anchors_m: Array, ease: int) -> Array
 
     Args:
         anchors_m: (F, 3), NaN where the foot does not stand.
-        ease: frames before and after a stance in which what that changes comes and goes.
+        ease: frames before and after a stance in which the change comes and goes, at least 1.
     """
     length_m = np.linalg.norm(toes_m - ankle_m, axis=1, keepdims=True)
     way = anchors_m - ankle_m
@@ -133,7 +132,8 @@ def carried_root(
     if targets.joints[0] == "root":
         places += targets.points_m[:, 0] - base_m[:, 0]
     else:
-        places += np.mean(targets.points_m[:, :controls] - base_m[:, :controls], axis=1)
+        ways = np.mean(targets.points_m[:, :controls] - base_m[:, :controls], axis=1)
+        places += ways * np.maximum(0.0, 1.0 - _LIMBS_M / np.maximum(np.linalg.norm(ways, axis=1), 1e-9))[:, None]
     if controls < 3:
         return rotations, places
     turned = rotations.copy()
