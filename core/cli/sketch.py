@@ -89,7 +89,6 @@ def _solve(
     first = int(sketch.frames[0])
     # files of motion count frames from 0: so a frame of the file is the same of the sketch
     lead_in = first if 0 < first <= MOST_FRAMES else 0
-    out.parent.mkdir(parents=True, exist_ok=True)
     written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
     return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from .motion_library import BODY, MotionLibrary
-from .retrieval import CONTEXT_S, Looks, Stretch, Windows
+from .retrieval import CONTEXT_S, Looks, Stretch, Windows, shown_at
 
 _CLOSEST = 32  # windows of the regression
 _SIGMA_M = 0.05  # distance at a control that counts as one
@@ -42,17 +42,7 @@ class BaseMotion:
         return replace(self, root_rotations=turns, root_positions_m=places)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Motion of one window (T, ...)."""
-
-    poses: Array
-    root_rotations: Array
-    root_positions_m: Array
-    standing: Array
-
-
-def window_motion(library: MotionLibrary, windows: Windows, index: int, times_s: Array) -> _Part:
+def window_motion(library: MotionLibrary, windows: Windows, index: int, times_s: Array) -> BaseMotion:
     """Return the motion of a placed window at times (T,) since its stretch's first."""
     frames = windows.starts[index] + times_s * windows.rates[index] * library.fps
     poses, turns, places = library.poses_at(frames)
@@ -61,7 +51,9 @@ def window_motion(library: MotionLibrary, windows: Windows, index: int, times_s:
     placed = np.column_stack((planar.imag, places[:, 1], planar.real))
     turned = rot.multiply(rot.from_rotation_vector(np.array([0.0, yaw, 0.0])), turns)
     nearest = np.round(frames).astype(np.int64)
-    return _Part(poses, turned, placed, library.contacts[nearest].astype(np.float64))
+    return BaseMotion(
+        poses, turned, placed, library.contacts[nearest].astype(np.float64), (library.clip_of(frames[0]).name,)
+    )
 
 
 def blended(
@@ -100,21 +92,22 @@ def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
 
 def corrected(
     library: MotionLibrary, looks: Looks, stretch: Stretch, windows: Windows, index: int, times_s: Array
-) -> _Part:
+) -> BaseMotion:
     """Return the motion of a window as its neighbours would meet the controls."""
     relative_s = times_s - stretch.first_s
     own = window_motion(library, windows, index, relative_s)
     near = looks.between(stretch.before_s, stretch.after_s)
     if len(windows.starts) < 8 or not len(near.times_s):
         return own
-    bodies = _bodies(library, windows, relative_s)
+    moments = np.repeat(np.linspace(relative_s[0], relative_s[-1], _FRAMES), len(BODY))
+    bodies = shown_at(library, windows, moments, np.tile([library.columns[name] for name in BODY], _FRAMES))
     away = np.mean((bodies - bodies[index]) ** 2, axis=1) * 3.0
     picked = np.argsort(away + windows.costs, kind="stable")[:_CLOSEST]
     distances = (away + windows.costs)[picked]
     weights = np.exp(-0.5 * distances / (np.median(distances) + 1e-9))
     weights /= weights.sum()
     parts = [window_motion(library, windows, int(at), relative_s) for at in picked]
-    shown = _shown(library, windows.picked(picked), near, stretch)
+    shown = shown_at(library, windows.picked(picked), near.times_s - stretch.first_s, near.columns)
     goals = np.concatenate((near.planar.real, near.planar.imag, near.heights_m))
     sizes = np.sqrt(np.tile(near.weights, 3)) / _SIGMA_M
     # outputs relative to the window's own
@@ -132,11 +125,12 @@ def corrected(
     change = _ridge(shown * sizes, outputs, weights, goals * sizes)
     count = len(times_s)
     pose, turn, place = np.split(change, [own.poses.size, own.poses.size + 3 * count])
-    return _Part(
+    return BaseMotion(
         own.poses + pose.reshape(own.poses.shape),
         rot.multiply(own.root_rotations, rot.from_rotation_vector(turn.reshape(count, 3))),
         own.root_positions_m + place.reshape(count, 3),
         own.standing,
+        own.drawn_from,
     )
 
 
@@ -148,22 +142,3 @@ def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
     gram = x @ x.T + np.eye(len(x))
     away = np.clip(goal - middle, -_FARTHEST, _FARTHEST)
     return np.asarray(mean + (x @ away) @ np.linalg.solve(gram, y))
-
-
-def _bodies(library: MotionLibrary, windows: Windows, times_s: Array) -> Array:
-    """Return (K, N) places of the body's joints at some frames of the windows."""
-    columns = [library.columns[name] for name in BODY]
-    found = []
-    for at_s in np.linspace(times_s[0], times_s[-1], _FRAMES):
-        frames = np.round(windows.starts + at_s * windows.rates * library.fps).astype(np.int64)
-        planar = windows.turns[:, None] * library.planar[frames][:, columns] + windows.shifts[:, None]
-        found += [planar.real, planar.imag, library.heights_m[frames][:, columns]]
-    return np.concatenate(found, axis=1)
-
-
-def _shown(library: MotionLibrary, windows: Windows, near: Looks, stretch: Stretch) -> Array:
-    """Return (K, 3 N) where the windows show the controls at the looks."""
-    times = (near.times_s - stretch.first_s)[None] * windows.rates[:, None] * library.fps
-    frames = windows.starts[:, None] + np.round(times).astype(np.int64)
-    planar = windows.turns[:, None] * library.planar[frames, near.columns] + windows.shifts[:, None]
-    return np.concatenate((planar.real, planar.imag, library.heights_m[frames, near.columns]), axis=1)

@@ -44,7 +44,7 @@ class BodyFit:
         """Return the pose (28, 3) and root near others that meet targets.
 
         Args:
-            points_m: (M, 3), NaN without target.
+            points_m: (M, 3).
             sigmas_m: (M,) standard deviations.
         """
         known = Observation.of_points(points_m).smoothed(points_m, sigmas_m)

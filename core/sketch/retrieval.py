@@ -5,6 +5,7 @@ The time between keys is cut into stretches. For each, all windows of the databa
 each stretch: near the keys, somewhat near the curves between, and each going on from the one before.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, floor
@@ -242,13 +243,13 @@ def _changes(library: MotionLibrary, before: tuple[Windows, Stretch], after: tup
 
 def _state(library: MotionLibrary, windows: Windows, time_s: float) -> Array:
     """Return (K, 6 B) places of the body's joints and how they change."""
-    columns = [library.columns[name] for name in BODY]
-    ends = []
-    for at_s in (time_s, time_s + 2.0 / library.fps):
-        frames = np.round(windows.starts + at_s * windows.rates * library.fps).astype(np.int64)
-        clips = library.database.clip_of_frame
-        frames = np.where(clips[np.minimum(frames, len(clips) - 1)] == clips[windows.starts], frames, windows.starts)
-        planar = windows.turns[:, None] * library.planar[frames][:, columns] + windows.shifts[:, None]
-        ends.append(np.concatenate((planar.real, planar.imag, library.heights_m[frames][:, columns]), axis=1))
-    velocity = (ends[1] - ends[0]) * library.fps / 2.0
-    return np.concatenate((ends[0], _VELOCITY_S * velocity), axis=1)
+    columns, step_s = [library.columns[name] for name in BODY], min(2.0 / library.fps, 0.5 * CONTEXT_S)
+    now, then = (shown_at(library, windows, np.full(len(BODY), at_s), columns) for at_s in (time_s, time_s + step_s))
+    return np.concatenate((now, _VELOCITY_S * (then - now) / step_s), axis=1)
+
+
+def shown_at(library: MotionLibrary, windows: Windows, times_s: Array, columns: Sequence[int] | IntArray) -> Array:
+    """Return (K, 3 N) places, m, where windows show joints (N,) at times (N,)."""
+    frames = windows.starts[:, None] + np.round(times_s * windows.rates[:, None] * library.fps).astype(np.int64)
+    planar = windows.turns[:, None] * library.planar[frames, columns] + windows.shifts[:, None]
+    return np.concatenate((planar.real, planar.imag, library.heights_m[frames, columns]), axis=1)

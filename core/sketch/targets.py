@@ -22,13 +22,13 @@ from .sketch import Control, Sketch
 _ANKLES = ("lfoot", "rfoot")
 _KEY_SIGMA_M, _SWING_SIGMA_M, _STAND_SIGMA_M = 0.001, 0.03, 0.004
 _STANDS = 0.5  # share of the windows that show it
-_TURNED_M = (
-    0.25,
-    0.5,
-)  # distance of the controls from the database's motion at which a body is turned to them: not, fully
+# distances of the controls from the database's motion at which a body begins to be turned to them, and is fully
+_TURNED_M = 0.25, 0.5
+_LIMBS_M = 0.15  # way to targets that limbs go without the body
 _STAYED_M, _STAYED_M_S = 0.04, 0.1  # a foot stands between two keys that are no further apart, at no higher speed
 _STEP_M, _STEP_M_S = 0.05, 1.0  # it takes a step between keys further apart, of this mean speed
 _SHORTEST_CONTACT_S = 0.1
+_FLOOR_M = 0.12  # a foot that stands higher, or lower, stands on something else
 _ROLL_S = 0.13  # in which a foot turns onto the place where it stands
 
 
@@ -38,7 +38,7 @@ class Targets:
 
     Args:
         joints: names (M).
-        points_m: (F, M, 3), NaN without target.
+        points_m: (F, M, 3).
         sigmas_m: (F, M) standard deviations.
     """
 
@@ -86,7 +86,7 @@ def targets_of(
             keyed = (keys - frames[0]).astype(np.int64)
         if hold_feet:
             stances = stances_of(standing[:, side] > _STANDS, toes_m + wanted, keyed, keys_m, sketch.fps)
-            floor_m = None if leader or "root" in controls else standing_toes_m(skeleton)
+            floor_m = None if leader else standing_toes_m(skeleton)
             wanted, stands, anchors_m = held_foot(toes_m, wanted, stances, keyed, floor_m)
             sigmas[stands] = np.where(np.isin(np.arange(len(joints)), columns), _STAND_SIGMA_M, sigmas[stands])
         for column, name in zip(columns, pair, strict=True):
@@ -96,7 +96,7 @@ def targets_of(
                 points[:, column] = base_m[:, column] + wanted
         if hold_feet and leader != pair[1] and pair[1] not in controls:
             ankle_m, toes_m = points[:, columns[0]], points[:, columns[1]]
-            points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, round(_ROLL_S * sketch.fps))
+            points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, max(1, round(_ROLL_S * sketch.fps)))
     return Targets(joints, reach.limited(points), sigmas)
 
 
@@ -105,7 +105,7 @@ def _rolled(ankle_m: Array, toes_m: Array, anchors_m: Array, ease: int) -> Array
 
     Args:
         anchors_m: (F, 3), NaN where the foot does not stand.
-        ease: frames before and after a stance in which what that changes comes and goes.
+        ease: frames before and after a stance in which the change comes and goes, at least 1.
     """
     length_m = np.linalg.norm(toes_m - ankle_m, axis=1, keepdims=True)
     way = anchors_m - ankle_m
@@ -132,7 +132,8 @@ def carried_root(
     if targets.joints[0] == "root":
         places += targets.points_m[:, 0] - base_m[:, 0]
     else:
-        places += np.mean(targets.points_m[:, :controls] - base_m[:, :controls], axis=1)
+        ways = np.mean(targets.points_m[:, :controls] - base_m[:, :controls], axis=1)
+        places += ways * np.maximum(0.0, 1.0 - _LIMBS_M / np.maximum(np.linalg.norm(ways, axis=1), 1e-9))[:, None]
     if controls < 3:
         return rotations, places
     turned = rotations.copy()
@@ -198,7 +199,7 @@ def held_foot(
         displacement_m: (F, 3) wanted without contacts.
         stances: [first, stop) of each.
         keyed: (K,) frames in which the foot has a key, which binds.
-        floor_m: height at which toes stand, None to leave it.
+        floor_m: height of standing toes on the floor, for those near it; None to leave them.
     """
     frames = np.arange(len(toes_m), dtype=np.float64)
     known, values = np.zeros(len(toes_m), dtype=np.bool_), displacement_m.copy()
@@ -212,7 +213,7 @@ def held_foot(
             anchors = np.column_stack([np.interp(inside, own, wanted[own, axis]) for axis in range(3)])
         else:
             anchors = np.repeat(wanted[inside].mean(axis=0)[None], len(inside), axis=0)
-            if floor_m is not None:
+            if floor_m is not None and abs(anchors[0, 1] - floor_m) < _FLOOR_M:
                 anchors[:, 1] = floor_m
         values[inside], known[inside], stands[inside] = anchors - toes_m[inside], True, True
         places[inside] = anchors.mean(axis=0)
