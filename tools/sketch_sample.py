@@ -26,12 +26,13 @@ from perfanim.perfanim_addon.sketch.write_solution import SketchBody, write_solu
 
 FPS = 30
 MARK = (0.0, -2.0)  # on the floor; the walk begins at the origin, towards -y
-HIPS, ANKLE, GUARD, FIST = 0.99, 0.09, 1.32, 1.42  # heights above the floor
+HIPS, ANKLE, CHEST, GUARD, FIST = 0.99, 0.08, 1.22, 1.32, 1.42  # heights above the floor
 # joint -> frame -> place in the scene; after the turn the character faces +x
 KEYS = {
     "root": {1: (0.0, 0.0, HIPS), 40: (0.0, -1.05, HIPS), 75: (*MARK, HIPS), 104: (*MARK, HIPS - 0.02)},
-    "lfoot": {1: (0.09, 0.0, ANKLE), 78: (0.09, MARK[1] - 0.04, ANKLE)},
-    "rfoot": {1: (-0.09, 0.0, ANKLE), 78: (-0.09, MARK[1] + 0.02, ANKLE)},
+    "lfoot": {78: (0.09, MARK[1] - 0.04, ANKLE), 104: (0.16, MARK[1] + 0.12, ANKLE)},
+    "rfoot": {104: (-0.16, MARK[1] - 0.12, ANKLE)},
+    "thorax": {75: (0.0, MARK[1] - 0.01, CHEST)},
     "lhand": {104: (0.30, MARK[1] + 0.12, GUARD), 130: (0.66, MARK[1] + 0.04, FIST)},
     "rhand": {104: (0.22, MARK[1] - 0.14, GUARD), 117: (0.66, MARK[1] - 0.02, FIST)},
 }
@@ -50,7 +51,7 @@ def main() -> None:
     scene.render.fps, scene.frame_start = FPS, 1
     bpy.ops.perfanim.add_controls()
     armature = scene.perfanim.armature
-    armature.perfanim_sketch.parts = {"HANDS"}
+    armature.perfanim_sketch.parts = {"HANDS", "CHEST"}
     bpy.ops.perfanim.add_controls()
     armature.perfanim_sketch.behaviours = "walking, transition, boxing"
     for joint, keys in KEYS.items():

@@ -1,6 +1,7 @@
 """Solved sketches as actions, and the sketch that stays with its action."""
 
 import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -8,6 +9,7 @@ import bpy
 import numpy as np
 
 from ...core.body.skeleton import Skeleton
+from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError, SettingsError
 from ...core.sketch.sketch import Sketch
 from ...core.sketch.solve_sketch import SketchSettings
@@ -106,10 +108,17 @@ def outcome_text(solved: SolvedSketch) -> str:
         more = f" and {len(drawn) - _LISTED} more" if len(drawn) > _LISTED else ""
         return f"all keys are met; drawn from {', '.join(drawn[:_LISTED])}{more}"
     farthest = sorted(solved.unmet, key=lambda key: -key[2])
-    texts = [f"{joint_label(joint)} in frame {frame} is {_length(m)} off ({why})" for joint, frame, m, why in farthest]
+    texts = [
+        f"{joint_label(j)} in frame {frame} is {_length(m)} off ({_in_words(why)})" for j, frame, m, why in farthest
+    ]
     more = f"; and {len(texts) - _LISTED} more" if len(texts) > _LISTED else ""
     count = len(texts)
     return f"{count} key{'s are' if count > 1 else ' is'} not met: {'; '.join(texts[:_LISTED])}{more}"
+
+
+def _in_words(reason: str) -> str:
+    """Return the solver's reason with the labels of joints."""
+    return re.sub(rf"\b({'|'.join(JOINT_NAMES)})\b", lambda found: joint_label(found[0]), reason)
 
 
 def _length(metres: float) -> str:
