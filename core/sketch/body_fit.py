@@ -11,7 +11,9 @@ from ..solver.gaussian_conditioning import Expectation, Prior, fit_to_markers
 from ..solver.observation import Observation
 from ..solver.subject_model import RootPose, SubjectModel
 
-_STEPS = 10  # of Gauss-Newton at most
+_STEPS = 10  # of Gauss-Newton at most,
+_ROUNDS = 3  # and again from there while a tight target is further off than
+_NEAR_M, _TIGHT_M = 0.01, 0.002
 _MARKER_SIGMA_M = 0.0005
 _CHANGE_SHARE = 0.1  # of the database's covariance, with which a pose varies about its motion
 _CHANGE_RAD = 0.02  # and beside that
@@ -51,8 +53,12 @@ class BodyFit:
         # what the database's motion itself has is no violation
         flat = pose.ravel()
         limits = np.array((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)))
-        expectation = Expectation(Prior(flat, self._covariance), known, root, _ROOT_SIGMA, limits)
-        solved, root, _ = fit_to_markers(expectation, self._model, _MARKER_SIGMA_M, _STEPS)
-        # impossible targets pull with any force: no joint goes far beyond its limits all the same
-        solved = np.clip(solved, limits[0] - _MOST_BEYOND_RAD, limits[1] + _MOST_BEYOND_RAD)
-        return solved.reshape(-1, 3), root
+        for _ in range(_ROUNDS):
+            expectation = Expectation(Prior(flat, self._covariance), known, root, _ROOT_SIGMA, limits)
+            flat, root, _ = fit_to_markers(expectation, self._model, _MARKER_SIGMA_M, _STEPS)
+            # impossible targets pull with any force: no joint goes far beyond its limits all the same
+            flat = np.clip(flat, limits[0] - _MOST_BEYOND_RAD, limits[1] + _MOST_BEYOND_RAD)
+            away_m = np.linalg.norm(self._model.markers(flat.reshape(-1, 3), root) - points_m, axis=1)
+            if (away_m[sigmas_m < _TIGHT_M] < _NEAR_M).all():
+                break
+        return flat.reshape(-1, 3), root
