@@ -1,4 +1,4 @@
-"""Write a .blend with a sketch: walk to a mark, turn, two punches, from twelve keys.
+"""Write a .blend with a sketch: a walk, a turn and two punches from twelve keys.
 
     python tools/sketch_sample.py --out out/sketch/sketch-sample.blend
 

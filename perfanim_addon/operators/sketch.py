@@ -50,7 +50,7 @@ def _missing_controls(context: bpy.types.Context) -> str:
 
 
 class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
-    """Add empties at the character's joints, to be keyed; without a character a new one is added"""
+    """Add empties at the character's joints, to be keyed; a missing character is added"""
 
     bl_label = "Add Controls"
     panel = PANEL
@@ -70,7 +70,7 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
-    """Set controls, keys and settings to those of the sketch that the character's action was solved from"""
+    """Set controls, keys and settings to those of the action's sketch"""
 
     bl_label = "Take Up Again"
     panel = PANEL
@@ -134,14 +134,14 @@ class _SolvesSketch(SolvingOperator):
 
 
 class PERFANIM_OT_solve_sketch(_SolvesSketch, bpy.types.Operator):
-    """Solve the whole body's motion from the keyed controls, and put it onto the character"""
+    """Solve the whole body from the keyed controls, and put it onto the character"""
 
     bl_label = "Solve Sketch"
     title = "Solving the sketch"
 
 
 class PERFANIM_OT_bake_sketch(_SolvesSketch, bpy.types.Operator):
-    """Solve the sketch into an action with few keys, within the tolerances of Fewer Keys"""
+    """Solve into an action with few keys, within the tolerances of Fewer Keys"""
 
     bl_label = "Bake"
     title = "Baking the sketch"
@@ -153,7 +153,7 @@ class PERFANIM_OT_bake_sketch(_SolvesSketch, bpy.types.Operator):
 
 
 class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
-    """Solve again whenever a control, a key or a setting of the sketch changes; click again to end"""
+    """Solve again at each edit of controls, keys or settings; click again to end"""
 
     bl_label = "Live"
 

@@ -18,7 +18,7 @@ CONTROLS = {
 
 
 class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
-    """Settings of the Sketch Motion panel, and what belongs to the sketch."""
+    """Settings of the Sketch Motion panel, and the sketch's controls and action."""
 
     parts: choice(
         "Controls",

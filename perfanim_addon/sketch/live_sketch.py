@@ -79,7 +79,7 @@ class LiveSketch:
         return {"number": self._number, **table}
 
     def tick(self, context: bpy.types.Context) -> None:
-        """Send an edit that was noted, show what has come; never wait.
+        """Send a noted edit and show the newest solution; never wait.
 
         Raises:
             PerfanimError: the worker died, or the character is gone.
