@@ -54,6 +54,7 @@ class LiveSketch:
         self._sent: dict[str, Any] = {}
         self._sketches: dict[int, Sketch] = {}
         self._filling: Iterator[None] | None = None
+        self._filled = "", 0  # action, and its address
         self._client = WorkerClient(
             {
                 "job": "sketch",
@@ -123,6 +124,7 @@ class LiveSketch:
             write_solution(context, found, sketch, chosen, solved)
         else:
             keep_sketch(action, sketch, chosen)
+            self._filled = action.name, action.as_pointer()
             self._filling = self._curves(action.name, sketch.frames, solved)
         activity.set_message(KEY, outcome_text(solved), "ERROR" if solved.unmet else "INFO")
         activity.redraw_sidebars()
@@ -138,6 +140,10 @@ class LiveSketch:
         )
 
     def _fill(self) -> None:
+        name, pointer = self._filled
+        action = bpy.data.actions.get(name)
+        if action is None or action.as_pointer() != pointer:  # deleted meanwhile, and its curves with it
+            self._filling = None
         limit_s = time.perf_counter() + _SLICE_S
         while self._filling is not None and time.perf_counter() < limit_s:
             if next(self._filling, self) is self:
