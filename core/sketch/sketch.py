@@ -25,6 +25,7 @@ MOST_FRAMES = 20_000  # from the first key to the last
 _HEADER = ("control", "frame", "x", "y", "z")
 _ADVICE = "columns must be control,frame,x,y,z in metres, and a comment line must state fps=..."
 _FARTHEST_M = 1000.0
+_UPRIGHT = 0.7  # cosine of the angle from hips over feet to the vertical
 _ANKLE_M = 0.08  # height of a standing foot's joint
 _FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
 
@@ -80,13 +81,14 @@ class Sketch:
 def upright_from(sketch: Sketch) -> Array | None:
     """Return the rotation (4,) that sets the hips of a sketch above its feet.
 
-    None where hips or feet are no controls.
+    None where hips or feet are no controls, or where they are upright already.
     """
     means = {control.joint: control.positions_m.mean(axis=0) for control in sketch.controls}
     feet = [means[name] for name in _FEET if name in means]
     if "root" not in means or not feet:
         return None
-    return rot.between(means["root"] - np.mean(feet, axis=0), np.array([0.0, 1.0, 0.0]))
+    leg = means["root"] - np.mean(feet, axis=0)
+    return None if leg[1] > _UPRIGHT * np.linalg.norm(leg) else rot.between(leg, np.array([0.0, 1.0, 0.0]))
 
 
 def tilted(sketch: Sketch, rotation: Array) -> Sketch:
