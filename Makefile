@@ -27,7 +27,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -164,6 +164,14 @@ retarget-bench: $(STAMP)
 frame-bench: export OPENBLAS_NUM_THREADS := 1
 frame-bench: $(STAMP)
 	$(BIN)/python tools/frame_bench.py --data $(DATA)
+
+# A .blend with a sketch of twelve keys (walk to a mark, turn, two punches), and pictures of its motion; needs bpy.
+sketch-sample: $(STAMP)
+	$(BIN)/python tools/sketch_sample.py --out out/sketch/sketch-sample.blend --render out/sketch
+
+# Live edits of that sketch over 250 frames: first picture, whole motion, and how long Blender is held up.
+sketch-live-bench: sketch-sample
+	$(BIN)/python tools/sketch_live_bench.py out/sketch/sketch-sample.blend
 
 # The packages and their imports as docs/architecture.svg; `make check` fails while it is out of date.
 architecture-picture: $(STAMP)

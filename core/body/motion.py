@@ -72,6 +72,12 @@ def resampled(motion: Motion, fps: float) -> Motion:
     )
 
 
+def with_lead_in(motion: Motion, frames: int) -> Motion:
+    """Return the motion after its first pose held for some frames."""
+    shown = np.concatenate((np.zeros(frames, dtype=np.int64), np.arange(motion.frames)))
+    return replace(motion, rotations=motion.rotations[shown], root_positions_m=motion.root_positions_m[shown])
+
+
 def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Array:
     if np.all(fraction == np.round(fraction)):  # whole ratio of rates: frames are picked, nothing is computed
         return rotations[before + np.round(fraction).astype(np.int64)]

@@ -20,8 +20,8 @@ from .partial_result import PartialResult
 
 # Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
 COMMANDS = (
-    "demo", "check", "calibrate", "track", "take", "database", "solve", "evaluate", "retarget", "vmc", "batch",
-    "simulate", "bench", "diagnose",
+    "demo", "check", "calibrate", "track", "take", "database", "solve", "sketch", "evaluate", "retarget", "vmc",
+    "batch", "simulate", "bench", "diagnose",
 )  # fmt: skip
 _PACKAGES = ("calibrate", "take", "batch")  # commands with a package of their own, in its module `command`
 

@@ -50,8 +50,19 @@ def save_subject(subject: Subject, path: str | Path) -> None:
 
 def subject_tables(subject: Subject) -> dict[str, Any]:
     """Return the tables of a subject file."""
-    skeleton = subject.skeleton
-    joints = [
+    return {
+        "kind": "perfanim subject",
+        "version": 1,
+        "name": subject.name,
+        "residual_m": float(subject.residual_m),
+        "marker_set": marker_set_table(subject.marker_set),
+        "joint": skeleton_table(subject.skeleton),
+    }
+
+
+def skeleton_table(skeleton: Skeleton) -> list[dict[str, Any]]:
+    """Return the joints of a skeleton as rows of a file or a message."""
+    return [
         {
             "name": name,
             "parent": skeleton.names[parent] if parent >= 0 else "",
@@ -62,14 +73,6 @@ def subject_tables(subject: Subject) -> dict[str, Any]:
         }
         for i, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True))
     ]
-    return {
-        "kind": "perfanim subject",
-        "version": 1,
-        "name": subject.name,
-        "residual_m": float(subject.residual_m),
-        "marker_set": marker_set_table(subject.marker_set),
-        "joint": joints,
-    }
 
 
 def load_subject(path: str | Path) -> Subject:
@@ -82,12 +85,13 @@ def subject_from(table: Mapping[str, Any], where: str) -> Subject:
     if table.get("kind") != "perfanim subject" or table.get("version") != 1:
         raise SubjectError("is not a subject file of this version", where=where, advice="calibrate the subject again")
     with reading(where, SubjectError, "calibrate the subject again"):
-        skeleton = _skeleton_from(table["joint"])
+        skeleton = skeleton_from(table["joint"])
         marker_set = marker_set_from(dict(table["marker_set"]), where=where)
         return Subject(str(table["name"]), skeleton, marker_set, float(table["residual_m"]))
 
 
-def _skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:
+def skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:
+    """Return the skeleton of rows as `skeleton_table` makes them."""
     names = tuple(str(joint["name"]) for joint in joints)
     return Skeleton(
         names=names,

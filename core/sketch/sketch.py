@@ -7,7 +7,7 @@ in metres, y up, in any order. A control is a joint of the standard skeleton.
 import csv
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from ..body.motion import LEAST_FPS, MOST_FPS
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
 from ..formats.markers.reader_parts import numbers_of
+from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..system.files import read_bytes
 from .curves import curve_positions
@@ -24,6 +25,9 @@ MOST_FRAMES = 20_000  # from the first key to the last
 _HEADER = ("control", "frame", "x", "y", "z")
 _ADVICE = "columns must be control,frame,x,y,z in metres, and a comment line must state fps=..."
 _FARTHEST_M = 1000.0
+_UPRIGHT = 0.7  # cosine of the angle from hips over feet to the vertical
+_ANKLE_M = 0.08  # height of a standing foot's joint
+_FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
 
 
 @dataclass(frozen=True)
@@ -32,13 +36,20 @@ class Control:
 
     Args:
         joint: of the standard skeleton.
-        frames: (K,) of the keys, ascending; two may be the same.
+        frames: (K,) of the keys, whole numbers, ascending; two may be the same.
         positions_m: (K, 3) of the joint's origin in the world.
     """
 
     joint: str
     frames: Array
     positions_m: Array
+
+    def distinct_keys(self) -> tuple[Array, Array]:
+        """Return frames (K,) and positions (K, 3), m; keys in one frame as their mean."""
+        frames, key = np.unique(self.frames, return_inverse=True)
+        sums = np.zeros((len(frames), 3))
+        np.add.at(sums, key, self.positions_m)
+        return frames, sums / np.bincount(key)[:, None]
 
     def curve(self, at: Array) -> Array:
         """Return positions (F, 3) on the curve through the keys, in metres.
@@ -48,10 +59,7 @@ class Control:
         Args:
             at: (F,) frames.
         """
-        frames, key = np.unique(self.frames, return_inverse=True)
-        sums = np.zeros((len(frames), 3))
-        np.add.at(sums, key, self.positions_m)
-        return curve_positions(frames, sums / np.bincount(key)[:, None], at)
+        return curve_positions(*self.distinct_keys(), at)
 
 
 @dataclass(frozen=True)
@@ -68,6 +76,27 @@ class Sketch:
         first = min(control.frames[0] for control in self.controls)
         last = max(control.frames[-1] for control in self.controls)
         return np.arange(first, last + 1.0)
+
+
+def upright_from(sketch: Sketch) -> Array | None:
+    """Return the rotation (4,) that sets the hips of a sketch above its feet.
+
+    None where hips or feet are no controls, or where they are upright already.
+    """
+    means = {control.joint: control.positions_m.mean(axis=0) for control in sketch.controls}
+    feet = [means[name] for name in _FEET if name in means]
+    if "root" not in means or not feet:
+        return None
+    leg = means["root"] - np.mean(feet, axis=0)
+    return None if leg[1] > _UPRIGHT * np.linalg.norm(leg) else rot.between(leg, np.array([0.0, 1.0, 0.0]))
+
+
+def tilted(sketch: Sketch, rotation: Array) -> Sketch:
+    """Return the sketch turned by a quaternion (4,) and set on the floor."""
+    turned = [rot.rotate(rotation, control.positions_m) for control in sketch.controls]
+    down = np.array([0.0, min(points[:, 1].min() for points in turned) - _ANKLE_M, 0.0])
+    controls = [replace(c, positions_m=points - down) for c, points in zip(sketch.controls, turned, strict=True)]
+    return replace(sketch, controls=tuple(controls))
 
 
 def read_sketch(path: Path | str) -> Sketch:

@@ -74,6 +74,18 @@ class Channel:
         """Return the job's request; wait for it."""
         return self._requests.get().json()
 
+    def newest_request(self) -> dict[str, Any]:
+        """Wait for further requests; return the newest, {} when Blender is gone."""
+        message = self._requests.get()
+        while not self._requests.empty():
+            message = self._requests.get()
+        return message.json()
+
+    @property
+    def has_request(self) -> bool:
+        """Whether a further request waits."""
+        return not self._requests.empty()
+
     def wait_for_ack(self, in_flight: int, limit_s: float | None = None) -> None:
         """Wait until at most `in_flight` frames are on their way.
 

@@ -147,6 +147,15 @@ class WorkerClient:
         if self._connection.is_authenticated:
             self._connection.send(encode_json(MessageKind.FILTER, settings))
 
+    def request_again(self, request: Mapping[str, Any]) -> None:
+        """Send one more request to a job that takes several, once it is connected."""
+        self._connection.send(encode_json(MessageKind.REQUEST, request))
+
+    @property
+    def connected(self) -> bool:
+        """Whether the process has its first request."""
+        return self._connection.is_authenticated
+
     def request_stop(self) -> None:
         """Ask the worker to end cleanly; go on calling `poll` until `ended`."""
         self._stop_asked = True

@@ -10,6 +10,7 @@ Requests (JSON):
 - {"job": "record floor markers", ...}: floor from markers lying on it.
 - {"job": "record pose", ...}: take of the performer's calibration poses.
 - {"job": "calibrate performer", ...}: the same, and the performer measured from them.
+- {"job": "sketch", ...}: a body from keyframed controls; with "live", again after each edit.
 - {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
   its summary as RESULT, so that long work never freezes Blender.
 """
@@ -33,6 +34,7 @@ JOBS = (
     "record floor markers",
     "record pose",
     "calibrate performer",
+    "sketch",
 )
 
 

@@ -1,6 +1,6 @@
 """Actions: recorded poses, and how objects moved, as keyframes."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import bpy
 import numpy as np
@@ -14,7 +14,8 @@ from ...core.retarget.retargeter import RetargetPlan, apply_plan
 from ..character.create_character import find_armature
 from ..character.posing import plan_for
 from ..character.rig import clear_offsets, delta_transforms
-from .keyframes import KeyWriter, bone_path
+from .channels import HAS_SLOTS, channels_of
+from .keyframes import KeyWriter, bone_path, fill
 from .placement import BLEND_S, Placement, PlacementMode, new_action, place_action
 from .quaternion_curves import keep_in_quaternions
 
@@ -176,3 +177,34 @@ def _quaternions_at(armature_object: bpy.types.Object, bones: list[str], frame: 
     found = np.array([evaluated.pose.bones[name].rotation_quaternion for name in bones], dtype=np.float64)
     scene.frame_set(int(np.floor(before)), subframe=before - np.floor(before))
     return found.reshape(-1, 4)
+
+
+def refill_action(
+    armature_object: bpy.types.Object,
+    action: bpy.types.Action,
+    frames: Array,
+    rotations: Array,
+    root_positions_m: Array,
+    plan: RetargetPlan,
+) -> Iterator[None]:
+    """Set a key in each frame of the curves that an action has; yield after each bone.
+
+    Args:
+        frames, rotations, root_positions_m, plan: as of `write_with_plan`.
+    """
+    slot = action.slots[0] if HAS_SLOTS else None
+    curves = {(each.data_path, each.array_index): each for bag in channels_of(action, slot) for each in bag.fcurves}
+    pose = apply_plan(plan, rotations, root_positions_m)
+    quaternions = rot.continuous(pose.rotations)
+    channels = [(bone_path(name, "rotation_quaternion"), quaternions[:, i]) for i, name in enumerate(plan.bones)]
+    channels += [(bone_path(name, "location"), pose.locations[:, i]) for i, name in enumerate(plan.located)]
+    if pose.object_rotation is not None and pose.object_location is not None:
+        turns, ways = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
+        channels += [("delta_rotation_quaternion", rot.continuous(turns)), ("delta_location", ways)]
+    for path, values in channels:
+        for component, channel in enumerate(values.T):
+            if (path, component) in curves:
+                curve = curves[path, component]
+                curve.keyframe_points.clear()
+                fill(curve, frames, channel, straight=True)
+        yield

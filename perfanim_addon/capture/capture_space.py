@@ -55,12 +55,21 @@ class CaptureSpace:
         """Return points (..., 3) of the capture space in the scene."""
         return points_m @ self._linear.T + self._origin
 
+    def points_from_scene(self, points: ArrayLike) -> Array:
+        """Return points (..., 3) of the scene in the capture space, metres."""
+        away = np.asarray(points, dtype=np.float64) - self._origin
+        return np.asarray(away @ np.linalg.inv(self._linear).T)
+
     def put_at_origin(self, target: bpy.types.Object) -> None:
         """Move an object to the origin of the space, in its axes and its scale."""
         turn, place = self.to_scene(rot.identity(), np.zeros(3))
         target.rotation_mode = "QUATERNION"
         target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
-        target.scale = (float(np.cbrt(abs(np.linalg.det(self._linear)))),) * 3
+        target.scale = (self.length_in_scene(1.0),) * 3
+
+    def length_in_scene(self, length_m: float) -> float:
+        """Return a length of the capture space in the scene's unit."""
+        return length_m * float(np.cbrt(abs(np.linalg.det(self._linear))))
 
     def offset_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
         """Return the offset into another's space; both agree at a place (3,)."""

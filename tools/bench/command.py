@@ -13,6 +13,7 @@ from .figure5 import figure5
 from .figure6 import figure6
 from .robustness import FULL, PARTS, SEED, robustness
 from .scale import scale
+from .sketch import sketch
 from .speed import speed
 from .table1 import table1
 from .vision import vision
@@ -25,6 +26,7 @@ _BENCHES = {
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
     "accuracy": (accuracy, "every method on six takes, with the clip unseen and with the whole subject unseen"),
     "robustness": (robustness, "cuts between takes, a T pose before takes, noise and unseen subjects; worst frames"),
+    "sketch": (sketch, "a body from keys of eight takes, with five and with three controls"),
     "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
     "scale": (scale, "time to open, search and solve, and the error, by the size of the database"),
 }

@@ -25,6 +25,7 @@ Run = Callable[..., None]  # words of a perfanim command
 _FPS = 30.0
 _CLIPS = ("walking-01-neutral", "walking-03-*", "boxing-01-neutral", "running-01-brisk")
 _POSES = {"behaviour": "walking", "seconds": 5.0, "poses": ["t", "hanging", "motorcycle"]}
+_KEYS = "# fps=30\ncontrol,frame,x,y,z\nroot,0,0,0.9,0\nroot,30,0,0.9,1.3\nrhand,0,-0.3,0.8,0\nrhand,30,-0.3,0.9,1.4\n"
 _TRUTHS = {
     "cameras.toml": "cameras.toml",
     "subject.toml": "anna.toml",
@@ -78,6 +79,8 @@ def _make_motion(folder: Path) -> None:
     for name in ("walk.bvh", "motion.bvh", "truth.bvh"):
         shutil.copy(clips / "walking-01-neutral.bvh", folder / name)
     shutil.copytree(clips, folder / "motion")
+    for name in ("keys.csv", "more-keys.csv"):
+        (folder / name).write_text(_KEYS, encoding="utf-8")
 
 
 def _film(folder: Path, name: str, spec: dict[str, object], videos: tuple[str, str], board_views: int) -> None:

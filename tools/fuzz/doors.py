@@ -28,6 +28,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import load_subject
 from perfanim.core.retarget.bone_map_files import read_bone_map
+from perfanim.core.sketch.sketch import read_sketch
 from perfanim.core.system.files import read_bytes
 from perfanim.core.worker.open_source import open_source
 from perfanim.core.worker.protocol import Decoder, MessageKind
@@ -103,6 +104,7 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         ("marker set", "marker-set*.toml", ".toml", change_toml, load_marker_set),
         ("prop", "prop-*.toml", ".toml", change_toml, load_prop),
         ("bone map", "bone-map*.toml", ".toml", change_toml, read_bone_map),
+        ("sketch", "sketch.keys", ".csv", change_text, read_sketch),
         ("names", "names.toml", ".toml", change_toml, load_names),
         ("plan", "plan*.toml", ".toml", change_toml, lambda path: read_plan(path, {})),
     )

@@ -1,0 +1,109 @@
+"""`perfanim sketch`: a whole body from a few keyframed trajectories."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..body.motion import with_lead_in
+from ..database.store import open_database
+from ..errors import FormatError, PerfanimError
+from ..formats.motion.read_motion import read_skeleton
+from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
+from ..markers.subject import load_subject
+from ..sketch.sketch import MOST_FRAMES, read_sketch
+from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
+from ..system.progress import Progress
+from .options import add_motion_options, add_number, add_repeated, add_switch, add_text
+from .partial_result import PartialResult
+
+
+def add_parser(subparsers: Any) -> None:
+    parser = subparsers.add_parser("sketch", help="a whole body from a few keyframed trajectories")
+    parser.add_argument("keys", nargs="+", metavar="KEYS.csv", help="sketches: control,frame,x,y,z in metres, y up")
+    add_text(parser, "--database", "DB", "motion database that fills in the body", required=True)
+    body = parser.add_mutually_exclusive_group(required=True)
+    add_text(body, "--subject", "FILE", "calibrated subject with the character's bones")
+    add_text(body, "--skeleton", "FILE", ".asf or .bvh with the character's bones")
+    add_number(
+        parser, "--follow", "SHARE", "0: between keys the database's motion; 1: the curves (default 0.3)", default=0.3
+    )
+    add_repeated(parser, "--behaviour", "PATTERN", "draw only from clips of this behaviour or name (repeatable)")
+    add_text(
+        parser, "--variation", "N", "0 the best explanation, 1 the next best, ... (default 0)", type=int, default=0
+    )
+    add_switch(parser, "--free-feet", "do not hold standing feet in place")
+    ends = ", ".join(MOTION_ENDINGS)
+    add_text(parser, "--out", "MOTION.bvh", f"motion to write ({ends}); of several sketches a folder", required=True)
+    add_motion_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """Solve the sketches; a bad one does not stop the others."""
+    settings = SketchSettings(args.follow, tuple(args.behaviour), args.variation, not args.free_feet)
+    outs = _outputs([Path(path) for path in args.keys], Path(args.out))
+    progress(0.0, "reading")
+    skeleton = read_skeleton(args.skeleton) if args.skeleton else load_subject(args.subject).skeleton
+    solver = SketchSolver(skeleton, open_database(args.database))
+    if len(outs) == 1:
+        return _solve(args, solver, settings, *outs[0], progress)
+    rows = []
+    for number, (keys, out) in enumerate(outs):
+        progress(number / len(outs), keys.name)
+        try:
+            rows.append({"keys": str(keys)} | _solve(args, solver, settings, keys, out, lambda share, text: None))
+        except PerfanimError as error:
+            rows.append({"keys": str(keys), "error": str(error)})
+    failed = [row for row in rows if "error" in row]
+    text = "\n".join(f"{row['keys']}: {row.get('error') or row['out']}" for row in rows)
+    failure = f"{len(failed)} of {len(rows)} sketches failed; {failed[0]['error']}" if failed else ""
+    return PartialResult({"sketches": rows, "failed": len(failed)}, text, failure)
+
+
+def _outputs(keys: list[Path], out: Path) -> list[tuple[Path, Path]]:
+    """Return each sketch with its output.
+
+    Raises:
+        FormatError: the output's ending is no motion's, or two sketches would write one file.
+    """
+    if len(keys) == 1:
+        if not is_motion(out):
+            raise FormatError("is no motion file", where=str(out), advice=f"use {', '.join(MOTION_ENDINGS)}")
+        return [(keys[0], out)]
+    if is_motion(out):
+        raise FormatError("cannot hold several sketches", where=str(out), advice="give a folder with --out")
+    pairs = [(path, out / f"{path.stem}.bvh") for path in keys]
+    if len({path for _, path in pairs}) < len(pairs):
+        raise FormatError("two sketches have the same name", where=str(out), advice="rename one of the files")
+    return pairs
+
+
+def _solve(
+    args: argparse.Namespace, solver: SketchSolver, settings: SketchSettings, keys: Path, out: Path, progress: Progress
+) -> dict[str, Any]:
+    """Solve a sketch, write its motion and return its figures."""
+    sketch = read_sketch(keys)
+    solution = solver.solve(sketch, settings, progress)
+    first = int(sketch.frames[0])
+    # files of motion count frames from 0: so a frame of the file is the same of the sketch
+    lead_in = first if 0 < first <= MOST_FRAMES else 0
+    written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
+    return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}
+
+
+def _facts(solution: SketchSolution) -> dict[str, Any]:
+    distances_mm = 1e3 * solution.key_distances_m
+    unmet = [
+        {"joint": key.joint, "frame": key.frame, "distance_mm": round(1e3 * key.distance_m, 1), "reason": key.reason}
+        for key in solution.unmet
+    ]
+    return {
+        "frames": solution.motion.frames,
+        "keys": len(distances_mm),
+        "keys_met_mm": float(np.max(distances_mm)),
+        "keys_unmet": len(unmet),
+        "unmet": unmet,
+        "drawn_from": list(solution.drawn_from),
+    }

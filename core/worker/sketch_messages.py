@@ -1,0 +1,111 @@
+"""Sketches and their solutions as JSON, between Blender and the worker."""
+
+import base64
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import SettingsError
+from ..geometry.arrays import Array
+from ..sketch.sketch import Control, Sketch
+from ..sketch.solve_sketch import SketchSettings, SketchSolution
+from ..system.files import reading
+
+
+@dataclass(frozen=True)
+class SolvedSketch:
+    """Solution of a sketch as Blender needs it.
+
+    Args:
+        number: of the request that it answers.
+        whole: False for the first picture of an edit.
+        rotations: (F, J, 4) parent-from-joint quaternions relative to rest; (0, J, 4) after an error.
+        root_positions_m: (F, 3).
+        unmet: (joint, frame, distance in m, reason) of the keys that are not met.
+        error: why there is no solution, "" if there is one.
+    """
+
+    number: int
+    whole: bool
+    rotations: Array
+    root_positions_m: Array
+    unmet: tuple[tuple[str, int, float, str], ...] = ()
+    drawn_from: tuple[str, ...] = ()
+    error: str = ""
+
+
+def sketch_table(sketch: Sketch) -> dict[str, Any]:
+    """Return a sketch as JSON holds it."""
+    controls = [
+        {"joint": each.joint, "frames": each.frames.tolist(), "positions_m": each.positions_m.tolist()}
+        for each in sketch.controls
+    ]
+    return {"name": sketch.name, "fps": sketch.fps, "controls": controls}
+
+
+def sketch_from(table: Mapping[str, Any]) -> Sketch:
+    """Return the sketch of `sketch_table`; SettingsError if it is damaged."""
+    with reading("sketch", SettingsError, "add the controls again"):
+        controls = tuple(
+            Control(
+                str(row["joint"]),
+                np.array(row["frames"], dtype=np.float64).reshape(-1),
+                np.array(row["positions_m"], dtype=np.float64).reshape(len(row["frames"]), 3),
+            )
+            for row in table["controls"]
+        )
+        return Sketch(str(table["name"]), float(table["fps"]), controls)
+
+
+def settings_table(settings: SketchSettings) -> dict[str, Any]:
+    """Return the settings as JSON holds them."""
+    return asdict(settings)
+
+
+def settings_from(table: Mapping[str, Any]) -> SketchSettings:
+    """Return the settings of `settings_table`; SettingsError if they are damaged."""
+    with reading("sketch", SettingsError, "set the sketch's settings again"):
+        return SketchSettings(
+            float(table["follow"]),
+            tuple(str(each) for each in table["behaviours"]),
+            int(table["variation"]),
+            bool(table["hold_feet"]),
+        )
+
+
+def solution_table(solution: SketchSolution, number: int, whole: bool) -> dict[str, Any]:
+    """Return the message with a solution; arrays as float32 in base 64."""
+    return {
+        "number": number,
+        "whole": whole,
+        "frames": solution.motion.frames,
+        "rotations": _packed(solution.motion.rotations),
+        "root_positions_m": _packed(solution.motion.root_positions_m),
+        "unmet": [[key.joint, key.frame, key.distance_m, key.reason] for key in solution.unmet],
+        "drawn_from": list(solution.drawn_from),
+    }
+
+
+def solution_from(table: Mapping[str, Any]) -> SolvedSketch:
+    """Return the solution of `solution_table`, or of {"number", "error"}."""
+    frames = int(table.get("frames", 0))
+    rotations = _unpacked(table.get("rotations", ""))
+    return SolvedSketch(
+        number=int(table["number"]),
+        whole=bool(table.get("whole", True)),
+        rotations=rotations.reshape(frames, -1, 4) if frames else np.zeros((0, 1, 4)),
+        root_positions_m=_unpacked(table.get("root_positions_m", "")).reshape(frames, 3),
+        unmet=tuple((str(j), int(f), float(d), str(r)) for j, f, d, r in table.get("unmet", ())),
+        drawn_from=tuple(str(name) for name in table.get("drawn_from", ())),
+        error=str(table.get("error", "")),
+    )
+
+
+def _packed(values: Array) -> str:
+    return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
+
+
+def _unpacked(text: str) -> Array:
+    return np.frombuffer(base64.b64decode(text), "<f4").astype(np.float64)

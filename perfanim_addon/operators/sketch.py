@@ -1,0 +1,185 @@
+"""Operators of the Sketch Motion panel."""
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...core.body.calibration_poses import hanging
+from ...core.body.skeleton import forward_kinematics
+from ...core.body.standing import standing_root_m
+from ...core.errors import PerfanimError, SettingsError
+from ...core.markers.subject import skeleton_table
+from ...core.worker.sketch_messages import settings_table, sketch_table, solution_from
+from ..animation.keyframes import KeyBounds
+from ..capture.armature_driver import ArmatureDriver
+from ..capture.performer_targets import add_character
+from ..character.create_character import find_armature
+from ..preferences import preferences
+from ..preferences.property_kinds import switch
+from ..settings import readiness
+from ..settings.capture_settings import settings
+from ..sketch import live_sketch
+from ..sketch.controls import add_controls, controls_of, key_controls, read_controls, set_keys
+from ..sketch.write_solution import STORED, SketchBody, joints_of, kept_sketch, write_solution
+from .character import performer_skeleton
+from .common import RunningOperator, UndoOperator, report_error
+from .database import SolvingOperator, is_starter_missing
+
+PANEL = live_sketch.KEY
+
+
+def _character(context: bpy.types.Context) -> bpy.types.Object:
+    """Return the chosen character; where none is chosen a new one that stands relaxed.
+
+    Hips are lower over legs that are spread as at rest: keys there would make a walk crouch.
+    """
+    chosen = settings(context)
+    if chosen.armature is None:
+        skeleton = performer_skeleton(chosen)
+        name, rotations = add_character(context, skeleton), hanging(skeleton)
+        lowest_m = forward_kinematics(skeleton, rotations, np.zeros(3))[0][:, 1].min()
+        up_m = skeleton.rest_positions_m[:, 1].min() - lowest_m
+        ArmatureDriver(name, skeleton).apply(rotations, standing_root_m(skeleton) + np.array([0.0, up_m, 0.0]))
+    return chosen.armature
+
+
+def _missing_controls(context: bpy.types.Context) -> str:
+    armature = settings(context).armature
+    return "" if armature is not None and controls_of(armature) else "Add controls first"
+
+
+class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
+    """Add empties at the character's joints, to be keyed; a missing character is added"""
+
+    bl_label = "Add Controls"
+    panel = PANEL
+    from_action: switch(
+        "Key from Animation", "Key them where the character's action has keys, to make a rough animation natural"
+    )
+
+    def run(self, context: bpy.types.Context) -> str:
+        armature = _character(context)
+        joints = armature.perfanim_sketch.chosen_joints
+        if not joints:
+            raise SettingsError("no control is chosen", advice="choose hands, feet, hips, chest or head")
+        names = add_controls(context, armature, SketchBody.of(armature).space, joints)
+        if self.from_action:
+            return f"keys of {len(controls_of(armature))} controls in {key_controls(context, armature)} frames"
+        return f"{len(names)} controls added" if names else "the chosen controls are there already"
+
+
+class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
+    """Set controls, keys and settings to those of the action's sketch"""
+
+    bl_label = "Take Up Again"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return "" if settings(context).armature is not None else "Choose a character"
+
+    def run(self, context: bpy.types.Context) -> str:
+        armature = settings(context).armature
+        animation, last = armature.animation_data, armature.perfanim_sketch.action
+        active = animation.action if animation is not None else None
+        action = active if active is not None and STORED in active else last
+        sketch, chosen = kept_sketch(action)
+        space = SketchBody.of(armature).space
+        add_controls(context, armature, space, joints_of(sketch))
+        set_keys(armature, sketch, space)
+        armature.perfanim_sketch.take_over(chosen)
+        armature.perfanim_sketch.action = action
+        return f"{sum(len(each.frames) for each in sketch.controls)} keys of {action.name}"
+
+
+class _SolvesSketch(SolvingOperator):
+    """Base of Solve Sketch and Bake."""
+
+    bl_options = {"REGISTER", "UNDO"}
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return _missing_controls(context)
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        """Return none: the sketch goes to the worker in the request."""
+        return []
+
+    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+        """Return the sketch for the worker."""
+        armature = settings(context).armature
+        body = SketchBody.of(armature)
+        self._armature = armature.name
+        self._sketch = read_controls(context, armature, body.space)
+        self._chosen = armature.perfanim_sketch.solver_settings()
+        return {
+            "job": "sketch",
+            "skeleton": skeleton_table(body.skeleton),
+            "database": str(readiness.database_path(settings(context))),
+            "sketch": sketch_table(self._sketch),
+            "settings": settings_table(self._chosen),
+        }
+
+    def bounds(self, context: bpy.types.Context) -> KeyBounds | None:
+        """Return the bounds of reduced keys; None as the settings of results have it."""
+        return None
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        """Write the action."""
+        solved = solution_from({"number": 0, **summary})
+        armature = find_armature(self._armature)
+        return write_solution(context, armature, self._sketch, self._chosen, solved, self.bounds(context))
+
+
+class PERFANIM_OT_solve_sketch(_SolvesSketch, bpy.types.Operator):
+    """Solve the whole body from the keyed controls, and put it onto the character"""
+
+    bl_label = "Solve Sketch"
+    title = "Solving the sketch"
+
+
+class PERFANIM_OT_bake_sketch(_SolvesSketch, bpy.types.Operator):
+    """Solve into an action with few keys, within the tolerances of Fewer Keys"""
+
+    bl_label = "Bake"
+    title = "Baking the sketch"
+
+    def bounds(self, context: bpy.types.Context) -> KeyBounds:
+        """Return the tolerances, whether Fewer Keys is on or not."""
+        chosen = context.scene.perfanim_result
+        return KeyBounds(chosen.reduce_deg, chosen.reduce_mm)
+
+
+class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
+    """Solve again at each edit of controls, keys or settings; click again to end"""
+
+    bl_label = "Live"
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require controls and a database, except to end."""
+        if live_sketch.current() is not None:
+            return ""
+        missing = _missing_controls(context)
+        if not missing and is_starter_missing(context):
+            missing = "Click Solve Sketch once: it builds the starter database"
+        return missing
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        if live_sketch.current() is not None:
+            live_sketch.end()
+            return {"FINISHED"}
+        try:
+            chosen = settings(context)
+            database = str(readiness.database_path(chosen))
+            live_sketch.begin(context, chosen.armature.name, database, preferences.worker_python(context))
+        except PerfanimError as error:
+            return report_error(self, PANEL, error)
+        return {"FINISHED"}
+
+
+def unregister() -> None:
+    """End live solving."""
+    live_sketch.end()

@@ -1,0 +1,39 @@
+"""Sketch Motion panel."""
+
+import bpy
+
+from ..jobs import activity
+from ..preferences.sidebar_tab import SidebarPanel
+from ..settings import sketch_settings
+from ..settings.capture_settings import settings
+from ..sketch import live_sketch
+from ..sketch.controls import controls_of
+from ..sketch.live_sketch import KEY
+from . import drawing
+
+
+class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
+    """Panel of a character's sketch."""
+
+    bl_label = "Sketch Motion"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, armature = self.layout, settings(context).armature
+        if armature is not None:
+            layout.row(align=True).prop(armature.perfanim_sketch, "parts")
+        row = layout.row(align=True)
+        row.operator("perfanim.add_controls", icon="EMPTY_AXIS")
+        row.operator("perfanim.add_controls", text="From Animation", icon="ACTION").from_action = True
+        if armature is not None:
+            if controls_of(armature):
+                sketch_settings.draw(layout, armature.perfanim_sketch)
+                layout.operator("perfanim.solve_sketch", icon="OUTLINER_OB_ARMATURE")
+                row = layout.row(align=True)
+                is_live = live_sketch.current() is not None
+                row.operator("perfanim.live_sketch", icon="PLAY", depress=is_live)
+                row.operator("perfanim.bake_sketch", icon="NLA_PUSHDOWN")
+            if armature.perfanim_sketch.action is not None:
+                layout.operator("perfanim.take_up_sketch", icon="LOOP_BACK")
+        drawing.draw_job(layout, KEY)
+        drawing.draw_text(context, layout, *activity.message(KEY))

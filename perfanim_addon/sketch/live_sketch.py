@@ -1,0 +1,241 @@
+"""Solving a sketch again while its controls are edited.
+
+Blender's handler only notes that something changed. A timer reads the keys, sends them to the worker, shows the newest
+solution at the present frame, and fills the action's curves a few at a time, so that Blender is never held up.
+"""
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...core.errors import PerfanimError, SettingsError
+from ...core.geometry.arrays import Array
+from ...core.markers.subject import skeleton_table
+from ...core.sketch.sketch import Sketch
+from ...core.worker.client import WorkerClient
+from ...core.worker.protocol import MessageKind
+from ...core.worker.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
+from ..animation.actions import refill_action
+from ..capture.armature_driver import ArmatureDriver
+from ..character.create_character import find_armature
+from ..jobs import activity
+from ..settings.capture_settings import settings
+from .controls import controls_of, read_controls
+from .write_solution import SketchBody, keep_sketch, outcome_text, write_solution
+
+KEY = "sketch"  # of the panel's message
+_TICK_S = 0.015
+_SLICE_S = 0.004  # of Blender's time, for filling curves in one tick
+
+
+class LiveSketch:
+    """One character's sketch, solved in a worker of its own after each edit.
+
+    Only names are held: undo replaces Blender's data.
+
+    Args:
+        python: interpreter of the worker, None for Blender's own.
+
+    Raises:
+        PerfanimError: the character cannot be driven, or no control has a key.
+    """
+
+    def __init__(self, context: bpy.types.Context, armature: str, database: str, python: str | None) -> None:
+        self.armature = armature
+        found = find_armature(armature)
+        self.body = SketchBody.of(found)
+        self._driver = ArmatureDriver(armature, self.body.skeleton, settings(context).body_parts)
+        self.noted = False
+        self.shown = 0  # solutions
+        self._number = self._answered = 0
+        self._sent: dict[str, Any] = {}
+        self._sketches: dict[int, Sketch] = {}
+        self._filling: Iterator[None] | None = None
+        self._filled = "", 0  # action, and its address
+        self._client = WorkerClient(
+            {
+                "job": "sketch",
+                "live": True,
+                "skeleton": skeleton_table(self.body.skeleton),
+                "database": database,
+                **self._request(*self._read(context)),
+            },
+            python,
+        )
+
+    def _read(self, context: bpy.types.Context) -> tuple[Sketch, dict[str, Any]]:
+        """Return the sketch, and it and its settings as the worker takes them."""
+        found = find_armature(self.armature)
+        sketch = read_controls(context, found, self.body.space, dragged=True)
+        chosen = found.perfanim_sketch.solver_settings()
+        return sketch, {"sketch": sketch_table(sketch), "settings": settings_table(chosen)}
+
+    def _request(self, sketch: Sketch, table: dict[str, Any]) -> dict[str, Any]:
+        """Return the next request."""
+        self._number, self._sent = self._number + 1, table
+        self._sketches[self._number] = sketch
+        return {"number": self._number, **table}
+
+    def tick(self, context: bpy.types.Context) -> None:
+        """Send a noted edit and show the newest solution; never wait.
+
+        Raises:
+            PerfanimError: the worker died, or the character is gone.
+        """
+        if self.noted and self._client.connected:
+            self.noted = False
+            try:
+                sketch, table = self._read(context)
+            except SettingsError as error:  # the next edit may mend it
+                activity.set_message(KEY, str(error), "ERROR")
+            else:
+                if table != self._sent:
+                    self._client.request_again(self._request(sketch, table))
+        newest = None
+        for message in self._client.poll():
+            if message.kind is MessageKind.ERROR:
+                raise message.error()
+            if message.kind is MessageKind.RESULT:
+                newest = message
+        if newest is not None:
+            self._show(context, solution_from(newest.json()))
+        elif self._filling is not None:
+            self._fill()
+
+    def _show(self, context: bpy.types.Context, solved: SolvedSketch) -> None:
+        """Show a solution at the present frame; a whole one goes into the action."""
+        self._answered = solved.number if solved.whole else self._answered
+        if solved.error:
+            activity.set_message(KEY, solved.error, "ERROR")
+            activity.redraw_sidebars()
+            return
+        sketch, found = self._sketches[solved.number], find_armature(self.armature)
+        self._sketches = {number: each for number, each in self._sketches.items() if number >= solved.number}
+        at = int(np.clip(context.scene.frame_current - sketch.frames[0], 0, len(solved.rotations) - 1))
+        self._driver.apply(solved.rotations[at], solved.root_positions_m[at])
+        self.shown += 1
+        if not solved.whole:
+            return
+        chosen, action = found.perfanim_sketch.solver_settings(), found.perfanim_sketch.action
+        if action is None:
+            write_solution(context, found, sketch, chosen, solved)
+        else:
+            keep_sketch(action, sketch, chosen)
+            self._filled = action.name, action.as_pointer()
+            self._filling = self._curves(action.name, sketch.frames, solved)
+        activity.set_message(KEY, outcome_text(solved), "ERROR" if solved.unmet else "INFO")
+        activity.redraw_sidebars()
+
+    def _curves(self, action: str, frames: Array, solved: SolvedSketch) -> Iterator[None]:
+        return refill_action(
+            find_armature(self.armature),
+            bpy.data.actions[action],
+            frames,
+            solved.rotations,
+            solved.root_positions_m,
+            self._driver.plan,
+        )
+
+    def _fill(self) -> None:
+        name, pointer = self._filled
+        action = bpy.data.actions.get(name)
+        if action is None or action.as_pointer() != pointer:  # deleted meanwhile, and its curves with it
+            self._filling = None
+        limit_s = time.perf_counter() + _SLICE_S
+        while self._filling is not None and time.perf_counter() < limit_s:
+            if next(self._filling, self) is self:
+                self._filling = None
+
+    @property
+    def idle(self) -> bool:
+        """Whether all edits are solved and shown."""
+        return not self.noted and self._filling is None and self._answered == self._number
+
+    def undone(self) -> None:
+        """Note that undo or redo has replaced Blender's data."""
+        self._filling, self._sent, self.noted = None, {}, True
+
+    def close(self) -> None:
+        """End the worker."""
+        self._client.close()
+
+
+_running: list[LiveSketch] = []  # at most one
+
+
+def current() -> LiveSketch | None:
+    """Return the running live sketch, None without one."""
+    return _running[0] if _running else None
+
+
+def begin(context: bpy.types.Context, armature: str, database: str, python: str | None) -> None:
+    """Start solving edits of a character's sketch; PerfanimError as of `LiveSketch`."""
+    end()
+    _running.append(LiveSketch(context, armature, database, python))
+    bpy.app.handlers.depsgraph_update_post.append(_note)
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        handlers.append(_after_undo)
+    bpy.app.handlers.load_pre.append(_before_load)
+    bpy.app.timers.register(_tick, first_interval=_TICK_S)
+
+
+def end() -> None:
+    """Stop solving edits; safe at any time."""
+    while _running:
+        _running.pop().close()
+    app = bpy.app
+    if app.timers.is_registered(_tick):
+        app.timers.unregister(_tick)
+    for handlers, handler in (
+        (app.handlers.depsgraph_update_post, _note),
+        (app.handlers.undo_post, _after_undo),
+        (app.handlers.redo_post, _after_undo),
+        (app.handlers.load_pre, _before_load),
+    ):
+        if handler in handlers:
+            handlers.remove(handler)
+
+
+def _note(_scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
+    live = current()
+    if live is None or live.noted:
+        return
+    found = bpy.data.objects.get(live.armature)
+    if found is None:
+        live.noted = True
+        return
+    names = {live.armature}  # its settings
+    for control in controls_of(found).values():
+        names.add(control.name)
+        if control.animation_data is not None and control.animation_data.action is not None:
+            names.add(control.animation_data.action.name)
+    live.noted = any(update.id.name in names for update in graph.updates)
+
+
+@bpy.app.handlers.persistent
+def _after_undo(*_: object) -> None:
+    live = current()
+    if live is not None:
+        live.undone()
+
+
+@bpy.app.handlers.persistent
+def _before_load(*_: object) -> None:
+    end()
+
+
+def _tick() -> float | None:
+    live = current()
+    if live is None:
+        return None
+    try:
+        live.tick(bpy.context)
+    except PerfanimError as error:
+        activity.set_message(KEY, str(error), "ERROR")
+        activity.redraw_sidebars()
+        end()
+        return None
+    return _TICK_S
