@@ -15,6 +15,7 @@ from .gaussian_conditioning import Expectation, Prior, continue_prior
 from .lagged_history import LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, open_network
 from .observation import Observation
+from .principal_components import principal_components
 from .root import root_from_torso
 from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettings, SolveSettings
 from .solution import Estimate, Examples, SolverState
@@ -208,7 +209,7 @@ class BestMethod:
         self._broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
         self._broad_poses = poses[self._broad_frames].astype(np.float64)
         self._markers = LaggedMarkers(database, markers_m, settings.history_s)
-        self._poses = LaggedPoses(database, _principal_components(self._broad_poses), settings.history_s)
+        self._poses = LaggedPoses(database, principal_components(self._broad_poses, _COMPONENTS), settings.history_s)
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
         self._limits = np.percentile(self._broad_poses, _LIMIT_PERCENTILES, axis=0) + margin
         self._grant_covariances()
@@ -303,9 +304,3 @@ class BestMethod:
         """Return earlier markers and earlier poses of database frames (K,), a row each."""
         count = len(frames)
         return self._markers.of_frames(frames).reshape(count, -1), self._poses.of_frames(frames).reshape(count, -1)
-
-
-def _principal_components(poses: Array) -> Array:
-    """Return the directions (D, C) of largest variance of poses (N, D)."""
-    _, directions = np.linalg.eigh(np.cov(poses.T, ddof=0))
-    return np.asarray(directions[:, : -_COMPONENTS - 1 : -1])

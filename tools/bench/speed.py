@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from perfanim.core.body.motion import Motion
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database
+from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, FloatArray, Image, IntArray
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
@@ -29,7 +30,7 @@ from perfanim.core.system.progress import Progress
 from perfanim.core.vision.detection.background import learn_backgrounds
 from perfanim.core.vision.detection.blob_detector import Detector
 
-from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
+from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, TestTake, data_folders, read_take
 from .figure6 import true_subject
 from .report import write_figures
 from .streams import Streams, render_streams, stage_times, throughput
@@ -40,7 +41,9 @@ Row = dict[str, Any]
 
 _REFERENCE = (433_000, 60, 32)  # rows, columns, nearest
 _REFERENCE_RUNS = 15
-_DATABASE_FRAMES = 395_399
+_DATABASE_FRAMES, _SMALLER_FRAMES = 395_399, 80_000
+_UNLIKE = TestTake("jumps, kicks and punches (86_01)", "86_01")  # of a performer without other takes
+_FIRST_FRAMES = 20  # that a session begins in
 _PAIRS, _PASSES, _RUNS = 480, 2, 3
 _MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL, _NOISE = 12, 3.0, 220.0, 16.0, 2.0
 _IMAGES = 40
@@ -75,6 +78,9 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
     truth = read_take(data, WALKING)
     progress(0.7, "solving")
     rows += _solving(truth, database)
+    smaller = part_of(whole, out / "databases" / "speed-smaller.pfdb", _SMALLER_FRAMES)
+    for take in (WALKING, _UNLIKE):
+        rows += compare_searches(take.title, read_take(data, take), smaller)
     progress(0.8, "searching")
     searches = _searches(truth, database)
     figures: dict[str, Any] = {
@@ -201,9 +207,9 @@ def _import(data: Path, out: Path, workers: int, progress: Progress) -> tuple[Da
     return database, rows.rows
 
 
-def part_of(whole: Database, path: Path) -> Database:
+def part_of(whole: Database, path: Path, frames: int | None = None) -> Database:
     """Return the chosen part of the database, without the takes to solve."""
-    kept, left = [], _DATABASE_FRAMES
+    kept, left = [], frames or _DATABASE_FRAMES
     clips = [clip for clip in whole.clips if clip.name not in (*LEFT_OUT, SPLIT)]
     for clip in clips:
         count = min(clip.stop - clip.start, left)
@@ -261,6 +267,34 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
     rows.add("the search in it: median", float(np.median(searching)))
     rows.add("the search in it: p99", float(np.percentile(searching, 99)))
     rows.add("the search in it: share", float(searching.sum() / wall.sum()), "share")
+    return rows.rows
+
+
+def compare_searches(title: str, truth: Motion, database: Database) -> list[Row]:
+    """Time every frame of a take by the default search and the exhaustive one in turn."""
+    rows = _Rows()
+    subject = true_subject(truth)
+    frames = list(take_frames(simulate_markers(truth, subject)[0], subject.marker_set))[:_COMPARED_FRAMES]
+    names = ("exhaustive", "auto")
+    sessions = {name: Session(subject, database, settings=SolveSettings(search=name)) for name in names}
+    taken: dict[str, list[float]] = {name: [] for name in names}
+    apart = []
+    for number, frame in enumerate(frames):
+        poses = {}
+        for name in names if number % 2 else names[::-1]:
+            started_s = time.process_time()
+            poses[name] = sessions[name].step(frame)
+            taken[name].append(1e3 * (time.process_time() - started_s))
+        apart.append(rot.angle_between(*(poses[name].rotations[1:] for name in names)).mean())
+    medians = {}
+    for name in names:
+        milliseconds = taken[name][_FIRST_FRAMES:]
+        medians[name] = float(np.median(milliseconds))
+        work = f"solve of a frame, {title}, {database.frames:,} frames, search {name}"
+        rows.add(f"{work}: median", medians[name], processor=True)
+        rows.add(f"{work}: p99", float(np.percentile(milliseconds, 99)), processor=True)
+    rows.add(f"the same, {title}: auto of exhaustive", medians["auto"] / medians["exhaustive"], "share", processor=True)
+    rows.add(f"the same, {title}: poses apart", float(np.degrees(np.mean(apart))), "deg/joint")
     return rows.rows
 
 

@@ -5,11 +5,12 @@ import numpy as np
 from ...database.graph import build_graph
 from ...database.store import Database
 from ...geometry.arrays import FloatArray
+from .bounded import BoundedSearch
 from .exhaustive import ExhaustiveSearch, Search
 from .graph import GraphSearch
 from .inverted_file import CellSearch
 
-_EXHAUSTIVE_UP_TO = 150_000  # frames that one exhaustive search looks through in less than half a frame's time
+_BOUNDED_UP_TO = 150_000  # frames that one search looks through in less than half a frame's time
 
 
 def choose_search(name: str, database: Database, markers_m: FloatArray, poses: FloatArray) -> Search:
@@ -17,12 +18,14 @@ def choose_search(name: str, database: Database, markers_m: FloatArray, poses: F
 
     Args:
         name: "exhaustive", "cells" (inverted file), "graph" (the paper's), or "auto": "graph" for a database from
-            150,000 frames on that is stored with its graph, else "exhaustive".
+            150,000 frames on that is stored with its graph, else the exhaustive one's result by bounds.
         database: a missing graph is built here (half a minute for a million frames).
         markers_m, poses: as of `ExhaustiveSearch`.
     """
     if name == "auto":
-        name = "exhaustive" if database.graph is None or database.frames < _EXHAUSTIVE_UP_TO else "graph"
+        if database.graph is None or database.frames < _BOUNDED_UP_TO:
+            return BoundedSearch(markers_m, poses)
+        name = "graph"
     if name == "exhaustive":
         return ExhaustiveSearch(markers_m, poses)
     graph = database.graph or build_graph(np.asarray(poses), database.clip_of_frame)

@@ -1,6 +1,7 @@
 """Search for the database frames closest to markers and motion (Eq. 2)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -39,7 +40,7 @@ class Search(Protocol):
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances.
 
         Args:
-            start: frames found for the frame before, from which a search may begin.
+            start: frames found for the frame before, each once, from which a search may begin.
         """
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
@@ -52,18 +53,28 @@ class ExhaustiveSearch:
     Args:
         markers_m: (F, M, 3) markers of the database frames with the root at rest.
         poses: (F, D) poses of the database frames.
+
+    Attributes:
+        pose_norms: (F,) squared lengths of the poses.
     """
 
     def __init__(self, markers_m: FloatArray, poses: FloatArray) -> None:
         # columns are contiguous so that a hidden marker's are simply left out
         self._markers = np.ascontiguousarray(markers_m.reshape(len(markers_m), -1))
         self._poses = np.asarray(poses)
-        self._pose_norms = np.einsum("fd,fd->f", self._poses, self._poses)
-        self._marker_norms = self._markers**2
+        self.pose_norms = np.einsum("fd,fd->f", self._poses, self._poses)
         self.visited = 0
 
     def __len__(self) -> int:
         return len(self._markers)
+
+    @cached_property
+    def marker_norms(self) -> FloatArray:
+        """(F, 3 M) squares of the markers' coordinates.
+
+        Distances of single frames need none.
+        """
+        return np.square(self._markers)
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
@@ -88,11 +99,11 @@ class ExhaustiveSearch:
                 away = self._poses[frames] - pose
                 result += np.float32(query.pose_weight) * np.einsum("fd,fd->f", away, away)
             return result
-        result = _times(self._marker_norms[frames], weights)
-        result -= _times(self._markers[frames], 2.0 * weights * target)
+        result = times(self.marker_norms[frames], weights)
+        result -= times(self._markers[frames], 2.0 * weights * target)
         result += (weights * target) @ target
         if pose is not None:
-            between = self._pose_norms[frames] - 2.0 * _times(self._poses[frames], pose) + pose @ pose
+            between = self.pose_norms[frames] - 2.0 * times(self._poses[frames], pose) + pose @ pose
             result += np.float32(query.pose_weight) * between
         return result
 
@@ -100,10 +111,10 @@ class ExhaustiveSearch:
 def _weighted(away: FloatArray, weights: FloatArray) -> FloatArray:
     """Return the weighted squares (F,) of rows, and overwrite these."""
     away *= away
-    return _times(away, weights)
+    return times(away, weights)
 
 
-def _times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
+def times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
     """Return rows @ vector by SciPy's OpenBLAS; Blender's NumPy may be slow."""
     if len(rows) == 0:  # which it refuses
         return np.zeros(0, dtype=np.float32)

@@ -189,11 +189,14 @@ def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkey
 
 def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeypatch):
     small = {"_PAIRS": 6, "_PASSES": 1, "_RUNS": 1, "_REFERENCE": (3000, 60, 32), "_IMAGES": 3, "_DATABASE_FRAMES": 100}
+    small |= {"_SMALLER_FRAMES": 90, "_UNLIKE": replace(WALKING, title="jumping", trial="16_02"), "_FIRST_FRAMES": 0}
     for name, value in small.items():
         monkeypatch.setattr(f"bench.speed.{name}", value)
     figures = speed(data, tmp_path, 1, silent)
     rows = {(row["work"], row["clock"]): row for row in figures["rows"]}
-    assert all(row["value"] > 0.0 for row in rows.values())
+    apart = [row["value"] for row in rows.values() if row["unit"] == "deg/joint"]
+    assert apart == pytest.approx([0.0, 0.0], abs=1e-3)  # both searches find the same
+    assert all(row["value"] > 0.0 for row in rows.values() if row["unit"] != "deg/joint")
     assert all(row["ratio"] > 0.0 for row in rows.values() if row["unit"] in ("ms", "s"))
     stages = [rows[f"two 640x480 streams: {stage} a pair", "processor"]["value"] for stage in STAGES]
     assert rows["two 640x480 streams: all stages a pair", "processor"]["value"] == pytest.approx(sum(stages), abs=1e-3)

@@ -8,6 +8,7 @@ from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
+from perfanim.core.solver.search.bounded import BoundedSearch
 from perfanim.core.solver.search.choose import choose_search
 from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query
 from perfanim.core.solver.search.graph import GraphSearch
@@ -192,7 +193,7 @@ def test_solver_chooses_by_size_and_setting(motions, graph, tmp_path):
     database = Database(
         tmp_path, FPS, (), (), np.zeros((29, 4)), motions.poses.reshape(-1, 28, 3), np.zeros(0), np.zeros(0), graph
     )
-    kinds = {"auto": ExhaustiveSearch, "exhaustive": ExhaustiveSearch, "cells": CellSearch, "graph": GraphSearch}
+    kinds = {"auto": BoundedSearch, "exhaustive": ExhaustiveSearch, "cells": CellSearch, "graph": GraphSearch}
     for name, kind in kinds.items():
         assert type(choose_search(name, database, motions.markers, motions.poses)) is kind
     with pytest.raises(SettingsError, match="there is no search"):

@@ -1,0 +1,14 @@
+"""Directions of the largest variance of poses."""
+
+import numpy as np
+
+from ..geometry.arrays import Array
+
+
+def principal_components(poses: Array, count: int) -> Array:
+    """Return `count` directions (D, C) of largest variance of poses (N, D).
+
+    Orthonormal columns, largest variance first.
+    """
+    _, directions = np.linalg.eigh(np.cov(poses.T, ddof=0))
+    return np.asarray(directions[:, : -count - 1 : -1])
