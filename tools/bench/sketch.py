@@ -76,7 +76,7 @@ def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
     database = without_takes(whole, out / "databases" / "cmu-without-sketched.pfdb", TAKES)
     rows: list[dict[str, Any]] = []
     pictures: list[Picture] = []
-    edits: list[dict[str, float]] = []
+    edits: list[dict[str, Any]] = []
     for number, take in enumerate(TAKES):
         truth = true_motion(data, take)
         compared = Compared(take, truth, database)
@@ -91,7 +91,7 @@ def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
         unseen = Compared(take, truth, without_subject_of(whole, path, take))
         rows += unseen.rows(sketch_of(truth, CONTROLS["five"], "16"), {"controls": UNSEEN, "keys": "16"})
     means = means_of(rows)
-    figures = {"rows": rows, "means": means, "ratios": ratios_of(means), "edits": edits}
+    figures: dict[str, Any] = {"rows": rows, "means": means, "ratios": ratios_of(means), "edits": edits}
     figures["database_frames"] = database.frames
     plots = write_pictures(out / "sketch-beside-truth", pictures)
     return write_figures(out, "sketch", figures, {"": rows, "means": means, "edits": edits}, plots)
