@@ -1,11 +1,12 @@
 """Two performers that pass, touch or embrace: how long labels stay wrong."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, runs
@@ -100,15 +101,21 @@ def _walk(take: Motion) -> Motion | None:
 
 
 def play_crossing(crossing: Crossing, database: Database, generator: np.random.Generator) -> dict[str, Any]:
-    """Show both performers' markers without labels to a new session; return the row."""
+    """Show both performers' markers without labels to a new session; return the row.
+
+    Both have the same body, so the first frame that shows both decides who is who.
+    """
     subject = true_subject(crossing.motion)
     session = MultiTargetSession([Session(subject, database) for _ in range(2)])
-    wrong, exchanged = [], []
+    wrong, exchanged, turned = [], [], None
     for number, shown in enumerate(zip(*crossing.markers_m, strict=True)):
         points = np.concatenate(shown)
         points = generator.permutation(points + generator.normal(0.0, _NOISE_M, points.shape))
         covariances = np.broadcast_to(_NOISE_M**2 * np.eye(3), (len(points), 3, 3))
         poses = session.step(MarkerFrame(number, number / FPS, points, covariances)).performers
+        if turned is None and all(np.isfinite(pose.observed_m).any() for pose in poses):
+            turned = _are_turned(poses, shown)
+        shown = shown[::-1] if turned else shown
         away = [np.linalg.norm(pose.observed_m - true, axis=1) for pose, true in zip(poses, shown, strict=True)]
         wrong.append(any(np.any(distances > _WRONG_M) for distances in away))
         apart = [np.linalg.norm(pose.observed_m[:, None] - other, axis=2)
@@ -123,6 +130,16 @@ def play_crossing(crossing: Crossing, database: Database, generator: np.random.G
         "longest_exchanged_s": _longest_s(exchanged),
         "frames": len(wrong),
     }
+
+
+def _are_turned(poses: Sequence[PerformerPose], shown: Sequence[Array]) -> bool:
+    """Return whether the first performer's markers are those shown second."""
+    middles = [np.nanmean(pose.observed_m, axis=0) for pose in poses]
+    straight, turned = (
+        sum(np.linalg.norm(middle - markers.mean(axis=0)) for middle, markers in zip(middles, order, strict=True))
+        for order in (shown, shown[::-1])
+    )
+    return bool(turned < straight)
 
 
 def _longest_s(frames: list[bool]) -> float:
