@@ -253,6 +253,8 @@ def _reason(sketch: Sketch, control: Control, frame: float, reach: Reach) -> str
     at = np.array([frame])
     place = control.curve(at)[0]
     for other in sketch.controls:
+        if not other.frames[0] <= frame <= other.frames[-1]:
+            continue
         away_m, most_m = float(np.linalg.norm(other.curve(at)[0] - place)), reach.between(control.joint, other.joint)
         if away_m > most_m:
             return f"it is {away_m:.2f} m from {other.joint}, the body reaches {most_m:.2f} m"

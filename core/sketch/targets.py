@@ -2,7 +2,7 @@
 
 A joint's target is where the database's motion has it, plus a displacement. At a key the displacement leads to the
 key; while a foot stands it keeps the toes where they are; between these it runs smoothly. Before its first key a
-control keeps that key's displacement, after its last key the last one's.
+control keeps that key's displacement, after its last key the last one's, but loosely: others' keys bind there.
 """
 
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ from .sketch import Control, Sketch
 
 _ANKLES = ("lfoot", "rfoot")
 _KEY_SIGMA_M, _SWING_SIGMA_M, _STAND_SIGMA_M = 0.001, 0.03, 0.004
+_LOOSENED_S = 0.3  # in which a control becomes loose before its first key and after its last
 _STANDS = 0.5  # share of the windows that show it
 # distances of the controls from the database's motion at which a body begins to be turned to them, and is fully
 _TURNED_M = 0.25, 0.5
@@ -68,7 +69,7 @@ def targets_of(
     points, sigmas = base_m.copy(), np.full(base_m.shape[:2], _SWING_SIGMA_M)
     for column, name in enumerate(joints[: len(controls)]):
         points[:, column] = _control_targets(controls[name], frames, base_m[:, column], follow)
-        sigmas[:, column] = _KEY_SIGMA_M
+        sigmas[:, column] = _control_sigmas(controls[name], frames, sketch.fps)
     reach, keyed_in = Reach(skeleton, joints), np.zeros((len(frames), len(controls)), dtype=np.bool_)
     for column, name in enumerate(joints[: len(controls)]):
         keyed_in[(controls[name].frames - frames[0]).astype(np.int64), column] = True
@@ -91,7 +92,7 @@ def targets_of(
             sigmas[stands] = np.where(np.isin(np.arange(len(joints)), columns), _STAND_SIGMA_M, sigmas[stands])
         for column, name in zip(columns, pair, strict=True):
             if name == leader:
-                sigmas[:, column] = _KEY_SIGMA_M
+                sigmas[:, column] = np.minimum(sigmas[:, column], _control_sigmas(controls[name], frames, sketch.fps))
             if name == leader or name not in controls:
                 points[:, column] = base_m[:, column] + wanted
         if hold_feet and leader != pair[1] and pair[1] not in controls:
@@ -159,6 +160,13 @@ def _control_targets(control: Control, frames: Array, base_m: Array, follow: flo
     bent = base_m + curve_positions(keyed, positions_m - base_m[at], frames)
     between = (frames >= keyed[0]) & (frames <= keyed[-1])
     return np.where(between[:, None], bent + follow**2 * (control.curve(frames) - bent), bent)
+
+
+def _control_sigmas(control: Control, frames: Array, fps: float) -> Array:
+    """Return standard deviations (F,) of a control: loose before and after its keys."""
+    away_s = np.maximum(np.maximum(control.frames[0] - frames, frames - control.frames[-1]), 0.0) / fps
+    loose = np.clip(away_s / _LOOSENED_S, 0.0, 1.0)
+    return np.asarray(_KEY_SIGMA_M * (_SWING_SIGMA_M / _KEY_SIGMA_M) ** loose)
 
 
 def stances_of(standing: Mask, toes_m: Array, keyed: IntArray, ankles_m: Array, fps: float) -> list[tuple[int, int]]:

@@ -100,6 +100,20 @@ def test_body_stays_about_where_it_is_while_nothing_is_keyed(truth, solver, data
     assert nearest.max() < 1.5
 
 
+def test_a_control_binds_no_key_of_others_before_its_own(truth, solver):
+    """The chest's only keys, a second after the first of hips and feet, are 12 cm from its place."""
+    sketch = sketch_of(truth, ("root", "lfoot", "rfoot", "thorax"), "16")
+    late = sketch.frames[0] + truth.fps
+    controls = []
+    for control in sketch.controls:
+        if control.joint == "thorax":
+            kept = control.frames >= late
+            control = Control("thorax", control.frames[kept], control.positions_m[kept] + np.array([0.0, 0.12, 0.0]))
+        controls.append(control)
+    solution = solver.solve(replace(sketch, controls=tuple(controls)))
+    assert [key for key in solution.unmet if key.frame < late - 0.3 * truth.fps] == []
+
+
 def test_a_single_key_gives_a_pose(solver, database):
     solution = solver.solve(Sketch("one", 30.0, (Control("lhand", np.array([7.0]), np.array([[0.3, 1.2, 0.4]])),)))
     assert solution.motion.frames == 1
