@@ -164,9 +164,11 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 
 
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
-    """Return the list; if it differs from the folder, schedule `_fill` after drawing."""
+    """Return the list; if it differs from the folder or a take is to be selected, schedule `_fill` after drawing."""
     shown = context.window_manager.perfanim_takes
-    if [item.path for item in shown.entries] != _paths() and not bpy.app.timers.is_registered(_fill):
+    # A drawing between a take's end and `choose` has listed the take already.
+    waits = bool(_wanted[0]) or [item.path for item in shown.entries] != _paths()
+    if waits and not bpy.app.timers.is_registered(_fill):
         bpy.app.timers.register(_fill)
     return shown
 

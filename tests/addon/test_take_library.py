@@ -114,6 +114,24 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
     assert [item.title for item in shown(part)] == [f"{whole.notes.name} (lwr)", whole.notes.name]
 
 
+def test_a_take_that_is_listed_already_can_still_be_chosen(part: Any) -> None:
+    """The panel may be drawn between the end of a take's file and the operator that selects it."""
+    panel = part("panels.takes")
+    write_take(part("take_library").folder(), "older")
+    write_take(part("take_library").folder(), "newer")
+    shown(part)
+    other = next(path for path in panel._paths() if path != panel.active_path(bpy.context))
+    assert not bpy.app.timers.is_registered(panel._fill)
+    panel.choose(Path(other))
+    panel._list(bpy.context)  # as the panel is drawn next
+    assert bpy.app.timers.is_registered(panel._fill)
+    bpy.app.timers.unregister(panel._fill)
+    panel._fill()
+    assert panel.active_path(bpy.context) == other
+    panel._list(bpy.context)
+    assert not bpy.app.timers.is_registered(panel._fill)
+
+
 def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
     takes = part("take_library")
     folder = takes.folder()
