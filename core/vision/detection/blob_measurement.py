@@ -19,6 +19,7 @@ _ROUND_ENOUGH = 0.6
 _SPLIT_LEVELS = (0.45, 0.6, 0.75)
 _NECK_LEVELS = (0.65, 0.75)
 _RIM_SHARE = 0.15
+_LIT = 0.5  # contrast of pixels that tell the hue, as a share of the blob's most
 _ABOVE_ALL = 1024.0  # grey levels
 _GROUP = 1 << 20  # more than an image has blobs
 
@@ -103,14 +104,20 @@ def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
     eighth = np.maximum(counts // 8, 1)
     plateau = (sums[stops] - sums[stops - eighth]) / eighth
     radius = np.sqrt((sums[stops] - sums[starts]) / (math.pi * plateau))
-    bright = pixels.contrast >= 0.5 * plateau[blob]
-    lit = np.add.reduceat(
-        np.concatenate((pixels.colours, np.ones_like(pixels.x)[:, None]), 1) * bright[:, None], starts
-    )
-    colours = lit[:, :3] / lit[:, 3:]
-    hues = [180.0 * rgb_to_hsv(red, green, blue)[0] for blue, green, red in colours.tolist()]  # as in OpenCV
-    rows = np.array((left + x, top + y, radius, colours.max(axis=1), hues, plateau, roundness)).T
+    hues = [
+        180.0 * rgb_to_hsv(*colour[::-1])[0] for colour in _mean_colours(pixels, _LIT * plateau[blob], starts).tolist()
+    ]
+    # rim pixels would make it dimmer: of a small blob many or few are half bright, by how it falls on the pixels
+    brightness = _mean_colours(pixels, pixels.contrast[stops - eighth][blob], starts).max(axis=1)
+    rows = np.array((left + x, top + y, radius, brightness, hues, plateau, roundness)).T
     return pixels.owner[starts], rows
+
+
+def _mean_colours(pixels: BlobPixels, least: Array, starts: IntArray) -> Array:
+    """Return the blobs' mean colours (N, 3) where contrast is at least so much (P,)."""
+    columns = np.concatenate((pixels.colours, np.ones_like(pixels.x)[:, None]), axis=1)
+    sums = np.add.reduceat(columns * (pixels.contrast >= least)[:, None], starts)
+    return np.asarray(sums[:, :3] / sums[:, 3:])
 
 
 def _sums_before(values: FloatArray) -> Array:

@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
@@ -207,3 +208,16 @@ def test_a_part_of_a_large_image_shows_the_same_markers_as_the_whole():
         np.testing.assert_allclose(found, matched(expected, found[:, :2]), atol=0.01)
         assert len(found) == len(expected) == len(centres) - (number in late)
     assert 1 <= len(late) <= 3
+
+
+def test_a_small_marker_is_as_bright_wherever_it_falls_on_the_pixels(draw):
+    """A lens blurs it: it has four bright pixels and eight half as bright, or nine bright ones.
+
+    On a body, markers dimmer than the others are taken for skin.
+    """
+    brightness = []
+    for phase in np.stack(np.meshgrid(np.arange(0.0, 1.0, 0.125), [0.0, 0.5]), axis=-1).reshape(-1, 2):
+        image = cv2.GaussianBlur(draw(np.array([[320.0, 250.0]]) + phase, 1.2, level=240.0), (0, 0), 0.5)
+        (blob,) = Detector().detect(image)
+        brightness.append(blob[3])
+    assert min(brightness) > 0.9 * max(brightness)
