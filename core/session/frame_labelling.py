@@ -133,9 +133,12 @@ class FrameLabeller:
 
     def follow_rival(self, rival: RivalLabels) -> None:
         """Go on with other labels than those so far."""
+        check = self._check
         self.reset()
         self.labellings += 1
         self._labeller = rival.labeller
+        if rival.adds:  # evidence for other names of the rest stays
+            self._check = check
         self._check.begin(rival.time_s)
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:

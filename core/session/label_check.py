@@ -31,7 +31,9 @@ _NEARER = 0.7  # the closest example is nearer to them than this share of the pr
 _LEAST = -10.0  # of sums of gains: more against other labels is forgotten
 _PROVEN = 5.0  # sum of gains, above which others are right if an example is nearer to them; or that name more points
 _DECISIVE = 8.0  # above this they are right in any case
-_FOLLOWED = 10.0  # less is the gain of labels that contradict markers followed without a doubt since all were certain
+_FOLLOWED = 10.0  # against labels that contradict markers followed without a doubt since all were certain
+_INDEPENDENT_S = 0.3  # of motion, after which a check of such labels is as good as the first; sooner it counts for less
+_GONE_S = 0.1  # without a pose, after which no check before speaks for the labels
 
 Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
 _NEW = -2  # in one: a point without a name gets one
@@ -67,6 +69,8 @@ class LabelCheck:
         self._confirmed, self._was_doubtful = 0.0, False
         self._compared: Mask = np.ones(len(names), dtype=bool)
         self._evidence: dict[Renaming, float] = {}
+        self._contradicting: set[Renaming] = set()
+        self._weighed_s, self._stepped_s = -np.inf, -np.inf
         self._tried: set[Renaming] = set()
         self._wait_s, self._checked_s, self._looked_s = _FIRST_S, -np.inf, -np.inf
 
@@ -95,6 +99,10 @@ class LabelCheck:
             is_sure: (M,) markers followed without a doubt since the labels were certain.
             busy: whether the frame has cost much already, so that a search rests.
         """
+        self._compared = self._compared & np.isfinite(pose.observed_m[:, 0])
+        if _GONE_S < pose.time_s - self._stepped_s < np.inf:
+            self._confirmed = 0.0
+        self._stepped_s = pose.time_s
         doubtful = self._is_doubtful(frame, pose)
         if self._search is not None:
             self._search.follow(frame.points_m, elapsed_s)
@@ -144,15 +152,19 @@ class LabelCheck:
             if renaming != present
             for contradicts in (self._is_contradicted(renaming),)
         }
-        most = max((gain for _, gain, _ in others.values()), default=-np.inf)
+        gains = {renaming: gain for renaming, (_, gain, _) in others.items()}
+        self._weigh(gains, {renaming for renaming, (_, _, contradicts) in others.items() if contradicts}, time_s)
+        most = max(
+            (self._evidence[other] if other in self._contradicting else gain for other, gain in gains.items()),
+            default=-np.inf,
+        )
         # a search that missed the present labels is no evidence for them
         is_found = any(renaming == present for renaming, _, _ in found)
         self._confirmed = self._confirmed + is_found * _confirmation(most) if most < _BETTER else 0.0
         self._compared = np.isfinite(self._present_m[:, 0])
         if not others or (most < 0.0 and not is_found):
             return None
-        gains = {renaming: gain for renaming, (_, gain, _) in others.items()}
-        best = self._weigh(gains)
+        best = max(gains, key=lambda other: (self._evidence[other], gains[other]))
         # a point that gets a name is no evidence for other names of the rest
         added = [renaming for renaming in gains if self._only_adds(renaming)]
         if added and _NEW in best and gains[best] - max(map(gains.__getitem__, added)) < _PROVEN:
@@ -179,15 +191,28 @@ class LabelCheck:
         """Count it against other labels that the body does not fit them."""
         self._evidence[rival] = _LEAST
 
-    def _weigh(self, gains: Mapping[Renaming, float]) -> Renaming:
-        """Add gains to the evidence for each way to rename markers; return the best."""
-        least = min(0.0, *gains.values())
-        sums = {other: self._evidence.get(other, 0.0) + gain for other, gain in gains.items()}
+    def _weigh(self, gains: Mapping[Renaming, float], contradicting: set[Renaming], time_s: float) -> None:
+        """Add gains to the evidence for each way to rename markers.
+
+        That the markers were followed counts once against labels that contradict it, however long a body rests in a
+        pose that looks like other labels.
+        """
+        share, self._weighed_s = min((time_s - self._weighed_s) / _INDEPENDENT_S, 1.0), time_s
+        sums = {}
+        for other, gain in gains.items():
+            before = self._evidence.get(other, 0.0)
+            if other not in contradicting:
+                sums[other] = before + gain
+            elif other in self._contradicting:
+                sums[other] = before + share * (gain + _FOLLOWED)
+            else:
+                sums[other] = gain
+        least = min(0.0, *gains.values()) if gains else 0.0
         sums |= {other: before + least for other, before in self._evidence.items() if other not in gains}
         self._evidence = {
             other: max(value, _LEAST) for other, value in sums.items() if other in gains or value > _LEAST
         }
-        return max(gains, key=lambda other: (self._evidence[other], gains[other]))
+        self._contradicting = contradicting | (self._contradicting & (self._evidence.keys() - gains.keys()))
 
     def _renaming(self, labels: IntArray, points_m: Array) -> Renaming:
         """Return the marker that presently has each marker's point: none -1, new `_NEW`."""

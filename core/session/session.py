@@ -84,7 +84,7 @@ class Session:
         if self._quality.is_lost(pose):
             self.restart()
         elif doubts and solution and not is_labelled(frame):
-            self._compare_labels(frame, elapsed_s, before, pose, solution)
+            self._compare_labels(frame, elapsed_s, before, observation, pose, solution)
         return pose
 
     @property
@@ -138,14 +138,23 @@ class Session:
         return found
 
     def _compare_labels(
-        self, frame: MarkerFrame, elapsed_s: float, before: SolverState, pose: PerformerPose, solution: Solution
+        self,
+        frame: MarkerFrame,
+        elapsed_s: float,
+        before: SolverState,
+        observation: Observation,
+        pose: PerformerPose,
+        solution: Solution,
     ) -> None:
         """Go on with other labels of a solved frame where they explain it better."""
         rival = self.labeller.find_rival(frame, elapsed_s, pose, busy=solution.looked)
         if rival is None:
             return
-        limit_m = rival.nearer * solution.nearest_m
-        fresh = self.solver.begin_at_torso(solution) if rival.keeps_torso else self.solver.initial_state
+        limit_m, fresh = rival.nearer * solution.nearest_m, self.solver.initial_state
+        if rival.keeps_torso:
+            fresh = self.solver.begin_at_torso(solution)
+            if limit_m < np.inf and not rival.adds:  # its past alone may keep the present pose from an example
+                limit_m = min(limit_m, rival.nearer * self.solver.closest_m(fresh, observation))
         if rival.adds and limit_m < np.inf and not self.solver.closest_m(fresh, rival.observation) < limit_m:
             return
         found, state = self.solver.step(before if rival.adds else fresh, rival.observation, frame.time_s, True, limit_m)
@@ -208,7 +217,7 @@ class Session:
         """Return the last pose, or the T pose at the origin, for a frame that gives none."""
         seen = observation or Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan))
         return replace(
-            self._last or self._first_pose(),
+            self._last or _first_pose(self._model),
             number=frame.number,
             time_s=time_s,
             confidence=0.0,
@@ -219,11 +228,12 @@ class Session:
             single_points=seen.image_points,
         )
 
-    def _first_pose(self) -> PerformerPose:
-        rotations = t_pose(self.subject.skeleton)
-        markers = rest_markers(self._model, rotations)
-        position = np.array([0.0, -float(markers[:, 1].min()), 0.0])
-        unseen = Observation.of_points(np.full(markers.shape, np.nan))
-        return PerformerPose(
-            0, 0.0, rotations, position, 0.0, markers + position, unseen.points_m, unseen.cameras, float("nan")
-        )
+
+def _first_pose(model: SubjectModel) -> PerformerPose:
+    rotations = t_pose(model.skeleton)
+    markers = rest_markers(model, rotations)
+    position = np.array([0.0, -float(markers[:, 1].min()), 0.0])
+    unseen = Observation.of_points(np.full(markers.shape, np.nan))
+    return PerformerPose(
+        0, 0.0, rotations, position, 0.0, markers + position, unseen.points_m, unseen.cameras, float("nan")
+    )

@@ -152,3 +152,43 @@ def test_a_check_speaks_for_the_markers_that_it_saw() -> None:
     observed_m[2] = np.nan
     check, _ = judged(Search((np.array([0, 1, -1, 3]), 0.0)), observed_m)
     np.testing.assert_array_equal(check.confirmed_markers, [True, True, False, True])
+
+
+def stepped(check: Any, times_s: list[float], is_sure: np.ndarray, observed_m: np.ndarray = POINTS_M) -> list[Any]:
+    """Return the labels that checks of one pose at these times find."""
+    found = []
+    for number, time_s in enumerate(times_s):
+        frame = MarkerFrame(number, time_s, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+        pose = SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=0.9, time_s=time_s)
+        found.append(check.step(frame, 0.1, pose, is_sure))
+    return found
+
+
+def test_labels_that_were_certain_are_not_when_the_body_was_gone() -> None:
+    check, _ = judged(Search((np.arange(4), 0.0), (EXCHANGED, -30.0)), POINTS_M)
+    frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+    stepped(check, [1.02], np.zeros(4, dtype=bool))
+    assert check.confidence(frame, POINTS_M) == 1.0
+    check._search = None
+    check._initial = OneRival(2.0)  # it misses the present labels: no confirmation
+    stepped(check, [1.6], np.zeros(4, dtype=bool))
+    assert check.confidence(frame, POINTS_M) < 1.0
+
+
+def test_a_marker_that_was_hidden_is_not_confirmed_by_a_check_before() -> None:
+    check, _ = judged(Search((np.arange(4), 0.0), (EXCHANGED, -30.0)), POINTS_M)
+    hidden = POINTS_M.copy()
+    hidden[1] = np.nan
+    stepped(check, [1.01], np.zeros(4, dtype=bool), hidden)
+    stepped(check, [1.02], np.zeros(4, dtype=bool))
+    np.testing.assert_array_equal(check.confirmed_markers, [True, False, True, True])
+
+
+@pytest.mark.parametrize(("apart_s", "needed"), [(0.1, 4), (0.3, 3), (1.0, 3)])
+def test_that_markers_were_followed_counts_once_against_other_labels(apart_s: float, needed: int) -> None:
+    """Wrong labels that a weak check made certain are given up in the end; a pose that rests proves less."""
+    check: Any = LabelCheck(OneRival(7.5, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    times_s = [1.0 + 1.01 * apart_s * number for number in range(9)]
+    # before they are proven an example must be clearly nearer to them
+    proven = [each is not None and each.nearer == 1.0 for each in stepped(check, times_s, np.ones(4, dtype=bool))]
+    assert proven.index(True) + 1 == needed
