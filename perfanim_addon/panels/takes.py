@@ -164,7 +164,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 
 
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
-    """Return the list; if it differs from the folder or a take is to be selected, schedule `_fill` after drawing."""
+    """Return the list; schedule `_fill` after drawing if it has to change."""
     shown = context.window_manager.perfanim_takes
     # A drawing between a take's end and `choose` has listed the take already.
     waits = bool(_wanted[0]) or [item.path for item in shown.entries] != _paths()

@@ -1,12 +1,13 @@
 """Takes after a T pose, and with noise, by subjects that the database lacks."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
-from perfanim.core.body.motion import Motion
-from perfanim.core.database.store import Database
+from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, runs
 
@@ -36,6 +37,31 @@ class Curves(NamedTuple):
     first: int
     best: Array
     nearest: Array
+
+
+class TakeFigures(NamedTuple):
+    """Figures of a take after a T pose, and for each pass of its middle with noise."""
+
+    t_pose: dict[str, Any]
+    noise: list[dict[str, Any]]
+    curves: dict[str, Curves]
+    worst: WorstFrames
+
+
+def take_figures(name: str, take: Motion, database: Path, frames: tuple[int, int], passes: int) -> TakeFigures:
+    """Solve a take after a T pose, and its middle with noise.
+
+    Args:
+        frames: after the T pose, and of the middle, at most.
+    """
+    opened, worst = open_database(database), WorstFrames([], [])
+    t_pose_frames, noisy_frames = frames
+    after = t_pose_row(name, sliced(take, 0, min(t_pose_frames, take.frames)), opened, worst)
+    start = max((take.frames - noisy_frames) // 2, 0)
+    middle = sliced(take, start, min(start + noisy_frames, take.frames))
+    noisy = [noisy_row(name, middle, start, opened, seed, worst) for seed in range(passes)]
+    curves = {f"{name}, noise {seed}": curve for seed, (_, curve) in enumerate(noisy)}
+    return TakeFigures(after, [row for row, _ in noisy], curves, worst)
 
 
 def t_pose_row(name: str, truth: Motion, database: Database, worst: WorstFrames) -> dict[str, Any]:

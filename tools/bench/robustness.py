@@ -1,13 +1,16 @@
 """Labels and poses after cuts, a T pose, noise, all with the subject unseen."""
 
+import json
 from collections.abc import Callable, Collection, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
@@ -18,7 +21,7 @@ from .data import CMU, development_takes, whole_database, without_subject
 from .films import film_summary, play_films
 from .frames_in_doubt import doubt_summary, frame_times, mirrored_database
 from .more_data import TAKES, more_data_row
-from .noisy_takes import JUMP_DEG, Curves, noisy_row, t_pose_row
+from .noisy_takes import JUMP_DEG, Curves, TakeFigures, take_figures
 from .plots import Line, Panel, check_plots, write_plot
 from .random_cuts import LONG, Cut, cut_figures, play_cut, random_cuts, seconds_until_right
 from .report import write_figures
@@ -104,7 +107,7 @@ def robustness(
     if "pairs" in parts:
         tables |= _pairs(takes, sizes, databases, np.random.default_rng(seed), progress)
     if "takes" in parts:
-        single, curves = _single_takes(takes, sizes, databases, worst, progress)
+        single, curves = _single_takes(takes, sizes, databases, worst, progress, workers, out)
         tables |= single
         plots += _take_picture(out, curves)
     if "more-data" in parts:
@@ -186,20 +189,32 @@ def _single_takes(
     databases: Mapping[str, Database],
     worst: WorstFrames,
     progress: Progress,
+    workers: int,
+    out: Path,
 ) -> tuple[dict[str, list[dict[str, Any]]], dict[str, Curves]]:
-    """Return tables of takes after a T pose and with noise, and the latter's errors."""
-    after_t_pose, noisy = [], []
-    curves: dict[str, Curves] = {}
-    for number, (name, take) in enumerate(takes.items()):
-        progress(0.5 + 0.4 * number / len(takes), f"{name}: T pose before it, noise")
-        database = databases[subject_of(name)]
-        after_t_pose.append(t_pose_row(name, sliced(take, 0, min(sizes.t_pose_frames, take.frames)), database, worst))
-        start = max((take.frames - sizes.noisy_frames) // 2, 0)
-        middle = sliced(take, start, min(start + sizes.noisy_frames, take.frames))
-        for seed in range(sizes.passes):
-            row, curves[f"{name}, noise {seed}"] = noisy_row(name, middle, start, database, seed, worst)
-            noisy.append(row)
-    return {"t-pose": after_t_pose, "noise": noisy}, curves
+    """Return tables of takes after a T pose and with noise, and the latter's errors.
+
+    Each take's rows are written as they come, a line of JSON each: all takes last for hours.
+    """
+    frames = (sizes.t_pose_frames, sizes.noisy_frames)
+    done: dict[str, TakeFigures] = {}
+    path = out / "robustness-takes.jsonl"
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool, path.open("w", encoding="utf-8") as stream:
+        jobs = {
+            pool.submit(take_figures, name, take, databases[subject_of(name)].path, frames, sizes.passes): name
+            for name, take in takes.items()
+        }
+        for job in as_completed(jobs):
+            done[jobs[job]] = figures = job.result()
+            stream.writelines(json.dumps(row) + "\n" for row in (figures.t_pose, *figures.noise))
+            stream.flush()
+            progress(0.5 + 0.4 * len(done) / len(takes), f"{jobs[job]}: T pose before it, noise")
+    ordered = [done[name] for name in takes]
+    for figures in ordered:
+        worst.frames.extend(figures.worst.frames)
+        worst.pictures.extend(figures.worst.pictures)
+    tables = {"t-pose": [each.t_pose for each in ordered], "noise": [row for each in ordered for row in each.noise]}
+    return tables, {title: curve for each in ordered for title, curve in each.curves.items()}
 
 
 def _cut_summary(cuts: list[dict[str, Any]]) -> list[dict[str, Any]]:
