@@ -77,5 +77,9 @@ class CaptureError(PerfanimError):
     """A camera, video or the capture process failed."""
 
 
+class DownloadError(PerfanimError):
+    """A file cannot be had from the network, or came damaged."""
+
+
 class CharacterError(PerfanimError):
     """A character cannot be driven."""

@@ -1,29 +1,49 @@
-"""`perfanim database build` and `perfanim database info`."""
+"""`perfanim database build`, `get` and `info`."""
 
 import argparse
 import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from ..body.standard_skeleton import JOINT_NAMES
 from ..database.build import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
+from ..database.public_collections import get_collection, public_collections
 from ..database.store import open_database
 from ..database.zeros import zeros_report
+from ..errors import SettingsError
 from ..system.progress import Progress
 from .options import add_repeated, add_switch, add_text, check_fps, check_range
 
 
 def add_parser(subparsers: Any) -> None:
-    group = subparsers.add_parser("database", help="build or inspect a motion database")
+    group = subparsers.add_parser("database", help="build, get or inspect a motion database")
     commands = group.add_subparsers(metavar="COMMAND", required=True)
     build = commands.add_parser("build", help="motion files to a database")
     build.add_argument("sources", nargs="+", metavar="SRC", help="BVH or AMC file, folder, .zip or .tar archive")
-    add_text(build, "--out", "DB", "database file to write", required=True)
-    build.add_argument("--fps", type=float, default=60.0, help="frames per second stored (default 60)")
-    add_repeated(build, "--include", "GLOB", "take only files of this name or behaviour; repeatable")
-    add_repeated(build, "--exclude", "GLOB", "leave out files of this name or behaviour; repeatable")
-    add_switch(build, "--mirror", "add the mirror image of every clip")
-    build.add_argument(
+    _add_build_options(build, out_required=True)
+    build.set_defaults(run=_build)
+    get = commands.add_parser("get", help="a public collection of motion from the network, and a database of it")
+    get.add_argument(
+        "collection", nargs="?", metavar="NAME|URL", help="of the list, or the address of an archive; none: the list"
+    )
+    add_text(get, "--to", "DIR", "folder of the archives (default: this one)", type=Path, default=Path())
+    _add_build_options(get, out_required=False)
+    get.set_defaults(run=_get)
+    info = commands.add_parser("info", help="contents of a database")
+    info.add_argument("database", metavar="DB")
+    info.set_defaults(run=_info)
+
+
+def _add_build_options(parser: Any, out_required: bool) -> None:
+    add_text(parser, "--out", "DB", "database file to write", required=out_required)
+    parser.add_argument("--fps", type=float, default=60.0, help="frames per second stored (default 60)")
+    add_repeated(parser, "--include", "GLOB", "take only files of this name or behaviour; repeatable")
+    add_repeated(parser, "--exclude", "GLOB", "leave out files of this name or behaviour; repeatable")
+    add_switch(parser, "--mirror", "add the mirror image of every clip")
+    parser.add_argument(
         "--cull",
         type=float,
         nargs="?",
@@ -33,19 +53,38 @@ def add_parser(subparsers: Any) -> None:
         help="leave out passages that an earlier clip holds within DEG degrees, root mean square over the joint "
         f"angles (default {DEFAULT_CULL_DEG:g} when given without a number; else none are)",
     )
-    add_text(build, "--workers", "N", "processes that read (default: one a core where it is worth it)", type=int)
-    build.set_defaults(run=_build)
-    info = commands.add_parser("info", help="contents of a database")
-    info.add_argument("database", metavar="DB")
-    info.set_defaults(run=_info)
+    add_text(parser, "--workers", "N", "processes that read (default: one a core where it is worth it)", type=int)
 
 
 def _build(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    _check_build_options(args)
+    return _built(args, args.sources, progress)
+
+
+def _get(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    _check_build_options(args)  # before hours of waiting
+    if args.collection is None:
+        if args.out is not None:
+            raise SettingsError("--out without a collection", advice=f"give {', '.join(public_collections())}")
+        return {"collections": [asdict(each) for each in public_collections().values()]}
+    share = 1.0 if args.out is None else 0.5
+    archive = get_collection(args.collection, args.to, lambda fraction, text: progress(share * fraction, text))
+    summary = {"archive": str(archive), "bytes": archive.stat().st_size}
+    if args.out is None:
+        return summary
+    later = _built(args, [str(archive)], lambda fraction, text: progress(0.5 + 0.5 * fraction, text))
+    return summary | later
+
+
+def _check_build_options(args: argparse.Namespace) -> None:
     check_fps(args.fps)
     check_range("--workers", args.workers, 1, math.inf, "give 1 or more")
     check_range("--cull", args.cull, 0.0, 20.0, "give 0 to 20 degrees")
+
+
+def _built(args: argparse.Namespace, sources: Sequence[str], progress: Progress) -> dict[str, Any]:
     return build_database(
-        args.sources,
+        sources,
         args.out,
         BuildSettings(
             fps=args.fps,

@@ -1,24 +1,30 @@
-"""Operators of the motion database: import motion, use the starter database."""
+"""Operators of the motion database: import motion, get motion, use the starter."""
 
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
+from ...core.database.public_collections import file_name, public_collections
 from ...core.database.store import DATABASE_SUFFIX
-from ...core.errors import DatabaseError
+from ...core.errors import DatabaseError, DownloadError
 from ...core.system.assets import MOTION
+from ...core.system.download import check_address
 from ..jobs.job import Job, command
 from ..preferences import preferences
+from ..preferences.online import is_online_allowed, is_this_computer
 from ..preferences.paths import user_folder
-from ..preferences.property_kinds import switch
+from ..preferences.property_kinds import choice, draw_props, string, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .common import PanelOperator
+from .common import DialogOperator, PanelOperator
 from .jobs import JobOperator
 
 PANEL = "database"
+_ADDRESS = "ADDRESS"
+_COLLECTIONS = [(name, each.title, each.good_for) for name, each in public_collections().items()]
 
 
 def starter_arguments() -> list[str]:
@@ -52,18 +58,39 @@ class SolvingOperator(JobOperator):
         return Job(self.title, self.panel, request, python, first=first)
 
 
-class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
+class _BuildingOperator(JobOperator):
+    """Base of the jobs that build a database and use it."""
+
+    panel = PANEL
+    mirror: switch("Mirrored Copies", "Add every clip with left and right swapped")
+    cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
+
+    def options(self, context: bpy.types.Context, name: str) -> list[str]:
+        """Return the command's options for a database of this name."""
+        self._target = str(user_folder("databases") / f"{name or 'motion'}{DATABASE_SUFFIX}")
+        chosen = ["--mirror"] * self.mirror + ["--cull"] * self.cull
+        workers = preferences.workers(context)
+        chosen += ["--workers", str(workers)] if workers else []
+        return ["--out", self._target, "--fps", f"{settings(context).database_fps:g}", *chosen]
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        settings(context).database = self._target
+        skipped = len(summary.get("skipped") or ())
+        text = f"{int(summary.get('frames', 0)):,} frames imported"
+        text = f"{text}, {skipped} files skipped" if skipped else text
+        repaired = sum(row["done"] != "kept" for row in summary.get("defects") or ())
+        return f"{text}, {repaired} defects removed or repaired" if repaired else text
+
+
+class PERFANIM_OT_build_database(_BuildingOperator, bpy.types.Operator, ImportHelper):
     """Build a motion database from BVH or AMC files, folders or archives, and use it"""
 
     bl_label = "Import Motion"
     title = "Importing motion"
-    panel = PANEL
     filename_ext = ""
     filter_glob: bpy.props.StringProperty(default="*.bvh;*.amc;*.asf;*.zip;*.tar;*.gz;*.tgz", options={"HIDDEN"})
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
-    mirror: switch("Mirrored Copies", "Add every clip with left and right swapped")
-    cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         names = [item.name for item in self.files if item.name]
@@ -74,20 +101,50 @@ class PERFANIM_OT_build_database(JobOperator, bpy.types.Operator, ImportHelper):
             if not source or not Path(source).exists():
                 raise DatabaseError("not found", where=source or "import", advice="choose motion files or a folder")
         folder = Path(sources[0]) if len(sources) == 1 else Path(self.directory)
-        self._target = str(user_folder("databases") / f"{folder.stem or 'motion'}{DATABASE_SUFFIX}")
-        fps = settings(context).database_fps
-        chosen = [*(["--mirror"] if self.mirror else []), *(["--cull"] if self.cull else [])]
-        workers = preferences.workers(context)
-        chosen += ["--workers", str(workers)] if workers else []
-        return ["database", "build", *sources, "--out", self._target, "--fps", f"{fps:g}", *chosen]
+        return ["database", "build", *sources, *self.options(context, folder.stem)]
 
-    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        settings(context).database = self._target
-        skipped = len(summary.get("skipped") or ())
-        text = f"{int(summary.get('frames', 0)):,} frames imported"
-        text = f"{text}, {skipped} files skipped" if skipped else text
-        repaired = sum(row["done"] != "kept" for row in summary.get("defects") or ())
-        return f"{text}, {repaired} defects removed or repaired" if repaired else text
+
+class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operator):
+    """Get a public collection of motion, build a database from it, and use it"""
+
+    bl_label = "Get Motion Data"
+    title = "Getting motion data"
+    collection: choice(
+        "Collection",
+        "Motion to get",
+        [*_COLLECTIONS, (_ADDRESS, "From an Address", "An archive of BVH or AMC files elsewhere")],
+    )
+    address: string("Address", "http or https address of an archive of BVH or AMC files (.zip, .tar)")
+    only: string("Only", "Take only files of this name or behaviour, such as 09_* or walk*; empty: all")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "collection")
+        known = public_collections().get(self.collection)
+        if known is None:
+            layout.prop(self, "address")
+        else:
+            for text in (f"Good for: {known.good_for}", f"Licence: {known.licence}", known.page):
+                layout.label(text=text)
+            layout.label(text=f"About {known.megabytes} MB are fetched to {_folder()}", icon="IMPORT")
+        draw_props(layout, self, "only", "mirror", "cull")
+
+    def arguments(self, context: bpy.types.Context) -> list[str]:
+        known = public_collections().get(self.collection)
+        address = known.address if known else self.address.strip()
+        check_address(address)
+        if not is_online_allowed() and not is_this_computer(str(urlsplit(address).hostname)):
+            raise DownloadError("online access is off", advice="allow it in the Preferences: System, Network")
+        name = known.name if known else file_name(address).partition(".")[0]
+        only = ["--include", self.only.strip()] if self.only.strip() else []
+        source = known.name if known else address
+        return ["database", "get", source, "--to", str(_folder()), *only, *self.options(context, name)]
+
+
+def _folder() -> Path:
+    """Return the folder of the archives from the network."""
+    return user_folder("collections")
 
 
 class PERFANIM_OT_use_starter_database(PanelOperator, bpy.types.Operator):

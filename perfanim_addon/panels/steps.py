@@ -164,6 +164,7 @@ class PERFANIM_PT_database(_Step, bpy.types.Panel):
         row.operator("perfanim.use_starter_database", text="", icon="LOOP_BACK")
         layout.prop(chosen, "database_fps")
         layout.operator("perfanim.build_database", icon="IMPORT")
+        layout.operator("perfanim.get_motion", icon="URL")
 
 
 class PERFANIM_PT_character(_Step, bpy.types.Panel):

@@ -6,8 +6,8 @@ import bpy
 
 from ...core.formats.vmc.ports import PERFORMER_PORT
 from ..preferences.attach_settings import attach_property_group
+from ..preferences.online import is_online_allowed, is_this_computer
 from ..preferences.property_kinds import string, whole_number
-from . import vmc_output
 
 THIS_COMPUTER = "127.0.0.1"
 
@@ -26,7 +26,7 @@ class PERFANIM_PG_receiving(bpy.types.PropertyGroup):
 def problem(chosen: Any) -> str:
     """Return the reason why trackers cannot be received, "" for none."""
     sender = chosen.sender.strip()
-    if vmc_output.is_online_allowed() or (sender and vmc_output.is_this_computer(sender)):
+    if is_online_allowed() or (sender and is_this_computer(sender)):
         return ""
     return f"Online access is off: only programs on this computer ({THIS_COMPUTER}) can send"
 

@@ -1,12 +1,12 @@
 """Settings of the VMC output of a capture, stored in the scene."""
 
-import ipaddress
 from typing import Any
 
 import bpy
 
 from ...core.formats.vmc.ports import MARIONETTE_PORT
 from ..preferences.attach_settings import attach_property_group
+from ..preferences.online import is_online_allowed, is_this_computer
 from ..preferences.property_kinds import string, switch, whole_number
 
 
@@ -28,19 +28,6 @@ def problem(chosen: Any) -> str:
     if not is_online_allowed() and not is_this_computer(chosen.host.strip()):
         return "Online access is off: 127.0.0.1 only"
     return ""
-
-
-def is_online_allowed() -> bool:
-    """Return True if add-ons may use the network."""
-    return bool(bpy.app.online_access)
-
-
-def is_this_computer(host: str) -> bool:
-    """Return True if a name or address is that of this computer."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host.lower() == "localhost"
 
 
 def target(scene: bpy.types.Scene) -> list[Any]:

@@ -1,0 +1,18 @@
+"""Whether the network may be used."""
+
+import ipaddress
+
+import bpy
+
+
+def is_online_allowed() -> bool:
+    """Return True if add-ons may use the network."""
+    return bool(bpy.app.online_access)
+
+
+def is_this_computer(host: str) -> bool:
+    """Return True if a name or address is that of this computer."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"

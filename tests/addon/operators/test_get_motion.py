@@ -1,0 +1,54 @@
+"""Motion data from the network, as the button gets them."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from clicked import run_job
+from file_site import motion_archive, serving
+from perfanim.core.database.store import open_database
+
+
+def asked(part: Any, **chosen: Any) -> tuple[Any, SimpleNamespace]:
+    """Return the operator, and its dialog with what was chosen there."""
+    operator = part("operators.database").PERFANIM_OT_get_motion
+    dialog = SimpleNamespace(
+        **({"collection": "ADDRESS", "address": "", "only": "", "mirror": False, "cull": False} | chosen)
+    )
+    dialog.options = lambda context, name: operator.options(dialog, context, name)
+    return operator, dialog
+
+
+def test_an_archive_from_an_address_is_used_at_once(part: Any, tmp_path: Path) -> None:
+    motion_archive(tmp_path / "some walks.zip")
+    try:
+        with serving(tmp_path) as address:
+            operator, dialog = asked(part, address=f" {address}/some%20walks.zip ", mirror=True)
+            text = run_job(part, operator, dialog)
+        path = Path(bpy.context.scene.perfanim.database)
+        assert path.name == "some-walks.pfdb"
+        database = open_database(path)
+        assert len(database.clips) == 4
+        assert text.startswith(f"{database.frames:,} frames imported")
+    finally:
+        bpy.context.scene.perfanim.database = ""
+
+
+@pytest.mark.parametrize("chosen", [{"collection": "cmu"}, {"address": "https://example.org/walks.zip"}])
+def test_without_online_access_nothing_is_asked_for(part: Any, monkeypatch: Any, chosen: dict[str, str]) -> None:
+    module = part("operators.database")
+    monkeypatch.setattr(module, "is_online_allowed", lambda: False)
+    operator, dialog = asked(part, **chosen)
+    with pytest.raises(module.DownloadError, match="online access is off; allow it in the Preferences"):
+        operator.arguments(dialog, bpy.context)
+    monkeypatch.setattr(module, "is_online_allowed", lambda: True)
+    assert operator.arguments(dialog, bpy.context)[:2] == ["database", "get"]
+
+
+def test_an_address_that_is_none_is_told(part: Any) -> None:
+    for address in ("", "walks.zip", "file:///walks.zip"):
+        operator, dialog = asked(part, address=address)
+        with pytest.raises(part("operators.database").DownloadError, match="no http or https address"):
+            operator.arguments(dialog, bpy.context)

@@ -1,0 +1,89 @@
+"""Collections of motion from the network, and the database made of one."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from file_site import motion_archive, serving
+from perfanim.core.cli.main import main
+from perfanim.core.database.public_collections import file_name, get_collection, public_collections
+from perfanim.core.database.store import open_database
+from perfanim.core.errors import DownloadError, SettingsError
+from perfanim.core.system.progress import no_progress
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    """Address and folder of a file server."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    with serving(folder) as address:
+        yield address, folder
+
+
+def test_the_list_tells_what_one_may_do_with_each() -> None:
+    for name, each in public_collections().items():
+        assert name == each.name
+        assert each.title and each.licence and each.good_for
+        assert each.address.startswith(("http://", "https://")) and each.page.startswith(("http://", "https://"))
+        assert 1 <= each.megabytes <= 100_000
+        assert file_name(each.address, name) == f"{name}.zip"
+
+
+def test_an_archive_becomes_a_database(site: tuple[str, Path], tmp_path: Path) -> None:
+    address, folder = site
+    motion_archive(folder / "walks.zip")
+    arguments = [
+        "database",
+        "get",
+        f"{address}/walks.zip",
+        "--to",
+        str(tmp_path / "got"),
+        "--out",
+        str(tmp_path / "a.pfdb"),
+    ]
+    assert main(arguments) == 0
+    assert len(open_database(tmp_path / "a.pfdb").clips) == 2
+    assert [path.name for path in (tmp_path / "got").iterdir()] == ["walks.zip"]
+    (folder / "walks.zip").unlink()
+    assert main(arguments) == 0  # it need not come again
+
+
+def test_a_damaged_archive_is_told_and_not_kept(site: tuple[str, Path], tmp_path: Path) -> None:
+    address, folder = site
+    content = bytearray(motion_archive(folder / "walks.zip").read_bytes())
+    content[len(content) // 3] ^= 0xFF
+    (folder / "walks.zip").write_bytes(content)
+    with pytest.raises(DownloadError, match=r"is damaged .*get it again"):
+        get_collection(f"{address}/walks.zip", tmp_path / "got", no_progress)
+    assert list((tmp_path / "got").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("last", "name"),
+    [
+        ("walks.zip", "walks.zip"),
+        ("%2e%2e%2f%2e%2e%2fevil.zip", "evil.zip"),
+        ("..%5Cevil.tar.gz", "evil.tar.gz"),
+        (".zip", "motion.zip"),
+        ("a%00b.tgz?x=/../y", "a-b.tgz"),
+        ("x" * 300 + ".zip", "x" * 80 + ".zip"),
+        ("-rf.ZIP", "rf.zip"),
+    ],
+)
+def test_names_of_files_hold_no_paths(last: str, name: str) -> None:
+    assert file_name(f"http://example.org/a/{last}") == name
+
+
+def test_what_is_no_collection_is_told_before_anything_is_asked(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="no collection 'cmux'; give cmu"):
+        get_collection("cmux", tmp_path, no_progress)
+    with pytest.raises(DownloadError, match="no archive of motion"):
+        get_collection("http://127.0.0.1:9/page.html", tmp_path, no_progress)
+    assert main(["database", "get", "cmu", "--fps", "0", "--to", str(tmp_path)]) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_list_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["database", "get"]) == 0
+    assert "CMU Graphics Lab" in capsys.readouterr().out
