@@ -23,7 +23,7 @@ class Collection:
     """A public collection of recorded motion.
 
     Args:
-        name: by which it is asked for.
+        name: as `perfanim database get` takes it.
         page: address to read about it.
         address: of the archive.
         megabytes: about the size of the archive.
