@@ -73,7 +73,7 @@ def _solve(armature: bpy.types.Object) -> str:
         body, chosen = SketchBody.of(armature), armature.perfanim_sketch.solver_settings()
         sketch = read_controls(bpy.context, armature, body.space)
         solution = solve_sketch(sketch, body.skeleton, open_database(built), chosen)
-    solved = solution_from(solution_table(solution, 0, whole=True))
+    solved = solution_from(solution_table(solution, 0))
     return write_solution(bpy.context, armature, sketch, chosen, solved)
 
 

@@ -126,7 +126,7 @@ class MotionLibrary:
         """Return poses (N, 28, 3), root rotations (N, 4) and places (N, 3).
 
         Args:
-            frames: (N,) of one clip, need not be whole.
+            frames: (N,), need not be whole; none is after its clip's last.
         """
         before = np.floor(frames + 1e-9).astype(np.int64)
         after = np.minimum(before + 1, self.database.frames - 1)

@@ -74,6 +74,10 @@ class Stretch:
     before_s: float
     after_s: float
 
+    def shows(self, times_s: Array) -> Mask:
+        """Return (T,) whether times are in it or its context."""
+        return np.asarray((times_s >= self.before_s - 1e-9) & (times_s <= self.after_s + 1e-9))
+
 
 @dataclass(frozen=True)
 class Windows:

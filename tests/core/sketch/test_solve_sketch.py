@@ -210,12 +210,29 @@ def test_a_moved_key_is_solved_again_as_from_the_start(truth, database, walk):
     moved = changed(walk, "lhand", lambda positions: positions + 0.05 * (np.arange(len(positions)) == 2)[:, None])
     kept = SketchSolver(truth.skeleton, database)
     before = kept.solve(walk)
-    preview, again = kept.preview(moved), kept.solve(moved)
+    picture, last = (kept.preview(moved, SketchSettings(), frame) for frame in (32.0, walk.frames[-1]))
+    again = kept.solve(moved)
     fresh = solve_sketch(moved, truth.skeleton, database)
-    assert preview.key_distances_m.max() < MET_M
-    np.testing.assert_array_equal(preview.motion.rotations[-1], before.motion.rotations[-1])
+    hand = next(control for control in moved.controls if control.joint == "lhand")
+    at = truth.skeleton.index("lhand")
+    assert np.linalg.norm(positions_of(picture)[0, at] - hand.positions_m[2]) < MET_M
+    np.testing.assert_allclose(last.rotations[0], before.motion.rotations[-1], atol=1e-9)
     for name in ("rotations", "root_positions_m"):
         np.testing.assert_allclose(getattr(again.motion, name), getattr(fresh.motion, name), atol=0.02)
+
+
+def test_small_edits_do_not_add_up(truth, database, walk):
+    """Edits too small to be solved again, a hundred of them, are a centimetre."""
+    kept = SketchSolver(truth.skeleton, database)
+    kept.solve(walk)
+    for _ in range(100):
+        walk = changed(walk, "lhand", lambda positions: positions + np.array([0.0, 0.00009, 0.0]))
+        solution = kept.solve(walk)
+    assert solution.key_distances_m.max() < MET_M
+
+
+def test_a_first_picture_needs_a_last_solution(truth, database, walk):
+    assert SketchSolver(truth.skeleton, database).preview(walk, SketchSettings(), 0.0) is None
 
 
 def test_clips_that_are_too_short_are_told(truth, database_of, tmp_path, walk):
