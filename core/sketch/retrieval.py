@@ -34,7 +34,7 @@ _VELOCITY_S = 0.15  # that a change of velocity counts
 _SAME_M = 0.002  # or s
 # where no control says which way the body faces and where hands are, windows that go forwards are preferred (m2 a
 # squared metre gone backwards, half of it sideways), and those with hanging hands (m2 a squared metre higher)
-_FORWARDS_WEIGHT, _HANGING_WEIGHT = 0.1, 0.02
+_FORWARDS_WEIGHT, _HANGING_WEIGHT = 0.3, 0.02
 _MIDDLE = ("root", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head")
 _HANDS = ("lhand", "rhand")
 _TAKEN_S = 0.5  # another explanation begins so far from those before

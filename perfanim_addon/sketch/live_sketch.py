@@ -15,9 +15,9 @@ from ...core.errors import PerfanimError, SettingsError
 from ...core.geometry.arrays import Array
 from ...core.markers.subject import skeleton_table
 from ...core.sketch.sketch import Sketch
+from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import MessageKind
-from ...core.worker.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ..animation.actions import refill_action
 from ..capture.armature_driver import ArmatureDriver
 from ..character.create_character import find_armature

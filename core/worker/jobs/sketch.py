@@ -11,9 +11,9 @@ from typing import Any
 from ...database.store import open_database
 from ...errors import PerfanimError
 from ...markers.subject import skeleton_from
+from ...sketch.sketch_messages import motion_table, settings_from, sketch_from, solution_table
 from ...sketch.solve_sketch import SketchSolver
 from ..channel import Channel, Stopped
-from ..sketch_messages import motion_table, settings_from, sketch_from, solution_table
 
 
 class _OutdatedError(Exception):

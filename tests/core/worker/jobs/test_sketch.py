@@ -15,10 +15,7 @@ from perfanim.core.errors import SettingsError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.subject import skeleton_table
 from perfanim.core.sketch.sketch import Control, Sketch
-from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
-from perfanim.core.system.assets import MOTION
-from perfanim.core.worker.jobs import sketch as job
-from perfanim.core.worker.sketch_messages import (
+from perfanim.core.sketch.sketch_messages import (
     settings_from,
     settings_table,
     sketch_from,
@@ -26,6 +23,9 @@ from perfanim.core.worker.sketch_messages import (
     solution_from,
     solution_table,
 )
+from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
+from perfanim.core.system.assets import MOTION
+from perfanim.core.worker.jobs import sketch as job
 
 WALK = sliced(resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0), 0, 31)
 

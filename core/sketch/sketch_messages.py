@@ -10,9 +10,9 @@ import numpy as np
 from ..body.motion import Motion
 from ..errors import SettingsError
 from ..geometry.arrays import Array
-from ..sketch.sketch import Control, Sketch
-from ..sketch.solve_sketch import SketchSettings, SketchSolution
 from ..system.files import reading
+from .sketch import Control, Sketch
+from .solve_sketch import SketchSettings, SketchSolution
 
 
 @dataclass(frozen=True)
