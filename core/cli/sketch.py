@@ -54,10 +54,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     settings = SketchSettings(args.follow, tuple(args.behaviour), args.variation, not args.free_feet)
     outs = _outputs([Path(path) for path in args.keys], Path(args.out))
     progress(0.0, "reading")
-    has_skeleton = bool(args.skeleton or args.subject)
-    if not has_skeleton and not all(_is_blend(keys) for keys, _ in outs):
+    has_skeleton, blends = bool(args.skeleton or args.subject), sum(_is_blend(keys) for keys, _ in outs)
+    if not has_skeleton and blends < len(outs):
         args.wrong_usage("one of the arguments --subject --skeleton is required, except for .blend files")
-    if any(_is_blend(keys) for keys, _ in outs):
+    if blends:
         check_blender(args.blender)
     solver = None
     if has_skeleton:
@@ -126,16 +126,9 @@ def _is_blend(keys: Path) -> bool:
 
 
 def _read_blend(path: Path, blender: str | None) -> tuple[Sketch, Skeleton]:
-    """Return the sketch of a .blend's only character with controls, and its skeleton.
-
-    Raises:
-        PerfanimError: there is none or several, or Blender cannot open the file.
-    """
-    found = run_blender([str(path)], blender, "sketch.read_blend")["sketches"]
-    if len(found) > 1:
-        names = ", ".join(each["name"] for each in found)
-        raise FormatError(f"has sketches of {names}", where=str(path), advice="keep the controls of one")
-    return sketch_from(found[0]["sketch"]), skeleton_from(found[0]["skeleton"])
+    """Return the sketch of a .blend's only character with controls, and its bones."""
+    found = run_blender([str(path)], blender, "sketch.read_blend")
+    return sketch_from(found["sketch"]), skeleton_from(found["skeleton"])
 
 
 def _facts(solution: SketchSolution) -> dict[str, Any]:

@@ -4,8 +4,7 @@ import bpy
 
 from ...core.errors import SettingsError
 from ..animation.actions import scene_fps
-from ..animation.channels import channels_of, slot_of
-from .controls import controls_of
+from .controls import action_curves, controls_of
 
 _SPEED = 0.8  # along a path, in the scene's metres a second: a calm walk, where no other key says how long it takes
 
@@ -38,7 +37,7 @@ def follow(
 ) -> tuple[int, int]:
     """Let a control go evenly along a curve; return the first and last frame.
 
-    It keeps its height above the curve's start. It takes the time of the other controls' keys; without them it goes at
+    It keeps its height above the curve's origin. It takes the time of the other controls' keys; without them it goes at
     walking speed from the present frame on. Its own keys go.
 
     Raises:
@@ -50,16 +49,9 @@ def follow(
     length = sum(spline.calc_length() for spline in path.data.splines) * path.matrix_world.median_scale
     if length <= 0.0:
         raise SettingsError("has no length", where=path.name, advice="draw it in Edit Mode first")
-    height = control.matrix_world.translation.z - (path.matrix_world @ _start(path)).z
+    height = control.matrix_world.translation.z - path.matrix_world.translation.z
     others = [each for each in controls_of(armature_object).values() if each != control]
-    frames = sorted(
-        key.co.x
-        for each in others
-        if (animation := each.animation_data) is not None and animation.action is not None
-        for bag in channels_of(animation.action, slot_of(animation))
-        for curve in bag.fcurves
-        for key in curve.keyframe_points
-    )
+    frames = sorted(key.co.x for each in others for curve in action_curves(each) for key in curve.keyframe_points)
     first = round(frames[0]) if frames else context.scene.frame_current
     walked = first + max(1, round(length / _SPEED * scene_fps(context.scene)))
     last = round(frames[-1]) if frames and frames[-1] > first else walked
@@ -73,13 +65,6 @@ def follow(
     for frame, share in ((first, 0.0), (last, 1.0)):
         held.offset_factor = share
         held.keyframe_insert("offset_factor", frame=frame)
-    animation = control.animation_data
-    for bag in channels_of(animation.action, slot_of(animation)):
-        for key in (key for curve in bag.fcurves for key in curve.keyframe_points):
-            key.interpolation = "LINEAR"
+    for key in (key for curve in action_curves(control) for key in curve.keyframe_points):
+        key.interpolation = "LINEAR"
     return first, last
-
-
-def _start(path: bpy.types.Object) -> object:
-    spline = path.data.splines[0]
-    return spline.bezier_points[0].co if spline.type == "BEZIER" else spline.points[0].co.to_3d()

@@ -1,4 +1,4 @@
-"""Sketches of a .blend, for `perfanim sketch`; headless.
+"""Sketch of a .blend, for `perfanim sketch`; headless.
 
     python -m perfanim.perfanim_addon.sketch.read_blend FILE.blend
 
@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...core.errors import FormatError, PerfanimError, SettingsError
+from ...core.errors import PerfanimError, SettingsError
 from ...core.markers.subject import skeleton_table
 from ...core.sketch.sketch_messages import sketch_table
 from ..character import bone_map_settings
@@ -25,29 +25,17 @@ from .controls import controls_of, read_controls
 from .write_solution import SketchBody
 
 
-def read_blend(path: Path) -> list[dict[str, Any]]:
-    """Return name, skeleton and sketch of each character with controls.
-
-    Raises:
-        FormatError: no Blender file, or one without a sketch.
-        PerfanimError: a sketch cannot be solved, as of `read_controls`.
-    """
-    if path.suffix.lower() != ".blend":
-        raise FormatError("is no .blend", where=str(path), advice="give a file that Blender saved")
+def read_blend(path: Path) -> dict[str, Any]:
+    """Return skeleton and sketch of the only character with controls; else raise."""
     open_file(path)
-    found = []
-    for armature in (obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE" and controls_of(obj)):
-        body = SketchBody.of(armature)
-        found.append(
-            {
-                "name": armature.name,
-                "skeleton": skeleton_table(body.skeleton),
-                "sketch": sketch_table(read_controls(bpy.context, armature, body.space)),
-            }
-        )
-    if not found:
-        raise SettingsError("has no sketch", where=str(path), advice="click Add Controls in it, and key them")
-    return found
+    found = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE" and controls_of(obj)]
+    if len(found) != 1:
+        advice = "keep the controls of one" if found else "click Add Controls in it, and key them"
+        names = f"sketches of {', '.join(each.name for each in found)}" if found else "no sketch"
+        raise SettingsError(f"has {names}", where=str(path), advice=advice)
+    body = SketchBody.of(found[0])
+    sketch = read_controls(bpy.context, found[0], body.space)
+    return {"skeleton": skeleton_table(body.skeleton), "sketch": sketch_table(sketch)}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except PerfanimError as error:
         sys.stderr.write(f"read_blend: {' '.join(str(error).split())}\n")
         return 1
-    sys.stdout.write("\n" + json.dumps({"sketches": found}, default=np.ndarray.tolist) + "\n")
+    sys.stdout.write("\n" + json.dumps(found, default=np.ndarray.tolist) + "\n")
     return 0
 
 
