@@ -171,7 +171,7 @@ def test_a_hand_three_metres_from_the_hips_is_stretched_out_to_its_key(truth, so
     assert worst.joint == "rhand"
     assert worst.distance_m < 3.0 - reach_m + 0.2
     assert worst.reason == f"it is 3.00 m from root, the body reaches {reach_m:.2f} m"
-    assert max((key.distance_m for key in others), default=0.0) < 0.05
+    assert max((key.distance_m for key in others), default=0.0) < 0.1
     assert_sound(solution, database)
 
 
