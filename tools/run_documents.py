@@ -24,6 +24,7 @@ LEFT_OUT = {
     "perfanim calibrate cameras --camera a=a.mp4": "needs videos of a ChArUco board by three cameras",
     "perfanim calibrate floor": "needs a recording of markers that lie on the floor",
     "perfanim batch plan.toml": "needs the plan of the page and its folders; the tests of batches run plans",
+    "perfanim sketch dance.blend": "needs a file with controls; the tests of the sample solve one",
     "perfanim vmc send walk.perftake --to 192.168": "another computer of the reader's network",
     "perfanim vmc receive": "needs a sender; the tests of VMC have one",
 }

@@ -4,10 +4,12 @@
 
 Needs the file that `make sketch-sample` writes; its keys are spread over 250 frames. For each edit: the time to the
 first picture, to the whole motion, and the longest that Blender's process was held up, in ms and as multiples of one
-exhaustive search by numpy in the same run.
+exhaustive search by numpy in the same run. Other programs make them longer, so the processor time of the worker (on
+Linux) and the load are printed as well.
 """
 
 import argparse
+import os
 import sys
 import tempfile
 import time
@@ -27,7 +29,7 @@ from perfanim.perfanim_addon.sketch.controls import controls_of
 FRAMES = 250
 EDITS = 20
 MOVED_M = 0.03
-TITLES = ("first picture", "whole motion", "Blender held up", "of its own work")
+TITLES = ("first picture", "whole motion", "Blender held up", "of its own work", "the worker's processor")
 
 
 def main() -> None:
@@ -65,6 +67,8 @@ def main() -> None:
             f"{title}: median {median:.0f} ms, most {most:.0f} ms; {median / reference:.1f} and {most / reference:.1f}"
         )
         sys.stdout.write(f"{text} searches of {reference:.1f} ms\n")
+    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
+    sys.stdout.write(f"load {load} on {os.cpu_count()} processors\n")
 
 
 def _curves(control: bpy.types.Object) -> list[bpy.types.FCurve]:
@@ -72,9 +76,9 @@ def _curves(control: bpy.types.Object) -> list[bpy.types.FCurve]:
     return [curve for bag in channels_of(animation.action, slot_of(animation)) for curve in bag.fcurves]
 
 
-def _played(live: Any) -> tuple[float, float, float, float]:
-    """Be Blender's timer until the edit is solved; return four times in seconds."""
-    live.noted = True
+def _played(live: Any) -> tuple[float, float, float, float, float]:
+    """Be Blender's timer until the edit is solved; return five times in seconds."""
+    live.noted, used = True, _processor_s(live.worker_id)
     shown, began, first, held, own = live.shown, time.perf_counter(), 0.0, 0.0, 0.0
     while True:
         wall, worked = time.perf_counter(), time.process_time()
@@ -83,8 +87,17 @@ def _played(live: Any) -> tuple[float, float, float, float]:
         if not first and live.shown > shown:
             first = time.perf_counter() - began
         if live.idle:
-            return first, time.perf_counter() - began, held, own
+            return first, time.perf_counter() - began, held, own, _processor_s(live.worker_id) - used
         time.sleep(0.002)
+
+
+def _processor_s(process: int) -> float:
+    """Return the processor time of a process, NaN where Linux does not tell."""
+    facts = Path(f"/proc/{process}/stat")
+    if not facts.exists():
+        return float("nan")
+    user, system = facts.read_text().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 if __name__ == "__main__":

@@ -16,9 +16,9 @@ import numpy as np
 from mathutils import Vector
 from perfanim.core.cli.main import main as perfanim
 from perfanim.core.database.store import open_database
+from perfanim.core.sketch.sketch_messages import solution_from, solution_table
 from perfanim.core.sketch.solve_sketch import solve_sketch
 from perfanim.core.system.assets import MOTION
-from perfanim.core.worker.sketch_messages import solution_from, solution_table
 from perfanim.perfanim_addon import registration
 from perfanim.perfanim_addon.export.stage import render, set_up_rendering
 from perfanim.perfanim_addon.sketch.controls import controls_of, read_controls
@@ -73,7 +73,7 @@ def _solve(armature: bpy.types.Object) -> str:
         body, chosen = SketchBody.of(armature), armature.perfanim_sketch.solver_settings()
         sketch = read_controls(bpy.context, armature, body.space)
         solution = solve_sketch(sketch, body.skeleton, open_database(built), chosen)
-    solved = solution_from(solution_table(solution, 0, whole=True))
+    solved = solution_from(solution_table(solution, 0))
     return write_solution(bpy.context, armature, sketch, chosen, solved)
 
 

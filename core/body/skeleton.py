@@ -182,29 +182,30 @@ def marker_positions(
 
 
 def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, positions_m: Array, axes: Array) -> Array:
-    """Return d marker / d (root, joint coordinates), (M, 3, 3 + 3 J).
+    """Return d marker / d (root, joint coordinates), (..., M, 3, 3 + 3 J).
 
     A coordinate of joint k turns what it carries about axis a through the joint's origin p_k: a x (m - p_k); zero
     where k does not carry the marker.
 
     Args:
         joints: (M,) carrying joints.
-        markers_m: (M, 3) marker positions of this pose.
-        positions_m: (J, 3) of `forward_kinematics_matrices`.
-        axes: (J, 3, 3) with the axes in the world as columns; for rotations varied on their right, R_k exp(d_k),
+        markers_m: (..., M, 3) marker positions of this pose.
+        positions_m: (..., J, 3) of `forward_kinematics_matrices`.
+        axes: (..., J, 3, 3) with the axes in the world as columns; for rotations varied on their right, R_k exp(d_k),
             these are the world matrices of `forward_kinematics_matrices`.
     """
     carried, carriers = np.nonzero(skeleton.is_ancestor[joints])  # a few of all pairs
-    arms = (markers_m[carried] - positions_m[carriers])[:, :, None]
-    columns = axes[carriers]
+    arms = (markers_m[..., carried, :] - positions_m[..., carriers, :])[..., None]
+    columns = axes[..., carriers, :, :]
     turned = np.empty_like(columns)
-    turned[:, 0] = columns[:, 1] * arms[:, 2] - columns[:, 2] * arms[:, 1]
-    turned[:, 1] = columns[:, 2] * arms[:, 0] - columns[:, 0] * arms[:, 2]
-    turned[:, 2] = columns[:, 0] * arms[:, 1] - columns[:, 1] * arms[:, 0]
-    jacobian = np.zeros((len(joints), 3, 1 + len(skeleton), 3))
-    jacobian[:, :, 0] = np.eye(3)
-    jacobian[carried, :, 1 + carriers] = turned
-    return jacobian.reshape(len(joints), 3, -1)
+    for row, first, second in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        turned[..., row, :] = (
+            columns[..., first, :] * arms[..., second, :] - columns[..., second, :] * arms[..., first, :]
+        )
+    jacobian = np.zeros((*markers_m.shape, 1 + len(skeleton), 3))
+    jacobian[..., 0, :] = np.eye(3)
+    jacobian[..., carried, :, 1 + carriers, :] = np.moveaxis(turned, -3, 0)
+    return jacobian.reshape(*markers_m.shape, -1)
 
 
 def joint_angles(skeleton: Skeleton, rotations: ArrayLike) -> list[Array]:

@@ -20,7 +20,6 @@ from .options import add_character_options, add_text
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
-_PREFIX = "retarget_file: "
 _EXPORTED = (".fbx", ".glb", ".bvh")
 
 
@@ -66,13 +65,16 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return summary
 
 
-def run_blender(arguments: Sequence[str], blender: str | None = None) -> dict[str, Any]:
-    """Run `retarget_file` in a process of its own; return its report, or raise."""
-    done = subprocess.run(_command(blender, arguments), capture_output=True, text=True, check=False)
+def run_blender(
+    arguments: Sequence[str], blender: str | None = None, module: str = "export.retarget_file"
+) -> dict[str, Any]:
+    """Run a module of the add-on in a process of its own; return its report, or raise."""
+    done = subprocess.run(_command(blender, module, arguments), capture_output=True, text=True, check=False)
+    prefix = f"{module.rpartition('.')[2]}: "
     if done.returncode != 0:
         lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a message"]
-        said = next((line for line in lines if line.startswith(_PREFIX)), lines[-1])
-        raise CharacterError(said.removeprefix(_PREFIX))
+        said = next((line for line in lines if line.startswith(prefix)), lines[-1])
+        raise CharacterError(said.removeprefix(prefix))
     # Blender has lines of its own
     report: dict[str, Any] = json.loads([line for line in done.stdout.splitlines() if line.startswith("{")][-1])
     return report
@@ -93,11 +95,11 @@ def _chosen_blender(blender: str | None) -> str | None:
     return blender or os.environ.get(BLENDER_VARIABLE) or None
 
 
-def _command(blender: str | None, arguments: Sequence[str]) -> list[str]:
+def _command(blender: str | None, module: str, arguments: Sequence[str]) -> list[str]:
     blender = _chosen_blender(blender)
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]
-        return [sys.executable, "-m", f"{package}.perfanim_addon.export.retarget_file", *arguments]
-    order = helper_process.order("perfanim.perfanim_addon.export.retarget_file:main", arguments)
+        return [sys.executable, "-m", f"{package}.perfanim_addon.{module}", *arguments]
+    order = helper_process.order(f"perfanim.perfanim_addon.{module}:main", arguments)
     options = ("--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "1")
     return [blender, *options, "--python", helper_process.SCRIPT, "--", order]

@@ -7,24 +7,32 @@ from typing import Any
 import numpy as np
 
 from ..body.motion import with_lead_in
+from ..body.skeleton import Skeleton
 from ..database.store import open_database
 from ..errors import FormatError, PerfanimError
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
-from ..markers.subject import load_subject
-from ..sketch.sketch import MOST_FRAMES, read_sketch
+from ..markers.subject import load_subject, skeleton_from
+from ..sketch.sketch import MOST_FRAMES, Sketch, read_sketch
+from ..sketch.sketch_messages import sketch_from
 from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
 from ..system.progress import Progress
 from .options import add_motion_options, add_number, add_repeated, add_switch, add_text
 from .partial_result import PartialResult
+from .retarget import check_blender, run_blender
 
 
 def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser("sketch", help="a whole body from a few keyframed trajectories")
-    parser.add_argument("keys", nargs="+", metavar="KEYS.csv", help="sketches: control,frame,x,y,z in metres, y up")
+    parser.add_argument(
+        "keys",
+        nargs="+",
+        metavar="KEYS.csv",
+        help="sketches: control,frame,x,y,z in metres, y up; or .blend files with controls (need bpy or Blender)",
+    )
     add_text(parser, "--database", "DB", "motion database that fills in the body", required=True)
-    body = parser.add_mutually_exclusive_group(required=True)
-    add_text(body, "--subject", "FILE", "calibrated subject with the character's bones")
+    body = parser.add_mutually_exclusive_group()
+    add_text(body, "--subject", "FILE", "calibrated subject with the character's bones (a .blend has its own)")
     add_text(body, "--skeleton", "FILE", ".asf or .bvh with the character's bones")
     add_number(
         parser, "--follow", "SHARE", "0: between keys the database's motion; 1: the curves (default 0.3)", default=0.3
@@ -35,9 +43,10 @@ def add_parser(subparsers: Any) -> None:
     )
     add_switch(parser, "--free-feet", "do not hold standing feet in place")
     ends = ", ".join(MOTION_ENDINGS)
+    add_text(parser, "--blender", "FILE", "program that opens a .blend (default: Blender's Python module)")
     add_text(parser, "--out", "MOTION.bvh", f"motion to write ({ends}); of several sketches a folder", required=True)
     add_motion_options(parser)
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -45,8 +54,15 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     settings = SketchSettings(args.follow, tuple(args.behaviour), args.variation, not args.free_feet)
     outs = _outputs([Path(path) for path in args.keys], Path(args.out))
     progress(0.0, "reading")
-    skeleton = read_skeleton(args.skeleton) if args.skeleton else load_subject(args.subject).skeleton
-    solver = SketchSolver(skeleton, open_database(args.database))
+    has_skeleton, blends = bool(args.skeleton or args.subject), sum(_is_blend(keys) for keys, _ in outs)
+    if not has_skeleton and blends < len(outs):
+        args.wrong_usage("one of the arguments --subject --skeleton is required, except for .blend files")
+    if blends:
+        check_blender(args.blender)
+    solver = None
+    if has_skeleton:
+        skeleton = read_skeleton(args.skeleton) if args.skeleton else load_subject(args.subject).skeleton
+        solver = SketchSolver(skeleton, open_database(args.database))
     if len(outs) == 1:
         return _solve(args, solver, settings, *outs[0], progress)
     rows = []
@@ -81,16 +97,38 @@ def _outputs(keys: list[Path], out: Path) -> list[tuple[Path, Path]]:
 
 
 def _solve(
-    args: argparse.Namespace, solver: SketchSolver, settings: SketchSettings, keys: Path, out: Path, progress: Progress
+    args: argparse.Namespace,
+    solver: SketchSolver | None,
+    settings: SketchSettings,
+    keys: Path,
+    out: Path,
+    progress: Progress,
 ) -> dict[str, Any]:
-    """Solve a sketch, write its motion and return its figures."""
-    sketch = read_sketch(keys)
+    """Solve a sketch, write its motion and return its figures.
+
+    Args:
+        solver: None for the bones of the .blend.
+    """
+    sketch, skeleton = _read_blend(keys, args.blender) if _is_blend(keys) else (read_sketch(keys), None)
+    if solver is None and skeleton is not None:
+        solver = SketchSolver(skeleton, open_database(args.database))
+    assert solver is not None  # noqa: S101 - a sketch without a skeleton comes with --skeleton or --subject
     solution = solver.solve(sketch, settings, progress)
     first = int(sketch.frames[0])
     # files of motion count frames from 0: so a frame of the file is the same of the sketch
     lead_in = first if 0 < first <= MOST_FRAMES else 0
     written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
     return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}
+
+
+def _is_blend(keys: Path) -> bool:
+    return keys.suffix.lower() == ".blend"
+
+
+def _read_blend(path: Path, blender: str | None) -> tuple[Sketch, Skeleton]:
+    """Return the sketch of a .blend's only character with controls, and its bones."""
+    found = run_blender([str(path)], blender, "sketch.read_blend")
+    return sketch_from(found["sketch"]), skeleton_from(found["skeleton"])
 
 
 def _facts(solution: SketchSolution) -> dict[str, Any]:

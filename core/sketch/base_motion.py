@@ -42,34 +42,37 @@ class BaseMotion:
         return replace(self, root_rotations=turns, root_positions_m=places)
 
 
-def window_motion(library: MotionLibrary, windows: Windows, index: int, times_s: Array) -> BaseMotion:
-    """Return the motion of a placed window at times (T,) since its stretch's first."""
-    frames = windows.starts[index] + times_s * windows.rates[index] * library.fps
-    poses, turns, places = library.poses_at(frames)
-    yaw = float(np.angle(windows.turns[index]))
-    planar = windows.turns[index] * (places[:, 2] + 1j * places[:, 0]) + windows.shifts[index]
-    placed = np.column_stack((planar.imag, places[:, 1], planar.real))
-    turned = rot.multiply(rot.from_rotation_vector(np.array([0.0, yaw, 0.0])), turns)
-    nearest = np.round(frames).astype(np.int64)
-    return BaseMotion(
-        poses, turned, placed, library.contacts[nearest].astype(np.float64), (library.clip_of(frames[0]).name,)
-    )
+def window_motions(library: MotionLibrary, windows: Windows, times_s: Array) -> tuple[Array, Array, Array]:
+    """Return the motion of placed windows at times (T,) since their stretch's first.
+
+    Returns:
+        poses (K, T, 28, 3), root rotations (K, T, 4) and places (K, T, 3).
+    """
+    frames = _frames_of(library, windows, times_s)
+    poses, turns, places = (part.reshape(*frames.shape, *part.shape[1:]) for part in library.poses_at(frames.ravel()))
+    yaws = np.zeros((*windows.turns.shape, 1, 3))
+    yaws[:, 0, 1] = np.angle(windows.turns)
+    planar = windows.turns[:, None] * (places[..., 2] + 1j * places[..., 0]) + windows.shifts[:, None]
+    placed = np.stack((planar.imag, places[..., 1], planar.real), axis=-1)
+    return poses, rot.multiply(rot.from_rotation_vector(yaws), turns), placed
 
 
-def blended(
-    library: MotionLibrary, looks: Looks, picks: Sequence[tuple[Stretch, Windows, int]], times_s: Array
-) -> BaseMotion:
+def _frames_of(library: MotionLibrary, windows: Windows, times_s: Array) -> Array:
+    """Return the frames (K, T) of the database, not whole."""
+    return np.asarray(windows.starts[:, None] + times_s * windows.rates[:, None] * library.fps)
+
+
+def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> BaseMotion:
     """Return the motion of all stretches at times (F,), blended where they meet.
 
     Args:
-        picks: stretches in order, each with its windows and the chosen one.
+        parts: stretches in order, each with its motion at the times that it shows.
     """
     count = len(times_s)
-    poses = np.zeros((count, *library.database.poses.shape[1:]))
+    poses = np.zeros((count, *parts[0][1].poses.shape[1:]))
     turns, places, standing, total = (np.zeros((count, size)) for size in (4, 3, 2, 1))
-    for stretch, windows, index in picks:
-        inside = np.flatnonzero((times_s >= stretch.before_s - 1e-9) & (times_s <= stretch.after_s + 1e-9))
-        part = corrected(library, looks, stretch, windows, index, times_s[inside])
+    for stretch, part in parts:
+        inside = np.flatnonzero(stretch.shows(times_s))
         weights = _weights(stretch, times_s[inside], float(times_s[-1]))[:, None]
         # of the two quaternions of a rotation the one near those before
         same = np.where(np.sum(part.root_rotations * turns[inside], axis=1, keepdims=True) < 0.0, -1.0, 1.0)
@@ -78,7 +81,7 @@ def blended(
         places[inside] += weights * part.root_positions_m
         standing[inside] += weights * part.standing
         total[inside] += weights
-    names = dict.fromkeys(library.clip_of(windows.starts[index]).name for _, windows, index in picks)
+    names = dict.fromkeys(name for _, part in parts for name in part.drawn_from)
     return BaseMotion(poses / total[:, :, None], rot.normalize(turns), places / total, standing / total, tuple(names))
 
 
@@ -91,14 +94,21 @@ def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
 
 
 def corrected(
-    library: MotionLibrary, looks: Looks, stretch: Stretch, windows: Windows, index: int, times_s: Array
+    library: MotionLibrary, near: Looks, stretch: Stretch, windows: Windows, index: int, times_s: Array
 ) -> BaseMotion:
-    """Return the motion of a window as its neighbours would meet the controls."""
+    """Return the motion of a window as its neighbours would meet the controls.
+
+    Args:
+        near: looks in the time of the stretch and its context.
+        times_s: (T,) that the stretch shows.
+    """
     relative_s = times_s - stretch.first_s
-    own = window_motion(library, windows, index, relative_s)
-    near = looks.between(stretch.before_s, stretch.after_s)
+    own = windows.picked(np.array([index]))
+    poses, turns, places = (part[0] for part in window_motions(library, own, relative_s))
+    shown = np.round(_frames_of(library, own, relative_s)[0]).astype(np.int64)
+    standing, names = library.contacts[shown].astype(np.float64), (library.clip_of(own.starts[0]).name,)
     if len(windows.starts) < 8 or not len(near.times_s):
-        return own
+        return BaseMotion(poses, turns, places, standing, names)
     moments = np.repeat(np.linspace(relative_s[0], relative_s[-1], _FRAMES), len(BODY))
     bodies = shown_at(library, windows, moments, np.tile([library.columns[name] for name in BODY], _FRAMES))
     away = np.mean((bodies - bodies[index]) ** 2, axis=1) * 3.0
@@ -106,31 +116,26 @@ def corrected(
     distances = (away + windows.costs)[picked]
     weights = np.exp(-0.5 * distances / (np.median(distances) + 1e-9))
     weights /= weights.sum()
-    parts = [window_motion(library, windows, int(at), relative_s) for at in picked]
-    shown = shown_at(library, windows.picked(picked), near.times_s - stretch.first_s, near.columns)
+    closest = windows.picked(picked)
+    others = window_motions(library, closest, relative_s)
+    # outputs relative to the window's own
+    changes = (
+        others[0] - poses,
+        rot.to_rotation_vector(rot.multiply(rot.conjugate(turns), others[1])),
+        others[2] - places,
+    )
+    outputs = np.concatenate([change.reshape(len(picked), -1) for change in changes], axis=1)
+    places_m = shown_at(library, closest, near.times_s - stretch.first_s, near.columns)
     goals = np.concatenate((near.planar.real, near.planar.imag, near.heights_m))
     sizes = np.sqrt(np.tile(near.weights, 3)) / _SIGMA_M
-    # outputs relative to the window's own
-    turns = np.array(
-        [rot.to_rotation_vector(rot.multiply(rot.conjugate(own.root_rotations), p.root_rotations)) for p in parts]
-    )
-    outputs = np.concatenate(
-        (
-            np.array([p.poses - own.poses for p in parts]).reshape(len(parts), -1),
-            turns.reshape(len(parts), -1),
-            np.array([p.root_positions_m - own.root_positions_m for p in parts]).reshape(len(parts), -1),
-        ),
-        axis=1,
-    )
-    change = _ridge(shown * sizes, outputs, weights, goals * sizes)
-    count = len(times_s)
-    pose, turn, place = np.split(change, [own.poses.size, own.poses.size + 3 * count])
+    change = _ridge(places_m * sizes, outputs, weights, goals * sizes)
+    pose, turn, place = np.split(change, np.cumsum([poses.size, 3 * len(times_s)]))
     return BaseMotion(
-        own.poses + pose.reshape(own.poses.shape),
-        rot.multiply(own.root_rotations, rot.from_rotation_vector(turn.reshape(count, 3))),
-        own.root_positions_m + place.reshape(count, 3),
-        own.standing,
-        own.drawn_from,
+        poses + pose.reshape(poses.shape),
+        rot.multiply(turns, rot.from_rotation_vector(turn.reshape(-1, 3))),
+        places + place.reshape(places.shape),
+        standing,
+        names,
     )
 
 

@@ -1,19 +1,26 @@
-"""Fit of single poses to targets of joints, near the database's motion."""
+"""Fit of poses to targets of joints, near the database's motion.
+
+The same cost as in `solver.gaussian_conditioning`, for many frames at once: there the prior differs from frame to
+frame, here all share one, so its inverse is at hand.
+"""
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ..body.skeleton import Skeleton
 from ..database.store import Database
 from ..geometry.arrays import Array
 from ..markers.marker_set import Marker, MarkerSet
 from ..markers.subject import Subject
-from ..solver.gaussian_conditioning import Expectation, Prior, fit_to_markers
-from ..solver.observation import Observation
+from ..solver.gaussian_conditioning import moved_root
 from ..solver.subject_model import RootPose, SubjectModel
 
 _STEPS = 10  # of Gauss-Newton at most,
 _ROUNDS = 3  # and again from there while a tight target is further off than
 _NEAR_M, _TIGHT_M = 0.01, 0.002
+_STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other
+_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
+_LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
 _MARKER_SIGMA_M = 0.0005
 _CHANGE_SHARE = 0.1  # of the database's covariance, with which a pose varies about its motion
 _CHANGE_RAD = 0.02  # and beside that
@@ -37,28 +44,78 @@ class BodyFit:
         self._model = SubjectModel(subject, self.zero)
         frames = np.arange(0, database.frames, max(1, database.frames // _SAMPLES))
         poses = np.asarray(database.poses[frames], dtype=np.float64).reshape(len(frames), -1)
-        self._covariance = _CHANGE_SHARE * np.atleast_2d(np.cov(poses.T, ddof=0))
-        self._covariance[np.diag_indices_from(self._covariance)] += _CHANGE_RAD**2
+        covariance = _CHANGE_SHARE * np.atleast_2d(np.cov(poses.T, ddof=0))
+        covariance[np.diag_indices_from(covariance)] += _CHANGE_RAD**2
+        # of the change of root and pose
+        self._precision = np.diag(np.repeat(np.array(_ROOT_SIGMA), 3) ** -2.0)
+        self._precision = block_diag(self._precision, np.linalg.inv(covariance))
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
         self._limits = np.percentile(poses, _LIMIT_PERCENTILES, axis=0) + margin
 
-    def fit(self, pose: Array, root: RootPose, points_m: Array, sigmas_m: Array) -> tuple[Array, RootPose]:
-        """Return the pose (28, 3) and root near others that meet targets.
+    def fit(self, poses: Array, roots: RootPose, points_m: Array, sigmas_m: Array) -> tuple[Array, RootPose]:
+        """Return poses (F, 28, 3) and roots (F) near others that meet targets.
 
         Args:
-            points_m: (M, 3).
-            sigmas_m: (M,) standard deviations.
+            points_m: (F, M, 3).
+            sigmas_m: (F, M) standard deviations.
         """
-        known = Observation.of_points(points_m).smoothed(points_m, sigmas_m)
+        flat, rotations, places = poses.reshape(len(poses), -1), roots.rotation.copy(), roots.position_m.copy()
         # what the database's motion itself has is no violation
-        flat = pose.ravel()
         limits = np.array((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)))
+        flat, left = flat.copy(), np.arange(len(flat))
         for _ in range(_ROUNDS):
-            expectation = Expectation(Prior(flat, self._covariance), known, root, _ROOT_SIGMA, limits)
-            flat, root, _ = fit_to_markers(expectation, self._model, _MARKER_SIGMA_M, _STEPS)
+            root = RootPose(rotations[left], places[left])
+            change = self._change(flat[left], root, points_m[left], sigmas_m[left], limits[:, left])
+            root = moved_root(root, change)
+            rotations[left], places[left] = root.rotation, root.position_m
             # impossible targets pull with any force: no joint goes far beyond its limits all the same
-            flat = np.clip(flat, limits[0] - _MOST_BEYOND_RAD, limits[1] + _MOST_BEYOND_RAD)
-            away_m = np.linalg.norm(self._model.markers(flat.reshape(-1, 3), root) - points_m, axis=1)
-            if (away_m[sigmas_m < _TIGHT_M] < _NEAR_M).all():
+            low, high = limits[0, left] - _MOST_BEYOND_RAD, limits[1, left] + _MOST_BEYOND_RAD
+            flat[left] = np.clip(flat[left] + change[:, 6:], low, high)
+            away_m = self._model.markers(flat[left].reshape(len(left), -1, 3), root) - points_m[left]
+            far = (np.linalg.norm(away_m, axis=2) >= _NEAR_M) & (sigmas_m[left] < _TIGHT_M)
+            left = left[far.any(axis=1)]
+            if not len(left):
                 break
-        return flat.reshape(-1, 3), root
+        return flat.reshape(poses.shape), RootPose(rotations, places)
+
+    def _change(self, mean: Array, root: RootPose, points_m: Array, sigmas_m: Array, limits: Array) -> Array:
+        """Return the changes (F, 6 + D) of roots and poses (F, D) that fit best.
+
+        A Gauss-Newton step that raises the cost is taken back and damped in the prior's metric (Levenberg 1944).
+        """
+        count, size = len(mean), len(self._precision)
+        change, kept = np.zeros((2, count, size))
+        curvatures, slopes = np.zeros((count, size, size)), np.zeros((count, size))
+        damping, least, at = np.zeros(count), np.full(count, np.inf), np.arange(count)
+        scales = 1.0 / np.hypot(_MARKER_SIGMA_M, sigmas_m)[:, :, None]
+        for _ in range(_STEPS):
+            pose, moved = (
+                mean[at] + change[at, 6:],
+                moved_root(RootPose(root.rotation[at], root.position_m[at]), change[at]),
+            )
+            markers, jacobian = self._model.markers_and_jacobian(pose.reshape(len(at), -1, 3), moved)
+            off = ((markers - points_m[at]) * scales[at]).reshape(len(at), -1)
+            beyond = (pose - np.clip(pose, *limits[:, at])) / _LIMIT_RAD
+            pull = change[at] @ self._precision
+            cost = np.sum(off**2, axis=1) + np.sum(beyond**2, axis=1) + np.sum(pull * change[at], axis=1)
+            is_better = cost <= least[at]
+            better, worse = at[is_better], at[~is_better]
+            rows = (jacobian * scales[at, :, None]).reshape(*off.shape, size)[is_better]
+            curvatures[better] = rows.transpose(0, 2, 1) @ rows + self._precision
+            diagonal = np.arange(6, size)
+            curvatures[better[:, None], diagonal, diagonal] += (beyond[is_better] != 0.0) / _LIMIT_RAD**2
+            slopes[better] = pull[is_better] + (off[is_better, None] @ rows)[:, 0]
+            slopes[better, 6:] += beyond[is_better] / _LIMIT_RAD
+            least[better], kept[better] = cost[is_better], change[better]
+            damping[better] /= _DAMPING_GROWTH**2
+            damping[worse] = np.maximum(_FIRST_DAMPING, _DAMPING_GROWTH * damping[worse])
+            system = curvatures[at] + damping[at, None, None] * self._precision
+            step = -np.linalg.solve(system, slopes[at][:, :, None])[:, :, 0]
+            change[at] = kept[at] + step
+            pose = mean[at] + change[at, 6:]
+            passed = np.where(beyond == 0.0, np.abs(pose - np.clip(pose, *limits[:, at])), 0.0)
+            at = at[np.maximum(np.abs(step[:, 3:]).max(axis=1), passed.max(axis=1)) >= _STRAIGHT_RAD]
+            if not len(at):
+                break
+        change[at] = kept[at]  # their last step was not tried
+        return change

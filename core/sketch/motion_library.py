@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from ..body.skeleton import Skeleton
+from ..body.calibration_poses import hanging
+from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Clip, Database, check_arrays
 from ..errors import SettingsError
 from ..geometry import rotations as rot
@@ -71,6 +72,8 @@ class MotionLibrary:
             self.heights_m[frames] = world_m[..., 1]
         self._level(skeleton)
         self.contacts = self._contacts()
+        heights_m = forward_kinematics(skeleton, hanging(skeleton), np.zeros(3))[0][:, 1]
+        self.hanging_m = float(np.mean([heights_m[skeleton.index(side + "hand")] for side in "lr"]))  # above the root
 
     def _level(self, skeleton: Skeleton) -> None:
         """Put the floor of each clip at y = 0."""
@@ -126,7 +129,7 @@ class MotionLibrary:
         """Return poses (N, 28, 3), root rotations (N, 4) and places (N, 3).
 
         Args:
-            frames: (N,) of one clip, need not be whole.
+            frames: (N,), need not be whole; none is after its clip's last.
         """
         before = np.floor(frames + 1e-9).astype(np.int64)
         after = np.minimum(before + 1, self.database.frames - 1)

@@ -6,7 +6,7 @@ each stretch: near the keys, somewhat near the curves between, and each going on
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, floor
 
@@ -32,6 +32,11 @@ _APART_S = 0.1  # two candidates of one clip begin at least so far apart
 _JOIN_WEIGHT = 0.5  # of the change at a join (m2), the keys' being 1
 _VELOCITY_S = 0.15  # that a change of velocity counts
 _SAME_M = 0.002  # or s
+# where no control says which way the body faces and where hands are, windows that go forwards are preferred (m2 a
+# squared metre gone backwards, half of it sideways), and those with hanging hands (m2 a squared metre higher)
+_FORWARDS_WEIGHT, _HANGING_WEIGHT = 0.3, 0.02
+_MIDDLE = ("root", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head")
+_HANDS = ("lhand", "rhand")
 _TAKEN_S = 0.5  # another explanation begins so far from those before
 
 
@@ -73,6 +78,10 @@ class Stretch:
     last_s: float
     before_s: float
     after_s: float
+
+    def shows(self, times_s: Array) -> Mask:
+        """Return (T,) whether times are in it or its context."""
+        return np.asarray((times_s >= self.before_s - 1e-9) & (times_s <= self.after_s + 1e-9))
 
 
 @dataclass(frozen=True)
@@ -156,6 +165,7 @@ def nearest_windows(library: MotionLibrary, near: Looks, stretch: Stretch) -> Wi
         advice = "choose more behaviours, or build a database of longer clips"
         raise DatabaseError(f"has no clip of {longest_s:.1f} s to draw from", advice=advice)
     windows = Windows(*(np.concatenate(parts) for parts in zip(*(vars(f).values() for f in found), strict=True)))
+    windows = replace(windows, costs=windows.costs + _unlikeliness(library, near, stretch, windows))
     order = np.argsort(windows.costs, kind="stable")[: 40 * NEIGHBOURS]
     apart = _APART_S * library.fps
     taken: set[int] = set()
@@ -168,6 +178,23 @@ def nearest_windows(library: MotionLibrary, near: Looks, stretch: Stretch) -> Wi
             if len(kept) == NEIGHBOURS:
                 break
     return windows.picked(np.array(kept, dtype=np.int64))
+
+
+def _unlikeliness(library: MotionLibrary, near: Looks, stretch: Stretch, windows: Windows) -> Array:
+    """Return costs (K,), m2, of movements that no control asks for."""
+    column, first = library.columns, windows.starts
+    keyed = set(near.columns[near.weights > _OUTSIDE_WEIGHT].tolist())
+    costs = np.zeros(len(first))
+    for hand in (column[name] for name in _HANDS if column[name] not in keyed):
+        above_m = library.heights_m[first, hand] - library.heights_m[first, column["root"]]
+        costs += 0.5 * _HANGING_WEIGHT * np.maximum(above_m - library.hanging_m, 0.0) ** 2
+    if keyed <= {column[name] for name in _MIDDLE if name in column}:
+        last = first + np.round((stretch.last_s - stretch.first_s) * windows.rates * library.fps).astype(np.int64)
+        way = library.planar[last, column["root"]] - library.planar[first, column["root"]]
+        ahead = -1j * (library.planar[first, column["lfemur"]] - library.planar[first, column["rfemur"]])
+        forwards = np.real(np.conj(ahead / np.maximum(np.abs(ahead), 1e-9)) * way)
+        costs += 0.5 * _FORWARDS_WEIGHT * np.abs(way) * (np.abs(way) - forwards)
+    return costs
 
 
 def _placed(library: MotionLibrary, looks: Looks, stretch: Stretch, rate: float) -> Windows:

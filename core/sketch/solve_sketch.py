@@ -5,7 +5,7 @@ it, `targets` bends it to the keys and holds standing feet, and each frame's pos
 database's motion as prior. Joints without a control are free.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,19 +14,20 @@ from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database, rotations_from_pose
 from ..errors import SettingsError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, IntArray, Mask
 from ..solver.subject_model import RootPose
 from ..system.progress import Progress, no_progress
-from .base_motion import BaseMotion, blended
+from .base_motion import BaseMotion, blended, corrected
 from .body_fit import BodyFit
 from .motion_library import MotionLibrary
 from .reach import Reach
 from .retrieval import Looks, Stretch, Windows, choose_windows, looks_of, nearest_windows, stretches_of
 from .sketch import Control, Sketch, tilted, upright_from
-from .targets import Targets, carried_root, target_joints, targets_of
+from .targets import carried_root, target_joints, targets_of
 
 MET_M = 0.005  # a key this near is met
 _FAR_M = 0.2  # distance of the controls from the database's motion, from which the body may lie
+_TOGETHER = 32  # frames fitted at once: enough that Python's share is small, few enough to be ended by an edit
 _UNCHANGED = 1e-4  # m and rad: a frame is not solved again if its inputs change less
 
 
@@ -87,11 +88,54 @@ class SketchSolution:
 
 
 @dataclass(frozen=True)
+class _Searched:
+    """Windows of a stretch for the looks in it; by window and frame rate its motion."""
+
+    looks: Looks
+    windows: Windows
+    motions: dict[tuple[int, float], BaseMotion] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _FitInputs:
+    """Targets of joints (M) in all frames (F), and the poses to start from."""
+
+    joints: tuple[str, ...]
+    points_m: Array
+    sigmas_m: Array
+    poses: Array
+    root_rotations: Array
+    root_positions_m: Array
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        return self.points_m, self.sigmas_m, self.poses, self.root_rotations, self.root_positions_m
+
+    def unchanged(self, other: "_FitInputs") -> Mask:
+        """Return (F,) whether frames have the inputs of another's frames."""
+        if other.joints != self.joints or len(other.poses) != len(self.poses):
+            return np.zeros(len(self.poses), dtype=np.bool_)
+        changes = [
+            np.abs(now - then).reshape(len(now), -1).max(axis=1)
+            for now, then in zip(self.arrays, other.arrays, strict=True)
+        ]
+        return np.asarray(np.max(changes, axis=0) < _UNCHANGED)
+
+    def with_frames(self, which: Mask, other: "_FitInputs") -> "_FitInputs":
+        """Return these inputs with some frames of another's."""
+        arrays = [
+            np.where(which.reshape(-1, *[1] * (now.ndim - 1)), then, now)
+            for now, then in zip(self.arrays, other.arrays, strict=True)
+        ]
+        return _FitInputs(self.joints, *arrays)
+
+
+@dataclass(frozen=True)
 class _Solved:
-    """Inputs and poses of all frames, kept for the next solution."""
+    """Motion of the database, and for all frames inputs and results of the fit."""
 
     base: BaseMotion
-    targets: Targets
+    inputs: _FitInputs
     poses: Array
     root_rotations: Array
     root_positions_m: Array
@@ -108,7 +152,7 @@ class SketchSolver:
         self._library: MotionLibrary | None = None
         self._behaviours: tuple[str, ...] = ()
         self._fits: dict[tuple[str, ...], BodyFit] = {}
-        self._searched: dict[Stretch, tuple[Looks, Windows]] = {}
+        self._searched: dict[tuple[Stretch, bool], _Searched] = {}
         self._solved: _Solved | None = None
 
     def solve(
@@ -126,41 +170,57 @@ class SketchSolver:
         tilt = upright_from(sketch)
         if off_m2 > _FAR_M**2 and tilt is not None:
             # nothing like it: a body that lies may move like one that stands
-            upright, off_upright_m2 = self._drawn(tilted(sketch, tilt), settings, library, progress)
+            upright, off_upright_m2 = self._drawn(tilted(sketch, tilt), settings, library, progress, is_tilted=True)
             if off_upright_m2 < 0.5 * off_m2:
                 base = upright.turned(rot.conjugate(tilt))
-        return self._bent(sketch, settings, base, progress)
+        self._solved = solved = self._fitted(base, self._inputs(sketch, settings, base), progress)
+        motion = self._motion(sketch, solved.poses, solved.root_rotations, solved.root_positions_m)
+        distances, unmet = key_distances(sketch, motion)
+        return SketchSolution(motion, unmet, base.drawn_from, distances)
+
+    def preview(self, sketch: Sketch, settings: SketchSettings, frame: float) -> Motion | None:
+        """Return a first picture of a moved key: a frame of the last motion, bent to it.
+
+        None without a last solution of the same controls and as many frames.
+        """
+        last = self._solved
+        if last is None or last.inputs.joints != target_joints(sketch) or len(last.poses) != len(sketch.frames):
+            return None
+        inputs = self._inputs(sketch, settings, last.base)
+        at = int(np.clip(frame - sketch.frames[0], 0, len(last.poses) - 1))
+        poses, roots = self._fit_frames(inputs, np.array([at]))
+        return self._motion(sketch, poses, roots.rotation, roots.position_m)
 
     def _drawn(
-        self, sketch: Sketch, settings: SketchSettings, library: MotionLibrary, progress: Progress
+        self,
+        sketch: Sketch,
+        settings: SketchSettings,
+        library: MotionLibrary,
+        progress: Progress,
+        is_tilted: bool = False,
     ) -> tuple[BaseMotion, float]:
         """Return the database's motion for a sketch, and its distance from it, m2."""
         looks, stretches = looks_of(sketch, library, settings.follow), stretches_of(sketch)
-        candidates, searched = [], {}
+        searched = []
         for number, stretch in enumerate(stretches):
             progress(0.6 * number / len(stretches), "searching")
             near = looks.between(stretch.before_s, stretch.after_s)
-            before = self._searched.get(stretch)
-            if before is None or not before[0].same(near):
-                before = near, nearest_windows(library, near, stretch)
-            searched[stretch] = before
-            candidates.append(before[1])
-        self._searched = searched
-        chosen = choose_windows(library, stretches, candidates, settings.variation)
-        times_s = (sketch.frames - sketch.frames[0]) / sketch.fps
-        picks = list(zip(stretches, candidates, chosen, strict=True))
-        off_m2 = float(np.mean([windows.costs[index] for _, windows, index in picks]))
-        return blended(library, looks, picks, times_s), off_m2
-
-    def preview(self, sketch: Sketch, settings: SketchSettings | None = None) -> SketchSolution:
-        """Return a first picture of a moved key: the last motion, bent to the keys.
-
-        Without a last solution of the same controls and as many frames this is `solve`.
-        """
-        settings, last = settings or SketchSettings(), self._solved
-        if last is None or last.targets.joints != target_joints(sketch) or len(last.poses) != len(sketch.frames):
-            return self.solve(sketch, settings)
-        return self._bent(sketch, settings, last.base, no_progress)
+            known = self._searched.get((stretch, is_tilted))
+            if known is None or not known.looks.same(near):
+                known = _Searched(near, nearest_windows(library, near, stretch))
+            searched.append(known)
+        kept = {key: each for key, each in self._searched.items() if key[1] != is_tilted}
+        self._searched = kept | {(stretch, is_tilted): s for stretch, s in zip(stretches, searched, strict=True)}
+        chosen = choose_windows(library, stretches, [each.windows for each in searched], settings.variation)
+        times_s, parts = (sketch.frames - sketch.frames[0]) / sketch.fps, []
+        for stretch, known, index in zip(stretches, searched, chosen, strict=True):
+            key = index, sketch.fps
+            if key not in known.motions:
+                inside = times_s[stretch.shows(times_s)]
+                known.motions[key] = corrected(library, known.looks, stretch, known.windows, index, inside)
+            parts.append((stretch, known.motions[key]))
+        off_m2 = float(np.mean([known.windows.costs[index] for known, index in zip(searched, chosen, strict=True)]))
+        return blended(parts, times_s), off_m2
 
     def _library_for(self, sketch: Sketch, settings: SketchSettings) -> MotionLibrary:
         joints = [control.joint for control in sketch.controls]
@@ -170,43 +230,45 @@ class SketchSolver:
             self._library, self._behaviours, self._searched = library, settings.behaviours, {}
         return library
 
-    def _bent(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion, progress: Progress) -> SketchSolution:
-        """Return the database's motion bent to the keys."""
-        skeleton, zero, joints = self._skeleton, self.database.zero_of(self._skeleton), target_joints(sketch)
-        rotations = rotations_from_pose(base.poses, zero, base.root_rotations)
+    def _inputs(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion) -> _FitInputs:
+        """Return the targets that bend the database's motion to the keys."""
+        skeleton, joints = self._skeleton, target_joints(sketch)
+        rotations = rotations_from_pose(base.poses, self.database.zero_of(skeleton), base.root_rotations)
         base_m = forward_kinematics(skeleton, rotations, base.root_positions_m)[0]
         base_m = base_m[:, [skeleton.index(name) for name in joints]]
         targets = targets_of(sketch, skeleton, base_m, base.standing, settings.follow, settings.hold_feet)
         roots = carried_root(targets, len(sketch.controls), base_m, base.root_rotations, base.root_positions_m)
-        self._solved = solved = self._fitted(base, roots, targets, progress)
-        rotations = rotations_from_pose(solved.poses, zero, solved.root_rotations)
-        motion = Motion(sketch.name, sketch.fps, skeleton, rotations, solved.root_positions_m)
-        distances, unmet = key_distances(sketch, motion)
-        return SketchSolution(motion, unmet, base.drawn_from, distances)
+        return _FitInputs(joints, targets.points_m, targets.sigmas_m, base.poses, *roots)
 
-    def _fitted(self, base: BaseMotion, roots: tuple[Array, Array], targets: Targets, progress: Progress) -> _Solved:
+    def _fitted(self, base: BaseMotion, inputs: _FitInputs, progress: Progress) -> _Solved:
         """Return the poses fitted to targets; frames without a change as they were."""
-        if targets.joints not in self._fits:
-            self._fits[targets.joints] = BodyFit(self._skeleton, self.database, targets.joints)
-        fit, last, count = self._fits[targets.joints], self._solved, len(base.poses)
-        poses, turns, places = base.poses.copy(), *(values.copy() for values in roots)
-        same = np.zeros(count, dtype=np.bool_)
-        if last is not None and last.targets.joints == targets.joints and len(last.poses) == count:
-            pairs = (
-                (targets.points_m, last.targets.points_m), (targets.sigmas_m, last.targets.sigmas_m),
-                (base.poses, last.base.poses), (base.root_rotations, last.base.root_rotations),
-                (base.root_positions_m, last.base.root_positions_m),
-            )  # fmt: skip
-            changes = [np.abs(now - then).reshape(count, -1).max(axis=1) for now, then in pairs]
-            same = np.max(changes, axis=0) < _UNCHANGED
-            poses[same], turns[same] = last.poses[same], last.root_rotations[same]
-            places[same] = last.root_positions_m[same]
-        for frame in np.flatnonzero(~same).tolist():
-            progress(0.6 + 0.4 * frame / count, "fitting")
-            root = RootPose(turns[frame], places[frame])
-            poses[frame], root = fit.fit(poses[frame], root, targets.points_m[frame], targets.sigmas_m[frame])
-            turns[frame], places[frame] = root.rotation, root.position_m
-        return _Solved(base, targets, poses, turns, places)
+        last, count = self._solved, len(inputs.poses)
+        results = inputs.poses.copy(), inputs.root_rotations.copy(), inputs.root_positions_m.copy()
+        same = np.zeros(count, dtype=np.bool_) if last is None else inputs.unchanged(last.inputs)
+        if last is not None and same.any():
+            inputs = inputs.with_frames(same, last.inputs)  # small changes must not add up
+            for new, old in zip(results, (last.poses, last.root_rotations, last.root_positions_m), strict=True):
+                new[same] = old[same]
+        poses, turns, places = results
+        changed = np.flatnonzero(~same)
+        for first in range(0, len(changed), _TOGETHER):
+            progress(0.6 + 0.4 * first / len(changed), "fitting")
+            at = changed[first : first + _TOGETHER]
+            poses[at], roots = self._fit_frames(inputs, at)
+            turns[at], places[at] = roots.rotation, roots.position_m
+        return _Solved(base, inputs, poses, turns, places)
+
+    def _fit_frames(self, inputs: _FitInputs, at: IntArray) -> tuple[Array, RootPose]:
+        """Return poses (N, 28, 3) and roots (N) of some frames."""
+        if inputs.joints not in self._fits:
+            self._fits[inputs.joints] = BodyFit(self._skeleton, self.database, inputs.joints)
+        roots = RootPose(inputs.root_rotations[at], inputs.root_positions_m[at])
+        return self._fits[inputs.joints].fit(inputs.poses[at], roots, inputs.points_m[at], inputs.sigmas_m[at])
+
+    def _motion(self, sketch: Sketch, poses: Array, turns: Array, places: Array) -> Motion:
+        """Return poses (F, 28, 3) and roots as a motion of the character."""
+        rotations = rotations_from_pose(poses, self.database.zero_of(self._skeleton), turns)
+        return Motion(sketch.name, sketch.fps, self._skeleton, rotations, places)
 
 
 def solve_sketch(

@@ -8,7 +8,7 @@ control keeps that key's displacement, after its last key the last one's, but lo
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter1d
 
 from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
@@ -29,6 +29,7 @@ _LIMBS_M = 0.15  # way to targets that limbs go without the body
 _STAYED_M, _STAYED_M_S = 0.04, 0.1  # a foot stands between two keys that are no further apart, at no higher speed
 _STEP_M, _STEP_M_S = 0.05, 1.0  # it takes a step between keys further apart, of this mean speed
 _SHORTEST_CONTACT_S = 0.1
+_CLEAR_M, _LIFTED_S = 0.025, 0.1  # a stepping foot is so far above the floor, so long after it has left it
 _FLOOR_M = 0.12  # a foot that stands higher, or lower, stands on something else
 _ROLL_S = 0.13  # in which a foot turns onto the place where it stands
 
@@ -89,6 +90,7 @@ def targets_of(
             stances = stances_of(standing[:, side] > _STANDS, toes_m + wanted, keyed, keys_m, sketch.fps)
             floor_m = None if leader else standing_toes_m(skeleton)
             wanted, stands, anchors_m = held_foot(toes_m, wanted, stances, keyed, floor_m)
+            wanted = lifted_foot(toes_m, wanted, anchors_m, keyed, sketch.fps)
             sigmas[stands] = np.where(np.isin(np.arange(len(joints)), columns), _STAND_SIGMA_M, sigmas[stands])
         for column, name in zip(columns, pair, strict=True):
             if name == leader:
@@ -99,6 +101,26 @@ def targets_of(
             ankle_m, toes_m = points[:, columns[0]], points[:, columns[1]]
             points[:, columns[1]] = _rolled(ankle_m, toes_m, anchors_m, max(1, round(_ROLL_S * sketch.fps)))
     return Targets(joints, reach.limited(points), sigmas)
+
+
+def lifted_foot(toes_m: Array, displacement_m: Array, anchors_m: Array, keyed: IntArray, fps: float) -> Array:
+    """Return displacements (F, 3) that lift a foot over the floor while it steps.
+
+    Arguments as of `held_foot`; the floor lies at the places where the foot stands before and after.
+    """
+    fixed = np.isfinite(anchors_m[:, 0])
+    if not fixed.any():
+        return displacement_m
+    wanted = toes_m + displacement_m
+    ground_m = np.interp(np.arange(len(wanted)), np.flatnonzero(fixed), anchors_m[fixed, 1])
+    speeds = np.linalg.norm(np.gradient(wanted[:, [0, 2]], axis=0), axis=1) * fps
+    fixed[keyed] = True
+    near = np.minimum(distance_transform_edt(~fixed) / (_LIFTED_S * fps), 1.0)
+    ease = near**2 * (3.0 - 2.0 * near) * np.minimum(speeds / _STEP_M_S, 1.0)
+    lift = ease * np.maximum(ground_m + _CLEAR_M - wanted[:, 1], 0.0)
+    result = displacement_m.copy()
+    result[:, 1] += np.where(fixed, 0.0, gaussian_filter1d(lift, _LIFTED_S * fps / 3.0))
+    return result
 
 
 def _rolled(ankle_m: Array, toes_m: Array, anchors_m: Array, ease: int) -> Array:

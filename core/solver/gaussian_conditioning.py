@@ -202,7 +202,7 @@ def fit_to_markers(
         change = kept[0]  # the last step was not tried
     across[np.diag_indices_from(across)] += 1.0
     facts = _facts(taken, covariance, across, gains[6:], innovation)
-    return mean + change[6:], _moved_root(expectation.root, change), facts
+    return mean + change[6:], moved_root(expectation.root, change), facts
 
 
 def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
@@ -219,7 +219,7 @@ def _linearise(
 ) -> tuple[Array, Array]:
     """Return whitened residuals of markers and limits, and their Jacobian."""
     pose = expectation.prior.mean + change[6:]
-    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), _moved_root(expectation.root, change))
+    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), moved_root(expectation.root, change))
     beyond = np.flatnonzero(beyond_rad)
     limits = np.zeros((len(beyond), full.shape[-1]))
     limits[np.arange(len(beyond)), 6 + beyond] = 1.0 / _LIMIT_RAD
@@ -233,7 +233,7 @@ def _beyond_limits(pose: Array, limits: Array) -> Array:
     return np.asarray(pose - np.minimum(np.maximum(pose, limits[0]), limits[1]))
 
 
-def _moved_root(root: RootPose, change: Array) -> RootPose:
-    """Return a root after a change (shift, turn, ...)."""
-    rotation = rot.multiply(root.rotation, rot.from_rotation_vector(change[3:6]))
-    return RootPose(rotation, root.position_m + change[:3])
+def moved_root(root: RootPose, change: Array) -> RootPose:
+    """Return roots after changes (..., 6 or more): shift, turn, ..."""
+    rotation = rot.multiply(root.rotation, rot.from_rotation_vector(change[..., 3:6]))
+    return RootPose(rotation, root.position_m + change[..., :3])

@@ -71,25 +71,26 @@ class SubjectModel:
         return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
 
     def markers_and_jacobian(self, pose: Array, root: RootPose) -> tuple[Array, Array]:
-        """Return markers (M, 3) and their Jacobian (M, 3, 6 + 3 (J - 1)).
+        """Return markers (..., M, 3) and their Jacobian (..., M, 3, 6 + 3 (J - 1)).
 
-        Columns: root translation, root rotation, pose.
+        Of poses (..., J - 1, 3) and as many roots. Columns: root translation, root rotation, pose.
 
         The root's rotation is varied on its right, R exp(d); the pose is varied as the rotation vectors it is.
         """
         turn, right_jacobian = exponential_and_right_jacobian(pose)
         markers, positions, world = self._posed(turn, root)
         axes = world.copy()
-        axes[1:] = world[1:] @ right_jacobian
+        axes[..., 1:, :, :] = world[..., 1:, :, :] @ right_jacobian
         return markers, marker_jacobian(self.skeleton, self.joints, markers, positions, axes)
 
     def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
-        """Return markers, joint positions and world matrices of one pose (J - 1, 3, 3)."""
-        local = np.empty((len(self.skeleton), 3, 3))
-        local[0] = root.matrix
-        local[1:] = self._mean_matrices[1:] @ turns
+        """Return markers, joint positions and world matrices of poses (..., J - 1, 3, 3)."""
+        local = np.empty((*turns.shape[:-3], len(self.skeleton), 3, 3))
+        local[..., 0, :, :] = root.matrix
+        local[..., 1:, :, :] = self._mean_matrices[1:] @ turns
         positions, world = forward_kinematics_matrices(self.skeleton, local, root.position_m)
-        markers = positions[self.joints] + (world[self.joints] @ self.offsets_m[:, :, None])[:, :, 0]
+        markers = positions[..., self.joints, :]
+        markers = markers + (world[..., self.joints, :, :] @ self.offsets_m[:, :, None])[..., 0]
         return markers, positions, world
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
@@ -99,7 +100,7 @@ class SubjectModel:
 
 
 def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
-    """Return exp(v) (N, 3, 3) and its right Jacobian (Sola 2018, Eq. 143)."""
+    """Return exp(v) (..., 3, 3) and its right Jacobian (Sola 2018, Eq. 143)."""
     angle2 = np.sum(vectors**2, axis=-1)
     angle = np.sqrt(angle2)
     small = angle < 1e-4
@@ -107,10 +108,11 @@ def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
     sine = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
     versine = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
     rest = np.where(small, 1.0 / 6.0 - angle2 / 120.0, (safe - np.sin(safe)) / safe**3)
-    cross = np.zeros((len(vectors), 3, 3))
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
-    cross[:, 1, 0], cross[:, 2, 0], cross[:, 2, 1] = vectors[:, 2], -vectors[:, 1], vectors[:, 0]
+    cross = np.zeros((*vectors.shape, 3))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -z, y, -x
+    cross[..., 1, 0], cross[..., 2, 0], cross[..., 2, 1] = z, -y, x
     square = cross @ cross
     unit = np.eye(3)
-    turn = unit + sine[:, None, None] * cross + versine[:, None, None] * square
-    return turn, unit - versine[:, None, None] * cross + rest[:, None, None] * square
+    turn = unit + sine[..., None, None] * cross + versine[..., None, None] * square
+    return turn, unit - versine[..., None, None] * cross + rest[..., None, None] * square

@@ -76,7 +76,7 @@ def retarget_file(
     """
     shown = _shown_frame(motion, picture)
     is_own_scene = character is not None and character.suffix.lower() == ".blend"
-    _open(character)
+    open_file(character)
     scene = bpy.context.scene
     if not is_own_scene:
         scene.render.fps = max(1, round(motion.fps))
@@ -148,7 +148,8 @@ def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
     }
 
 
-def _open(character: Path | None) -> None:
+def open_file(character: Path | None) -> None:
+    """Open a .blend, or import a character; scripts stay off."""
     if character is None:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         return

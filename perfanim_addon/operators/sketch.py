@@ -10,7 +10,7 @@ from ...core.body.skeleton import forward_kinematics
 from ...core.body.standing import standing_root_m
 from ...core.errors import PerfanimError, SettingsError
 from ...core.markers.subject import skeleton_table
-from ...core.worker.sketch_messages import settings_table, sketch_table, solution_from
+from ...core.sketch.sketch_messages import settings_table, sketch_table, solution_from
 from ..animation.keyframes import KeyBounds
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
@@ -19,7 +19,7 @@ from ..preferences import preferences
 from ..preferences.property_kinds import switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from ..sketch import live_sketch
+from ..sketch import control_colours, hips_path, live_sketch
 from ..sketch.controls import add_controls, controls_of, key_controls, read_controls, set_keys
 from ..sketch.write_solution import STORED, SketchBody, joints_of, kept_sketch, write_solution
 from .character import performer_skeleton
@@ -67,6 +67,44 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
         if self.from_action:
             return f"keys of {len(controls_of(armature))} controls in {key_controls(context, armature)} frames"
         return f"{len(names)} controls added" if names else "the chosen controls are there already"
+
+
+class PERFANIM_OT_draw_hips_path(UndoOperator, bpy.types.Operator):
+    """Draw the hips' path with the mouse: a curve on the floor, seen from above"""
+
+    bl_label = "Draw Hips Path"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return _missing_controls(context)
+
+    def run(self, context: bpy.types.Context) -> str:
+        hips_path.add_path(context, settings(context).armature)
+        return "draw with the left mouse button, then click Follow Curve"
+
+
+class PERFANIM_OT_follow_curve(UndoOperator, bpy.types.Operator):
+    """Let the selected control, else the hips, go along the selected curve"""
+
+    bl_label = "Follow Curve"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require controls and a selected curve."""
+        has_curve = any(each.type == "CURVE" for each in context.selected_objects)
+        return _missing_controls(context) or ("" if has_curve else "Select a curve, and a control to follow it")
+
+    def run(self, context: bpy.types.Context) -> str:
+        armature, selected = settings(context).armature, context.selected_objects
+        controls = controls_of(armature)
+        path = next(each for each in selected if each.type == "CURVE")
+        control = next((each for each in controls.values() if each in selected), controls.get("root"))
+        if control is None:
+            raise SettingsError("no control is selected", advice="select the control with the curve, or add the hips")
+        first, last = hips_path.follow(context, armature, control, path)
+        return f"{control.name} follows {path.name} in frames {first} to {last}"
 
 
 class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
@@ -180,6 +218,12 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
+def register() -> None:
+    """Draw the colours of controls."""
+    control_colours.show()
+
+
 def unregister() -> None:
-    """End live solving."""
+    """End live solving, and take the colours away."""
     live_sketch.end()
+    control_colours.hide()

@@ -27,6 +27,9 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
         row.operator("perfanim.add_controls", text="From Animation", icon="ACTION").from_action = True
         if armature is not None:
             if controls_of(armature):
+                row = layout.row(align=True)
+                row.operator("perfanim.draw_hips_path", icon="GREASEPENCIL")
+                row.operator("perfanim.follow_curve", icon="CON_FOLLOWPATH")
                 sketch_settings.draw(layout, armature.perfanim_sketch)
                 layout.operator("perfanim.solve_sketch", icon="OUTLINER_OB_ARMATURE")
                 row = layout.row(align=True)

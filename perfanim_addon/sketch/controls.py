@@ -99,7 +99,7 @@ def key_controls(context: bpy.types.Context, armature_object: bpy.types.Object) 
     Raises:
         SettingsError: the character has no animation.
     """
-    curves = _curves(armature_object)
+    curves = action_curves(armature_object)
     frames = sorted({round(key.co.x) for curve in curves for key in curve.keyframe_points})
     if not frames:
         advice = "animate it roughly, or key the controls by hand"
@@ -163,7 +163,7 @@ def read_controls(
 
 def _keys(scene: bpy.types.Scene, control: bpy.types.Object, dragged: bool) -> Mapping[int, Array]:
     """Return frame -> location in the scene of each key of a control."""
-    curves = _curves(control)
+    curves = action_curves(control)
     if control.parent is not None or len(control.constraints):
         return {} if dragged else _shown_along(scene, control, curves)
     channels = {curve.array_index: curve for curve in curves if curve.data_path == "location"}
@@ -207,7 +207,8 @@ def _present_frame(scene: bpy.types.Scene) -> Any:
         scene.frame_set(frame, subframe=part)
 
 
-def _curves(animated: bpy.types.Object) -> list[bpy.types.FCurve]:
+def action_curves(animated: bpy.types.Object) -> list[bpy.types.FCurve]:
+    """Return the curves of an object's action, none without one."""
     animation = animated.animation_data
     if animation is None or animation.action is None:
         return []

@@ -15,9 +15,9 @@ from ...core.errors import PerfanimError, SettingsError
 from ...core.geometry.arrays import Array
 from ...core.markers.subject import skeleton_table
 from ...core.sketch.sketch import Sketch
+from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import MessageKind
-from ...core.worker.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ..animation.actions import refill_action
 from ..capture.armature_driver import ArmatureDriver
 from ..character.create_character import find_armature
@@ -61,7 +61,7 @@ class LiveSketch:
                 "live": True,
                 "skeleton": skeleton_table(self.body.skeleton),
                 "database": database,
-                **self._request(*self._read(context)),
+                **self._request(context, *self._read(context)),
             },
             python,
         )
@@ -73,11 +73,11 @@ class LiveSketch:
         chosen = found.perfanim_sketch.solver_settings()
         return sketch, {"sketch": sketch_table(sketch), "settings": settings_table(chosen)}
 
-    def _request(self, sketch: Sketch, table: dict[str, Any]) -> dict[str, Any]:
+    def _request(self, context: bpy.types.Context, sketch: Sketch, table: dict[str, Any]) -> dict[str, Any]:
         """Return the next request."""
         self._number, self._sent = self._number + 1, table
         self._sketches[self._number] = sketch
-        return {"number": self._number, **table}
+        return {"number": self._number, "frame": context.scene.frame_current, **table}
 
     def tick(self, context: bpy.types.Context) -> None:
         """Send a noted edit and show the newest solution; never wait.
@@ -93,7 +93,7 @@ class LiveSketch:
                 activity.set_message(KEY, str(error), "ERROR")
             else:
                 if table != self._sent:
-                    self._client.request_again(self._request(sketch, table))
+                    self._client.request_again(self._request(context, sketch, table))
         newest = None
         for message in self._client.poll():
             if message.kind is MessageKind.ERROR:
@@ -153,6 +153,11 @@ class LiveSketch:
     def idle(self) -> bool:
         """Whether all edits are solved and shown."""
         return not self.noted and self._filling is None and self._answered == self._number
+
+    @property
+    def worker_id(self) -> int:
+        """Process of the worker."""
+        return self._client.process_id
 
     def undone(self) -> None:
         """Note that undo or redo has replaced Blender's data."""

@@ -19,9 +19,11 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.sketch.curves import curve_positions
+from perfanim.core.sketch.motion_library import TOES
 from perfanim.core.sketch.sketch import Control, Sketch
-from perfanim.core.sketch.solve_sketch import SketchSolver, key_distances
+from perfanim.core.sketch.solve_sketch import SketchSettings, SketchSolver, key_distances
 from perfanim.core.system.progress import Progress
+from scipy.ndimage import minimum_filter1d
 
 from .data import CMU, SPLIT, SPLIT_AT, TestTake, read_take, whole_database
 from .methods import METHODS
@@ -63,6 +65,8 @@ _MEASURES = (
 )  # fmt: skip
 OURS, IK, BEST, NEAREST = "sketch", "two-bone IK", "best on the curves", "nearest on the curves"
 _DRAWN = 4  # frames of each take
+_LOW_M = 0.02  # toes above their lowest place within a second, that are on the floor
+_GLIDES = ("glide_cm_s", "glide_truth_cm_s")
 
 
 def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
@@ -127,7 +131,8 @@ class Compared:
 def edit_times(solver: SketchSolver, truth: Motion) -> dict[str, float]:
     """Return times to solve a sketch, and to solve it again after a key moved, ms.
 
-    A hand's key in the middle moves by 3 cm a time; medians, of the processor's time.
+    A hand's key in the middle moves by 3 cm a time, and the frame in the middle is shown; medians, of the processor's
+    time.
     """
     drawn = sketch_of(truth, CONTROLS["five"], "16")
     found = SketchSolver(truth.skeleton, solver.database)
@@ -144,7 +149,7 @@ def edit_times(solver: SketchSolver, truth: Motion) -> dict[str, float]:
         positions_m = hand.positions_m.copy()
         positions_m[len(positions_m) // 2] += [0.02, 0.02, 0.01]
         drawn = replace(drawn, controls=(*drawn.controls[:-1], replace(hand, positions_m=positions_m)))
-        measure("first_picture_ms", found.preview)
+        measure("first_picture_ms", lambda sketch: found.preview(sketch, SketchSettings(), sketch.frames.mean()))
         measure("whole_ms", found.solve)
     return {name: round(float(np.median(values)), 1) for name, values in times.items()}
 
@@ -202,7 +207,21 @@ def errors_of(drawn: Sketch, motion: Motion, truth: Motion) -> dict[str, float]:
     """Return the errors of a motion, and how far it is from the keys at most."""
     errors = evaluate(motion, truth)
     row = {measure: round(float(errors[measure]), 3) for measure in _MEASURES}
+    row |= {name: round(glide_cm_s(each), 3) for name, each in zip(_GLIDES, (motion, truth), strict=True)}
     return row | {"farthest_key_mm": round(1e3 * float(key_distances(drawn, motion)[0].max()), 3)}
+
+
+def glide_cm_s(motion: Motion) -> float:
+    """Return the mean horizontal speed of a motion's toes while they are on the floor.
+
+    Unlike skate it does not ask when the true foot stands: a step at another moment is none the worse.
+    """
+    positions = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
+    toes = positions[:, [motion.skeleton.index(name) for name in TOES]]
+    speeds = np.linalg.norm(np.diff(toes[..., [0, 2]], axis=0), axis=-1) * motion.fps
+    heights = 0.5 * (toes[1:, :, 1] + toes[:-1, :, 1])
+    lowest = minimum_filter1d(heights, 2 * round(motion.fps) + 1, axis=0, mode="nearest")
+    return float(100.0 * speeds[heights < lowest + _LOW_M].mean())
 
 
 def means_of(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -210,7 +229,7 @@ def means_of(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     result = []
     for group in dict.fromkeys((row["controls"], row["keys"], row["method"]) for row in rows):
         same = [row for row in rows if (row["controls"], row["keys"], row["method"]) == group]
-        names = (*_MEASURES, "farthest_key_mm")
+        names = (*_MEASURES, *_GLIDES, "farthest_key_mm")
         means = {name: round(float(np.nanmean([row[name] for row in same])), 3) for name in names}
         result.append(dict(zip(("controls", "keys", "method"), group, strict=True)) | means)
     return result

@@ -1,8 +1,8 @@
 """Solve sketches: one, or again after each edit in Blender.
 
 Request: "skeleton" (rows of `skeleton_table`), "database", "live", and what each further request has, too: "number",
-"sketch", "settings". Each RESULT is a `solution_table`. Live, an edit gets a first picture and then the whole; a newer
-edit ends the work on an older one.
+"sketch", "settings", live also "frame". Each RESULT is a `solution_table`. Live, an edit gets a first picture, of that
+frame only, and then the whole; a newer edit ends the work on an older one.
 """
 
 from collections.abc import Mapping
@@ -11,9 +11,9 @@ from typing import Any
 from ...database.store import open_database
 from ...errors import PerfanimError
 from ...markers.subject import skeleton_from
+from ...sketch.sketch_messages import motion_table, settings_from, sketch_from, solution_table
 from ...sketch.solve_sketch import SketchSolver
 from ..channel import Channel, Stopped
-from ..sketch_messages import settings_from, sketch_from, solution_table
 
 
 class _OutdatedError(Exception):
@@ -29,11 +29,11 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     channel.send_status("opening the database", 0.0)
     solver = SketchSolver(skeleton_from(request["skeleton"]), open_database(request["database"]))
     if not request.get("live"):
-        _solve(solver, request, channel, lambda: False)
+        _solve(solver, request, channel, is_live=False)
         return
     while request:
         try:
-            _solve(solver, request, channel, lambda: channel.has_request, has_preview=True)
+            _solve(solver, request, channel, is_live=True)
         except PerfanimError as error:  # the next edit may mend it
             channel.send_result({"number": int(request["number"]), "error": str(error)})
         except _OutdatedError:
@@ -41,20 +41,21 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         request = channel.newest_request()
 
 
-def _solve(
-    solver: SketchSolver, request: Mapping[str, Any], channel: Channel, outdated: Any, has_preview: bool = False
-) -> None:
-    """Solve a sketch and send its solution, on wish a first picture before."""
+def _solve(solver: SketchSolver, request: Mapping[str, Any], channel: Channel, is_live: bool) -> None:
+    """Solve a sketch and send its solution; live a first picture, and no progress."""
     number = int(request.get("number", 0))
     sketch, settings = sketch_from(request["sketch"]), settings_from(request["settings"])
-    if has_preview:
-        channel.send_result(solution_table(solver.preview(sketch, settings), number, whole=False))
+    if is_live:
+        motion = solver.preview(sketch, settings, float(request["frame"]))
+        if motion is not None:
+            channel.send_result(motion_table(motion, number))
 
     def progress(fraction: float, text: str) -> None:
         if channel.stop_requested.is_set():
             raise Stopped
-        if outdated():
+        if not is_live:
+            channel.send_status(text, fraction)
+        elif channel.has_request:
             raise _OutdatedError
-        channel.send_status(text, fraction)
 
-    channel.send_result(solution_table(solver.solve(sketch, settings, progress), number, whole=True))
+    channel.send_result(solution_table(solver.solve(sketch, settings, progress), number))

@@ -301,3 +301,60 @@ def test_a_hand_on_a_path_is_read_where_it_is_shown(part: Any, keyed: bpy.types.
     found = {each.joint: each for each in controls.read_controls(bpy.context, keyed, space).controls}["lhand"]
     np.testing.assert_array_equal(found.frames, [1, 9, 17])
     np.testing.assert_allclose(space.points_to_scene(found.positions_m)[-1], [1.6, 0.0, 1.0], atol=1e-5)
+
+
+def drawn_path(part: Any, armature: bpy.types.Object) -> bpy.types.Object:
+    """An arc that the mouse would draw: a metre and a half ahead and to the left."""
+    assert bpy.ops.perfanim.draw_hips_path() == {"FINISHED"}
+    path = bpy.context.view_layer.objects.active
+    assert (path.type, path.mode) == ("CURVE", "EDIT")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    spline = path.data.splines.new("POLY")
+    spline.points.add(30)
+    for point, angle in zip(spline.points, np.linspace(0.0, np.pi / 2.0, 31), strict=True):
+        point.co = (1.5 - 1.5 * np.cos(angle), -1.5 * np.sin(angle), 0.0, 1.0)
+    return path
+
+
+def test_hips_follow_a_drawn_path_and_the_body_goes_along_it(part: Any, keyed: bpy.types.Object) -> None:
+    controls = part("sketch.controls")
+    for joint, control in controls.controls_of(keyed).items():
+        if joint != "root":
+            bpy.data.objects.remove(control)
+    hips = controls.controls_of(keyed)["root"]
+    bpy.context.scene.frame_set(11)
+    height = hips.matrix_world.translation.z
+    with pytest.raises(RuntimeError, match="Select a curve"):
+        bpy.ops.perfanim.follow_curve()
+    path = drawn_path(part, keyed)
+    assert bpy.ops.perfanim.follow_curve() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert hips.matrix_world.translation.z == pytest.approx(height, abs=1e-4)
+    assert "all keys are met" in solve(part)
+    frames = key_times(curves_of(keyed))
+    assert len(frames) == 1 + round(0.75 * np.pi * 30 / 0.8)
+    bones = part("character.posing").bones_of(keyed)
+    for frame in frames[::8]:
+        bpy.context.scene.frame_set(int(frame))
+        at = keyed.matrix_world @ keyed.pose.bones[bones["root"]].head - path.location
+        assert np.hypot(at.x - 1.5, at.y) == pytest.approx(1.5, abs=0.02)
+        assert at.z == pytest.approx(height - path.location.z, abs=0.01)
+        if frame > frames[0] + 8:  # the left thigh is at the left of the way
+            heads = [keyed.matrix_world @ keyed.pose.bones[bones[name]].head for name in ("lfemur", "rfemur")]
+            left = heads[0] - heads[1]
+            way = np.array([-at.y, at.x - 1.5])
+            assert way[0] * left.y - way[1] * left.x > 0.0
+
+
+def test_a_path_without_a_length_is_refused(part: Any, keyed: bpy.types.Object) -> None:
+    assert bpy.ops.perfanim.draw_hips_path() == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="has no length; draw it"):
+        bpy.ops.perfanim.follow_curve()
+
+
+def test_sides_have_colours_of_their_own(part: Any) -> None:
+    colour_of = part("sketch.control_colours").colour_of
+    assert colour_of("lhand") == colour_of("ltoes") != colour_of("rhand") == colour_of("rfoot")
+    middle = colour_of("root")
+    assert middle == colour_of("lowerback") == colour_of("head")
+    assert middle not in (colour_of("lhand"), colour_of("rhand"))

@@ -85,3 +85,10 @@ def test_several_sketches_need_a_folder_and_names_of_their_own(capsys, keys, bod
     status, said = solve(capsys, keys, keys, *options, "--out", tmp_path / "solved")
     assert status == 1
     assert "two sketches have the same name" in said.err
+
+
+def test_a_table_needs_a_skeleton(keys, database_file, tmp_path, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["sketch", str(keys), "--database", str(database_file), "--out", str(tmp_path / "walk.bvh")])
+    assert caught.value.code == 2
+    assert "--subject --skeleton is required" in capsys.readouterr().err

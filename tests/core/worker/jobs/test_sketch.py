@@ -15,10 +15,7 @@ from perfanim.core.errors import SettingsError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.subject import skeleton_table
 from perfanim.core.sketch.sketch import Control, Sketch
-from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
-from perfanim.core.system.assets import MOTION
-from perfanim.core.worker.jobs import sketch as job
-from perfanim.core.worker.sketch_messages import (
+from perfanim.core.sketch.sketch_messages import (
     settings_from,
     settings_table,
     sketch_from,
@@ -26,27 +23,35 @@ from perfanim.core.worker.sketch_messages import (
     solution_from,
     solution_table,
 )
+from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
+from perfanim.core.system.assets import MOTION
+from perfanim.core.worker.jobs import sketch as job
 
 WALK = sliced(resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0), 0, 31)
 
 
 class PlayedChannel:
-    """Blender's requests, and what the job sends."""
+    """Blender's requests, and what the job sends.
 
-    def __init__(self, requests: list[dict[str, Any]]) -> None:
-        self.requests, self.sent = requests, []
+    Args:
+        waits: the next edit comes while one is solved, else after it.
+    """
+
+    def __init__(self, requests: list[dict[str, Any]], waits: bool = True) -> None:
+        self.requests, self.waits, self.sent = requests, waits, []
         self.stop_requested = threading.Event()
-        self.has_request = False
 
     def send_status(self, text: str, fraction: float) -> None:
-        """Hear of progress: the next edit comes meanwhile."""
-        self.has_request = bool(self.requests) and self.requests[0] != {}
+        """Hear of progress."""
+
+    @property
+    def has_request(self) -> bool:
+        return self.waits and self.requests[0] != {}
 
     def send_result(self, table: dict[str, Any]) -> None:
         self.sent.append(solution_from(json.loads(json.dumps(table))))
 
     def newest_request(self) -> dict[str, Any]:
-        self.has_request = False
         return self.requests.pop(0)
 
 
@@ -69,7 +74,7 @@ def sketch() -> Sketch:
 
 
 def request(database: Path, sketch: Sketch, number: int, **more: Any) -> dict[str, Any]:
-    edit = {"number": number, "sketch": sketch_table(sketch), "settings": settings_table(SketchSettings())}
+    edit = {"number": number, "frame": 15, "sketch": sketch_table(sketch), "settings": settings_table(SketchSettings())}
     whole = {"skeleton": skeleton_table(WALK.skeleton), "database": str(database), **edit, **more}
     return dict(json.loads(json.dumps(whole, default=np.ndarray.tolist)))
 
@@ -84,11 +89,11 @@ def test_messages_come_back_as_they_were(database: Path, sketch: Sketch) -> None
     chosen = SketchSettings(0.7, ("walk*", "box*"), 2, False)
     assert settings_from(json.loads(json.dumps(settings_table(chosen)))) == chosen
     solution = solve_sketch(sketch, WALK.skeleton, open_database(database))
-    table = json.loads(json.dumps(solution_table(solution, 4, whole=False)))
+    table = json.loads(json.dumps(solution_table(solution, 4)))
     solved = solution_from(table)
     np.testing.assert_allclose(solved.rotations, solution.motion.rotations, atol=1e-6)
     np.testing.assert_allclose(solved.root_positions_m, solution.motion.root_positions_m, atol=1e-6)
-    assert (solved.number, solved.whole, solved.drawn_from) == (4, False, solution.drawn_from)
+    assert (solved.number, solved.whole, solved.drawn_from) == (4, True, solution.drawn_from)
 
 
 @pytest.mark.parametrize("damaged", [{}, {"controls": [{"joint": "root"}]}, {"name": "x", "fps": "y", "controls": []}])
@@ -103,16 +108,24 @@ def test_a_newer_edit_ends_the_older(database: Path, sketch: Sketch) -> None:
     edits = [request(database, sketch, number) for number in (2, 3)]
     channel = PlayedChannel([*edits, {}])
     job.run(request(database, sketch, 1, live=True), channel)
-    assert [(each.number, each.whole) for each in channel.sent] == [(1, False), (2, False), (3, False), (3, True)]
+    assert [(each.number, each.whole) for each in channel.sent] == [(3, True)]
+
+
+def test_an_edit_is_answered_by_the_shown_frame_before_the_whole(database: Path, sketch: Sketch) -> None:
+    channel = PlayedChannel([request(database, sketch, 2), {}], waits=False)
+    job.run(request(database, sketch, 1, live=True), channel)
+    assert [(each.number, each.whole, len(each.rotations)) for each in channel.sent] == [
+        (1, True, 31), (2, False, 1), (2, True, 31),
+    ]  # fmt: skip
+    _, picture, whole = channel.sent
+    np.testing.assert_allclose(picture.root_positions_m[0], whole.root_positions_m[15], atol=1e-5)
 
 
 def test_a_bad_live_edit_is_answered(database: Path, sketch: Sketch) -> None:
     bad = request(database, sketch, 2)
     bad["settings"]["behaviours"] = ["swim*"]
-    channel = PlayedChannel([bad, request(database, sketch, 3), {}])
-    first = request(database, sketch, 1, live=True)
-    channel.send_status = lambda text, fraction: None  # edits come one after the other
-    job.run(first, channel)
+    channel = PlayedChannel([bad, request(database, sketch, 3), {}], waits=False)
+    job.run(request(database, sketch, 1, live=True), channel)
     errors = {each.number: each.error for each in channel.sent if each.error}
     assert list(errors) == [2]
     assert "swim" in errors[2]

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ..body.motion import Motion
 from ..errors import SettingsError
 from ..geometry.arrays import Array
-from ..sketch.sketch import Control, Sketch
-from ..sketch.solve_sketch import SketchSettings, SketchSolution
 from ..system.files import reading
+from .sketch import Control, Sketch
+from .solve_sketch import SketchSettings, SketchSolution
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class SolvedSketch:
 
     Args:
         number: of the request that it answers.
-        whole: False for the first picture of an edit.
+        whole: False for the first picture of an edit, a single frame.
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest; (0, J, 4) after an error.
         root_positions_m: (F, 3).
         unmet: (joint, frame, distance in m, reason) of the keys that are not met.
@@ -75,14 +76,21 @@ def settings_from(table: Mapping[str, Any]) -> SketchSettings:
         )
 
 
-def solution_table(solution: SketchSolution, number: int, whole: bool) -> dict[str, Any]:
-    """Return the message with a solution; arrays as float32 in base 64."""
+def motion_table(motion: Motion, number: int) -> dict[str, Any]:
+    """Return the message with a first picture; arrays as float32 in base 64."""
     return {
         "number": number,
-        "whole": whole,
-        "frames": solution.motion.frames,
-        "rotations": _packed(solution.motion.rotations),
-        "root_positions_m": _packed(solution.motion.root_positions_m),
+        "whole": False,
+        "frames": motion.frames,
+        "rotations": _packed(motion.rotations),
+        "root_positions_m": _packed(motion.root_positions_m),
+    }
+
+
+def solution_table(solution: SketchSolution, number: int) -> dict[str, Any]:
+    """Return the message with a solution."""
+    return motion_table(solution.motion, number) | {
+        "whole": True,
         "unmet": [[key.joint, key.frame, key.distance_m, key.reason] for key in solution.unmet],
         "drawn_from": list(solution.drawn_from),
     }

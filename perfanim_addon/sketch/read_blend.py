@@ -1,0 +1,59 @@
+"""Sketch of a .blend, for `perfanim sketch`; headless.
+
+    python -m perfanim.perfanim_addon.sketch.read_blend FILE.blend
+
+Start it in a process of its own: it opens another scene, without running the scripts in it. The last line on stdout is
+a JSON object.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...core.errors import PerfanimError, SettingsError
+from ...core.markers.subject import skeleton_table
+from ...core.sketch.sketch_messages import sketch_table
+from ..character import bone_map_settings
+from ..export.retarget_file import open_file
+from ..settings import sketch_settings
+from .controls import controls_of, read_controls
+from .write_solution import SketchBody
+
+
+def read_blend(path: Path) -> dict[str, Any]:
+    """Return skeleton and sketch of the only character with controls; else raise."""
+    open_file(path)
+    found = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE" and controls_of(obj)]
+    if len(found) != 1:
+        advice = "keep the controls of one" if found else "click Add Controls in it, and key them"
+        names = f"sketches of {', '.join(each.name for each in found)}" if found else "no sketch"
+        raise SettingsError(f"has {names}", where=str(path), advice=advice)
+    body = SketchBody.of(found[0])
+    sketch = read_controls(bpy.context, found[0], body.space)
+    return {"skeleton": skeleton_table(body.skeleton), "sketch": sketch_table(sketch)}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
+    (path,) = sys.argv[1:] if arguments is None else arguments
+    for module in (bone_map_settings, sketch_settings):  # their data is in the file
+        for each in list(vars(module).values()):
+            if isinstance(each, type) and issubclass(each, bpy.types.PropertyGroup):
+                bpy.utils.register_class(each)
+        module.register()
+    try:
+        found = read_blend(Path(path))
+    except PerfanimError as error:
+        sys.stderr.write(f"read_blend: {' '.join(str(error).split())}\n")
+        return 1
+    sys.stdout.write("\n" + json.dumps(found, default=np.ndarray.tolist) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
