@@ -27,7 +27,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -139,6 +139,12 @@ window-bench: $(STAMP)
 # Kills 100 captures at random moments and looks what their takes have kept; takes half an hour. Linux only.
 take-fuzz: $(STAMP)
 	$(BIN)/python tools/take_fuzz.py
+
+# 1,000 kills and full disks while takes, databases, notes, motion and batches are written; takes 40 minutes. POSIX only.
+COUNT ?= 1000
+write-faults: export OPENBLAS_NUM_THREADS := 1
+write-faults: $(STAMP)
+	$(BIN)/python tools/write_faults.py --count $(COUNT)
 
 # Damaged inputs for every reader, packet, message and command line, for SECONDS; faults are kept in out/fuzz. Linux only.
 SECONDS ?= 3600

@@ -17,7 +17,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError
 from ..formats.motion.motion_sources import MotionFile, motion_files
 from ..geometry.arrays import FloatArray
-from ..system.files import writing
+from ..system.files import remove_left_behind, writing
 from ..system.progress import Progress, no_progress
 from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
@@ -204,6 +204,7 @@ def _folder_beside(out: Path) -> Iterator[Path]:
     """Yield a scratch folder on the database's disk, where there is room for both."""
     place = next(folder for folder in out.absolute().parents if folder.exists())  # a new one is made at the end
     with writing(out):
+        remove_left_behind(place, f".{out.stem}.")
         folder = tempfile.TemporaryDirectory(prefix=f".{out.stem}.", dir=place)
     with folder as name:
         yield Path(name)

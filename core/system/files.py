@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 import stat
 import tempfile
 import time
@@ -35,7 +36,7 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        _remove_left_behind(target)
+        remove_left_behind(target.parent, f".{target.stem}.", target.suffix)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
     os.close(handle)
     temporary = Path(name)
@@ -57,17 +58,21 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def _remove_left_behind(target: Path) -> None:
-    """Remove temporary files of a target that nobody has written for long."""
-    start, end = f".{target.stem}.", target.suffix
+def remove_left_behind(folder: Path, start: str, end: str = "") -> None:
+    """Remove temporary files and folders that nobody has written for long."""
     oldest_s = time.time() - _LEFT_BEHIND_S
-    with os.scandir(target.parent) as entries:
+    with os.scandir(folder) as entries:
         for entry in entries:
             random = entry.name[len(start) : len(entry.name) - len(end)]
-            if entry.name == f"{start}{random}{end}" and len(random) == _RANDOM_LETTERS:
-                with suppress(OSError):  # another process may have been first
-                    if entry.is_file(follow_symlinks=False) and entry.stat().st_mtime < oldest_s:
-                        Path(entry.path).unlink()
+            if entry.name != f"{start}{random}{end}" or len(random) != _RANDOM_LETTERS or entry.is_symlink():
+                continue
+            with suppress(OSError):  # another process may have been first
+                path = Path(entry.path)
+                if path.is_dir():
+                    if max(each.stat().st_mtime for each in (path, *path.iterdir())) < oldest_s:
+                        shutil.rmtree(path)
+                elif path.is_file() and path.stat().st_mtime < oldest_s:
+                    path.unlink()
 
 
 @contextmanager

@@ -1,0 +1,356 @@
+"""Kill processes that write at random moments, or let the disk be full.
+
+
+    python tools/write_faults.py --count 1000 --out report.json
+
+By turns a take is recorded at 60 frames/s, a database built over an old one, notes written into a take, a motion
+exported over an old file, and takes solved by `perfanim batch` (one time in 25: it lasts for seconds). The process is
+killed (SIGKILL); every fifth time no file may grow beyond so many bytes instead, as on a full disk (RLIMIT_FSIZE).
+
+- What stood before must be whole: the old file or the new one, never a mixture, and nothing else under the name.
+- Of a recording at most 0.25 s may be lost, and all frames before must be as they were given.
+- A full disk must be reported in one line, and leave no temporary file; those of killed processes go at the next start.
+- A killed batch must leave no process, and what another run makes of it must be as without the kill.
+
+POSIX only.
+"""
+
+import argparse
+import contextlib
+import hashlib
+import json
+import mmap
+import os
+import random
+import resource
+import secrets
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from perfanim.core.body.motion import sliced
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.store import open_database
+from perfanim.core.errors import PerfanimError
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.motion.write_motion import write_motion
+from perfanim.core.formats.take_file.edit import append_notes
+from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_frame_codec import pack_stamped
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_take import save_take
+from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.system.assets import MOTION
+
+KILLED, FULL = "killed", "disk full"
+MOST_LOST_S = 0.25
+RECORDED_S = 1.5
+FULL_EVERY, BATCH_EVERY = 5, 25
+FPS = 60
+
+
+class Work(NamedTuple):
+    """Something that writes.
+
+    Args:
+        prepare: puts what stood before into a folder.
+        act: writes into the folder.
+        fault: names the damage in a folder, "" for none. Its second argument is the number of frames
+            that were handed over.
+        lasts_s, writes: how long it takes undisturbed, and the bytes of its largest file.
+    """
+
+    prepare: Callable[[Path], None]
+    act: Callable[[Path], None]
+    fault: Callable[[Path, int], str]
+    lasts_s: float
+    writes: int
+
+
+class Material:
+    """Files that all works start from."""
+
+    def __init__(self, folder: Path) -> None:
+        self.motions = [sliced(read_motion(path), 0, 120) for path in sorted(MOTION.glob("*.bvh"))[:3]]
+        self.clips = [folder / f"{number}.bvh" for number in range(len(self.motions))]
+        for motion, path in zip(self.motions, self.clips, strict=True):
+            write_motion(motion, path)
+        self.subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
+        save_subject(self.subject, folder / "anna.toml")
+        self.old = folder / "old.pfdb"
+        self.build(self.old, self.clips[:1])
+        self.records = [_record(number) for number in range(round(FPS * RECORDED_S) + FPS)]
+        self.take = folder / "take.perftake"
+        self._record_to(self.take, self.records, 0.0)
+        self.takes = folder / "takes"
+        self.takes.mkdir()
+        for number, motion in enumerate(self.motions):
+            save_take(simulate_markers(sliced(motion, 0, 12), self.subject)[0], self.takes / f"{number}.take.npz")
+        self.handed_over = mmap.mmap(-1, 8)
+        self.batch_files: dict[str, str] = {}
+
+    @staticmethod
+    def build(path: Path, clips: list[Path]) -> None:
+        """Build a database in this process."""
+        build_database(clips, path, BuildSettings(workers=1), progress=lambda fraction, text: None)
+
+    def works(self, folder: Path) -> dict[str, Work]:
+        """Return all that is disturbed, measured undisturbed."""
+        found = {}
+        for name, prepare, act, fault in (
+            ("record", self._place_nothing, self._record, self._record_fault),
+            ("build", self._place_old, self._build, self._build_fault),
+            ("notes", self._place_take, self._edit, self._edit_fault),
+            ("export", self._place_motion, self._export, self._export_fault),
+        ):
+            place = folder / name
+            place.mkdir()
+            prepare(place)
+            begun_s = time.perf_counter()
+            act(place)
+            lasts_s = time.perf_counter() - begun_s
+            wrong = fault(place, len(self.records))
+            if wrong:
+                raise AssertionError(f"{name}, undisturbed: {wrong}")
+            largest = max(path.stat().st_size for path in place.iterdir())
+            found[name] = Work(prepare, act, fault, lasts_s, largest)
+        return found
+
+    def _place_nothing(self, place: Path) -> None:
+        (place / "take.perftake").unlink(missing_ok=True)  # nobody records over a take
+
+    def _record(self, place: Path) -> None:
+        self._record_to(place / "take.perftake", self.records, 1.0 / FPS)
+
+    def _record_to(self, path: Path, records: list[bytes], wait_s: float) -> None:
+        writer = TakeWriter(path, TakeSetup.of(default_rig(), (self.subject,), {}, {}, {}), TakeNotes("old"))
+        for number, record in enumerate(records, start=1):
+            writer.add_frame(record)
+            if wait_s:
+                struct.pack_into("<Q", self.handed_over, 0, number)
+                time.sleep(wait_s)
+        writer.close()
+
+    def _record_fault(self, place: Path, handed_over: int) -> str:
+        path = place / "take.perftake"
+        if not path.exists():
+            return "" if handed_over <= MOST_LOST_S * FPS else "there is no take"
+        frames = [pack_stamped(time_s, frame) for time_s, frame in read_take_file(path).stamped_frames]
+        if frames != self.records[: len(frames)]:
+            return "a frame differs"
+        lost_s = (handed_over - len(frames)) / FPS
+        return f"{lost_s:.2f} s are lost" if lost_s > MOST_LOST_S else ""
+
+    def _place_old(self, place: Path) -> None:
+        shutil.copy(self.old, place / "motion.pfdb")
+
+    def _build(self, place: Path) -> None:
+        self.build(place / "motion.pfdb", self.clips)
+
+    def _build_fault(self, place: Path, _: int) -> str:
+        database = open_database(place / "motion.pfdb")
+        if database.poses.shape[0] != database.clips[-1].stop or not np.isfinite(database.poses).all():
+            return "the database is half written"
+        return "" if len(database.clips) in (1, len(self.clips)) else f"it has {len(database.clips)} clips"
+
+    def _place_take(self, place: Path) -> None:
+        shutil.copy(self.take, place / "take.perftake")
+
+    def _edit(self, place: Path) -> None:
+        for number in range(20):
+            append_notes(place / "take.perftake", TakeNotes(f"new {number}" * 50))
+
+    def _edit_fault(self, place: Path, _: int) -> str:
+        take = read_take_file(place / "take.perftake")
+        frames = [pack_stamped(time_s, frame) for time_s, frame in take.stamped_frames]
+        if frames != self.records:
+            return "a frame differs"
+        return "" if take.notes.name.startswith(("old", "new")) else f"its name is {take.notes.name!r}"
+
+    def _place_motion(self, place: Path) -> None:
+        shutil.copy(self.clips[0], place / "motion.bvh")
+
+    def _export(self, place: Path) -> None:
+        write_motion(self.motions[1], place / "motion.bvh")
+
+    def _export_fault(self, place: Path, _: int) -> str:
+        found = (place / "motion.bvh").read_bytes()
+        return "" if found in (self.clips[0].read_bytes(), self.clips[1].read_bytes()) else "the file is half written"
+
+
+def _record(number: int) -> bytes:
+    points = np.random.default_rng(number).normal(size=(9, 3))
+    return pack_stamped(float(number), MarkerFrame(number, number / FPS, points, np.zeros((9, 3, 3))))
+
+
+def disturbed(work: Work, material: Material, place: Path, fault: str, chance: random.Random) -> dict[str, Any]:
+    """Do a work in a process with a fault; return its row."""
+    place.mkdir()
+    work.prepare(place)
+    struct.pack_into("<Q", material.handed_over, 0, 0)
+    limit = chance.randrange(1, work.writes + 1)
+    after_s = chance.uniform(0.0, 1.1 * work.lasts_s)
+    child = os.fork()
+    if child == 0:
+        os._exit(_act(work, place, limit if fault == FULL else None))
+    if fault == KILLED:
+        time.sleep(after_s)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    (handed_over,) = struct.unpack_from("<Q", material.handed_over, 0)
+    try:
+        wrong = work.fault(place, handed_over if fault == KILLED else 0)
+    except (PerfanimError, OSError) as error:
+        wrong = str(error)
+    if fault == FULL and status:
+        wrong = wrong or "no error in one line"
+    if not wrong:
+        wrong = _left_behind(place, work, fault)
+    return {"fault": fault, "at": limit if fault == FULL else round(after_s, 4), "wrong": wrong}
+
+
+def _act(work: Work, place: Path, limit: int | None) -> int:
+    """Do a work in this process; return 0 where it ended, or was refused in one line."""
+    if limit is not None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    try:
+        work.act(place)
+    except PerfanimError as error:
+        return 0 if "\n" not in str(error) else 2
+    except Exception:
+        return 3
+    return 0
+
+
+def _left_behind(place: Path, work: Work, fault: str) -> str:
+    """Return the temporary files that a full disk leaves, or another run after a kill."""
+    if fault == KILLED:
+        for path in place.rglob("*"):
+            os.utime(path, (0.0, 0.0))  # as if it had been long ago
+        work.prepare(place)
+        work.act(place)
+    left = [path.name for path in place.iterdir() if path.name.startswith(".")]
+    return f"left behind: {', '.join(left)}" if left else ""
+
+
+def killed_batch(material: Material, place: Path, lasts_s: float, chance: random.Random) -> dict[str, Any]:
+    """Kill a batch of three takes by two processes, run it again, and compare."""
+    after_s = chance.uniform(0.5 * lasts_s, 1.1 * lasts_s) if material.batch_files else None
+    started_s = time.perf_counter()
+    running = _start_batch(material, place)
+    if after_s is not None:
+        time.sleep(max(started_s + after_s - time.perf_counter(), 0.0))
+        running.kill()
+    running.wait()
+    wrong = ""
+    if after_s is not None:
+        limit_s = time.monotonic() + 20.0
+        while _processes_of(place) and time.monotonic() < limit_s:
+            time.sleep(0.05)
+        wrong = "a process is left" if _processes_of(place) else ""
+        _start_batch(material, place).wait()
+    files = {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(place.rglob("*"))
+        if path.suffix == ".bvh" or (path.name.startswith(".") and path.name != ".lock")
+    }
+    if after_s is None:
+        material.batch_files = files
+    if not wrong and (files != material.batch_files or len(files) != len(material.motions)):
+        wrong = f"other files than without the kill: {sorted(files)}"
+    return {"work": "batch", "fault": KILLED, "at": round(after_s or 0.0, 3), "wrong": wrong}
+
+
+def _start_batch(material: Material, place: Path) -> subprocess.Popen[bytes]:
+    words = ["batch", str(material.takes), "--database", str(material.old), "--out", str(place), "--jobs", "2"]
+    words += ["--subject", str(material.old.parent / "anna.toml"), "--method", "nearest"]
+    program = "import sys; from perfanim.core.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *words],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def _processes_of(place: Path) -> list[int]:
+    """Return the processes that name a folder, or have a file in it open."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            words = (process / "cmdline").read_bytes()
+            opened = [os.readlink(path) for path in (process / "fd").iterdir()]  # noqa: PTH115
+            if str(place).encode() in words or any(path.startswith(str(place)) for path in opened):
+                found.append(int(process.name))
+    return found
+
+
+def campaign(count: int, seed: int, show: Callable[[dict[str, Any]], None]) -> list[dict[str, Any]]:
+    """Disturb so many works by turns; return a row for each."""
+    chance, rows = random.Random(seed), []  # noqa: S311 - moments, no secrets
+    with tempfile.TemporaryDirectory(prefix="write-faults-") as name:
+        folder = Path(name)
+        material = Material(folder)
+        works = material.works(folder)
+        lasts_s = 0.0
+        if count >= BATCH_EVERY:
+            begun_s = time.perf_counter()
+            killed_batch(material, folder / "batch", 0.0, chance)
+            lasts_s = time.perf_counter() - begun_s
+        for number in range(count):
+            place = folder / f"place-{number}"
+            if number % BATCH_EVERY == BATCH_EVERY - 1:
+                row = killed_batch(material, place, lasts_s, chance)
+            else:
+                work = list(works)[number % len(works)]
+                fault = FULL if number % FULL_EVERY == FULL_EVERY - 1 else KILLED
+                row = {"work": work} | disturbed(works[work], material, place, fault, chance)
+            rows.append(row)
+            show(row)
+            shutil.rmtree(place, ignore_errors=True)
+    return rows
+
+
+def main() -> int:
+    """Run; the exit status is 1 where anything was lost."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=1000, help="how many faults (default 1000)")
+    parser.add_argument("--seed", type=int, default=None, help="of the moments (default: others at every run)")
+    parser.add_argument("--out", type=Path, help="report to write (JSON)")
+    options = parser.parse_args()
+    seed = secrets.randbits(32) if options.seed is None else options.seed
+
+    def show(row: dict[str, Any]) -> None:
+        sys.stdout.write(f"{row}\n" if row["wrong"] else ".")
+        sys.stdout.flush()
+
+    rows = campaign(options.count, seed, show)
+    sys.stdout.write("\n")
+    for work, fault in sorted({(row["work"], row["fault"]) for row in rows}):
+        those = [row for row in rows if (row["work"], row["fault"]) == (work, fault)]
+        sys.stdout.write(f"{work}, {fault}: {len(those)}, {sum(bool(row['wrong']) for row in those)} wrong\n")
+    failed = [row for row in rows if row["wrong"]]
+    if options.out:
+        options.out.write_text(json.dumps({"seed": seed, "rows": rows}, indent=1))
+    sys.stdout.write(f"{len(failed)} of {len(rows)} wrong; seed {seed}\n")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
