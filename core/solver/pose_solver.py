@@ -8,6 +8,7 @@ import numpy as np
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry.arrays import Array
+from ..system.blas_threads import use_one_blas_thread
 from .course_check import INTERVAL_S, PROVEN, CourseCheck
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
@@ -34,6 +35,7 @@ class PoseSolver:
         if database.frames < 2:
             raise DatabaseError("has fewer than two frames", where=str(database.path), advice="import more motion")
         check_arrays(database)
+        use_one_blas_thread()
         self.subject, self.database = subject, database
         self.settings = settings
         markers = subject.database_markers(database)
