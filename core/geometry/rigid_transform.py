@@ -19,8 +19,10 @@ def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = Non
     w = w / w.sum()
     p_mean, q_mean = w @ p, w @ q
     u, _, vt = np.linalg.svd((w[:, None] * (p - p_mean)).T @ (q - q_mean))
-    handedness = np.sign(np.linalg.det(vt.T @ u.T))
-    rotation: Array = vt.T @ np.diag([1.0, 1.0, handedness]) @ u.T
+    rotation: Array = (u @ vt).T
+    if np.linalg.det(rotation) < 0.0:  # a mirror image
+        u[:, 2] *= -1.0
+        rotation = (u @ vt).T
     return rotation, q_mean - rotation @ p_mean
 
 

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, get_blas_funcs, solve_triangular
+from scipy.linalg import get_blas_funcs
 from scipy.linalg.blas import dgemm
+from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
@@ -65,8 +66,7 @@ def condition(prior: Prior, observed: Array, variances: Array) -> Prior:
     innovation_covariance[np.diag_indices_from(innovation_covariance)] += variances[seen - kept]
     right = np.column_stack((rows[:, :kept], observed[seen - kept] - prior.mean[seen]))
     # with L L^T the innovation covariance, all that follows is products of L^-1 times these
-    root = np.linalg.cholesky(innovation_covariance)
-    halves = solve_triangular(root, right, lower=True, check_finite=False)
+    halves, _ = _whiten(innovation_covariance, right)
     across, innovation = halves[:, :kept], halves[:, kept]
     return Prior(prior.mean[:kept] + innovation @ across, prior.covariance[:kept, :kept] - _gram(across))
 
@@ -93,7 +93,22 @@ def _gram(rows: NDArray[Any]) -> NDArray[Any]:
 
 def _solve(covariance: Array, right: Array) -> Array:
     """Return the inverse of a positive definite matrix times another."""
-    return np.asarray(cho_solve(cho_factor(covariance, check_finite=False), right, check_finite=False))
+    if len(covariance) == 0:  # which LAPACK refuses
+        return right
+    _, solved, failed = dposv(covariance.T, right)  # SciPy's functions around it take longer than a small solve
+    if failed:
+        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
+    return np.asarray(solved)
+
+
+def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
+    """Return L^-1 right and L, with L L^T the covariance."""
+    if len(covariance) == 0:
+        return right, covariance
+    factor, failed = dpotrf(covariance.T, lower=1)
+    if failed:
+        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
+    return np.asarray(dtrtrs(factor, right, lower=1)[0]), factor
 
 
 @dataclass(frozen=True)
@@ -135,8 +150,7 @@ class Expectation:
         covariance = by_pose @ _product(self.prior.covariance, by_pose.T)
         covariance += (by_root * np.repeat(np.square(self.root_sigma), 3)) @ by_root.T
         covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
-        factor = np.linalg.cholesky(covariance)
-        return solve_triangular(factor, innovation, lower=True, check_finite=False), factor
+        return _whiten(covariance, innovation)
 
 
 @dataclass(frozen=True)
@@ -207,8 +221,7 @@ def fit_to_markers(
 
 def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
     """Return the facts of a fit from its last step's system (m, m) and gains (D, m)."""
-    factor = np.linalg.cholesky(system)
-    halves = solve_triangular(factor, np.column_stack((gains.T, innovation)), lower=True, check_finite=False)
+    halves, _ = _whiten(system, np.column_stack((gains.T, innovation)))
     *explained, unlikely = np.einsum("md,md->d", halves, halves)
     sigmas_rad = np.sqrt(np.maximum(np.diag(covariance) - explained, 0.0))
     return FitFacts(steps, sigmas_rad, float(np.sqrt(unlikely / max(len(halves), 1))))

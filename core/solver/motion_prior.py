@@ -137,11 +137,10 @@ class MotionPrior:
         self._offsets_m = rot.rotate(self._turn[joints], subject.offsets_m)
         self._rest = self._body.markers(np.zeros((len(subject.skeleton) - 1, 3)))
         self._weights, self._biases = network.marker_weights[joints], network.marker_biases[joints]
-        self._part = network.part_of_joint[joints]
         lengths = np.linalg.norm(subject.skeleton.offsets_m[1:], axis=-1)
         bones = ((lengths - network.bones[0]) / network.bones[1]).astype(np.float32)
         parts, hidden = int(network.part_of_joint.max()) + 1, self._biases.shape[1]
-        self._sums = np.zeros((parts, hidden), dtype=np.float32)
+        self._parts = (network.part_of_joint[joints] == np.arange(parts)[:, None]).astype(np.float32)
         self._first = network.first_weights[: parts * hidden]
         self._first_bias = network.biases[0] + bones @ network.first_weights[parts * hidden :]
 
@@ -178,9 +177,8 @@ class MotionPrior:
         """Return the outputs and their standard deviations."""
         network = self._network
         hidden = _silu((features[:, None] @ self._weights)[:, 0] + self._biases)
-        sums = np.zeros_like(self._sums)
-        np.add.at(sums, self._part[seen], hidden[seen])
-        state = _silu(sums.ravel() @ self._first + self._first_bias)
+        hidden[~seen] = 0.0
+        state = _silu((self._parts @ hidden).ravel() @ self._first + self._first_bias)
         for weights, bias in zip(network.weights, network.biases[1:], strict=True):
             state = state + _silu(state @ weights + bias)
         mean, log_sigma = np.split(state @ network.output_weights + network.output_biases, 2)
@@ -194,7 +192,7 @@ class MotionPrior:
         vectors, turn = pose.reshape(-1, 3), self._turn[1:]
         turned = rot.multiply(rot.multiply(self._network.mean_rotations[1:], rot.from_rotation_vector(vectors)), turn)
         moved = rot.to_rotation_vector(rot.multiply(rot.conjugate(self._zero[1:]), turned))
-        before, after = (exponential_and_right_jacobian(each)[1] for each in (vectors, moved))
+        before, after = np.split(exponential_and_right_jacobian(np.concatenate((vectors, moved)))[1], 2)
         slopes = np.linalg.solve(after, rot.to_matrix(rot.conjugate(turn)) @ before)
         blocks = covariance.reshape(len(vectors), 3, len(vectors), 3).transpose(0, 2, 1, 3)
         blocks = slopes[:, None] @ blocks @ np.swapaxes(slopes, -1, -2)[None]

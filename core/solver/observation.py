@@ -1,6 +1,7 @@
 """The labelled markers of one moment, as the solver takes them."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -49,12 +50,12 @@ class Observation:
             points[marker] = camera.centre_m + ray * float(ray @ (markers_m[marker] - camera.centre_m))
         return replace(self, points_m=points)
 
-    @property
+    @cached_property
     def located(self) -> Mask:
         """(M,) markers located in space."""
         return np.all(np.isfinite(self.points_m), axis=-1)
 
-    @property
+    @cached_property
     def single(self) -> Mask:
         """(M,) markers seen by one camera only."""
         return (self.cameras >= 0) & ~self.located

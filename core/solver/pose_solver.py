@@ -8,6 +8,7 @@ import numpy as np
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry.arrays import Array
+from ..system.blas_threads import use_one_blas_thread
 from .course_check import INTERVAL_S, PROVEN, CourseCheck
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
@@ -34,6 +35,7 @@ class PoseSolver:
         if database.frames < 2:
             raise DatabaseError("has fewer than two frames", where=str(database.path), advice="import more motion")
         check_arrays(database)
+        use_one_blas_thread()
         self.subject, self.database = subject, database
         self.settings = settings
         markers = subject.database_markers(database)
@@ -170,10 +172,10 @@ class PoseSolver:
     def _is_misled(self, state: SolverState, observation: Observation, solution: Solution) -> bool:
         """Return whether the limbs have jumped, or the markers are not explained."""
         waits = state.time_s - state.looked_s < _LOOK_S
-        if state.pose is None or waits or not self._method.fits_markers:  # an example is off anyway
-            return False
+        if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
+            return False  # an example is off anyway
         seen = observation.located
-        before_m = self.subject.markers(state.pose.reshape(-1, 3))[seen]
+        before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
         return jump_m > _JUMP_M or _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
 

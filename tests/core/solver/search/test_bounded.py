@@ -51,6 +51,18 @@ def test_the_frames_found_before_change_nothing(data):
         same(data, search, query(data, 1234), few)
 
 
+def test_frames_near_an_earlier_query_are_enough_while_a_motion_goes_on(data):
+    search, start, looked = BoundedSearch(*data), None, []
+    near_frames = search._near_frames
+    search._near_frames = lambda *given: looked.append(given[0]) or near_frames(*given)
+    for frame in range(1000, 1100):
+        start = same(data, search, query(data, frame, away=0.002), start)
+    assert 0 < len(looked) < 50
+    for weights in ((0.4, 0.2), (0.8, 0.6)):  # another measure needs new bounds
+        asked = query(data, 1100)
+        same(data, search, Query(asked.markers_m, asked.pose, *weights), start)
+
+
 def test_without_a_pose_it_is_the_exhaustive_search(data):
     asked = query(data, 77, pose=False)
     mine, theirs = (kind(*data).nearest(asked, WANTED)[0] for kind in (BoundedSearch, ExhaustiveSearch))

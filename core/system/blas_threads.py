@@ -1,0 +1,48 @@
+"""Threads of the linear algebra inside NumPy and SciPy."""
+
+import ctypes
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+_CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # of the user; OpenBLAS has read them
+_FOLDERS = ("{}.libs", "{}/.dylibs")  # of the wheels for Linux and Windows, and for macOS
+_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # of OpenBLAS' functions in these
+
+
+@cache
+def use_one_blas_thread() -> int:
+    """Let OpenBLAS use one thread here, unless the environment sets another number.
+
+    The solver's matrices are small: threads cost more than they gain, most of all beside other processes.
+
+    Returns:
+        The number of libraries changed: 0 where the user has chosen or NumPy and SciPy use something else.
+    """
+    if any(name in os.environ for name in _CHOICES):
+        return 0
+    setters = [blas_function(path, "set_num_threads") for path in bundled_blas()]
+    for setter in setters:
+        if setter is not None:
+            setter(1)
+    return sum(setter is not None for setter in setters)
+
+
+def bundled_blas() -> list[Path]:
+    """Return the OpenBLAS libraries that NumPy and SciPy have brought along."""
+    packages = [Path(module.__path__[0]) for module in (np, scipy)]
+    folders = [package.parent / name.format(package.name) for package in packages for name in _FOLDERS]
+    return sorted({path for folder in folders for path in folder.glob("*openblas*")})
+
+
+def blas_function(path: Path, name: str) -> "ctypes._NamedFuncPointer | None":
+    """Return a function of an OpenBLAS library; None if it cannot be found."""
+    try:
+        library = ctypes.CDLL(str(path))  # the one that is loaded already
+    except OSError:
+        return None
+    names = (f"{prefix}_{name}{suffix}" for prefix in _PREFIXES for suffix in _SUFFIXES)
+    return next((library[each] for each in names if hasattr(library, each)), None)
