@@ -1,6 +1,5 @@
 """Kill processes that write at random moments, or let the disk be full.
 
-
     python tools/write_faults.py --count 1000 --out report.json
 
 By turns a take is recorded at 60 frames/s, a database built over an old one, notes written into a take, a motion
@@ -147,7 +146,7 @@ class Material:
 
     def _record_fault(self, place: Path, handed_over: int) -> str:
         path = place / "take.perftake"
-        if not path.exists():
+        if not path.exists() or path.stat().st_size == 0:
             return "" if handed_over <= MOST_LOST_S * FPS else "there is no take"
         frames = [pack_stamped(time_s, frame) for time_s, frame in read_take_file(path).stamped_frames]
         if frames != self.records[: len(frames)]:
