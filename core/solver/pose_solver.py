@@ -20,6 +20,7 @@ from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 
 _JUMP_M = 0.07  # RMS over the markers between two frames, from which the past may mislead
+_CUT_M = 0.3  # the same, from which the past is of another motion: nobody moves all limbs so fast
 _LOOK_S = 0.04  # after a vain look for a pose without a past, until the next
 _NEARER = 0.6  # share of the distance to the closest example, below which a pose without a past is the right one
 
@@ -112,8 +113,8 @@ class PoseSolver:
         else:
             before = state
             solution, state = self._advance(before, observation)
-            if solution is not None and self._is_misled(before, observation, solution):
-                solution, state = self.solve_without_past(before, observation, solution, state)
+            if solution is not None and (nearer := self._nearer_if_misled(before, observation, solution)):
+                solution, state = self.solve_without_past(before, observation, solution, state, nearer)
             elif solution is not None and self._course and state.time_s - state.compared_s >= INTERVAL_S:
                 solution, state = self._check_course(self._course, before, observation, solution, state)
         observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
@@ -123,18 +124,24 @@ class PoseSolver:
         return solution, replace(state, observed=observed, solved=solved)
 
     def solve_without_past(
-        self, state: SolverState, observation: Observation, solution: Solution, after: SolverState
+        self,
+        state: SolverState,
+        observation: Observation,
+        solution: Solution,
+        after: SolverState,
+        nearer: float = _NEARER,
     ) -> tuple[Solution, SolverState]:
-        """Return the pose solved without a past if the database is much nearer to it.
+        """Return the pose solved without a past if the database is nearer to it.
 
         Args:
             state: before the frame, with its time.
             solution, after: of the frame, returned if they are better.
+            nearer: share of their distance, below which a pose without a past is better.
         """
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s)
         seen = observation.located
         away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
-        found, first = self._begin(fresh, observation, True, _NEARER * away_m)
+        found, first = self._begin(fresh, observation, True, nearer * away_m)
         if found is not None:
             return replace(found, looked=True), first
         return replace(solution, looked=True), replace(after, looked_s=state.time_s)
@@ -169,15 +176,21 @@ class PoseSolver:
         again, second = (None, after) if hurried else self._advance(after, observation)
         return (again, second) if again is not None else (first, after)
 
-    def _is_misled(self, state: SolverState, observation: Observation, solution: Solution) -> bool:
-        """Return whether the limbs have jumped, or the markers are not explained."""
+    def _nearer_if_misled(self, state: SolverState, observation: Observation, solution: Solution) -> float:
+        """Return `nearer` for `solve_without_past`; 0 where the past does no harm.
+
+        After a cut a pose without the past must only be no further.
+        """
         waits = state.time_s - state.looked_s < _LOOK_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
-            return False  # an example is off anyway
+            return 0.0  # an example is off anyway
         seen = observation.located
         before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
-        return jump_m > _JUMP_M or _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
+        if jump_m > _CUT_M:
+            return 1.0
+        unexplained = _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
+        return _NEARER if jump_m > _JUMP_M or unexplained else 0.0
 
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
         """Return the observation with three torso markers located in space."""

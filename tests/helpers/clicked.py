@@ -19,8 +19,9 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
     """
     clicked.arguments = partial(operator.arguments, clicked)
     clicked.request = partial(operator.request, clicked)
-    if hasattr(operator, "uses_starter"):
-        clicked.uses_starter = partial(operator.uses_starter, clicked)
+    for name in ("uses_starter", "options"):
+        if hasattr(operator, name):
+            setattr(clicked, name, partial(getattr(operator, name), clicked))
     for name in ("title", "panel", "finishable"):
         setattr(clicked, name, getattr(operator, name))
     job = operator.create_job(clicked, bpy.context, None)

@@ -262,3 +262,25 @@ def test_small_databases_are_enough_to_start(model, noisy, embedded_motion, tmp_
 def test_methods_that_fit_no_markers_are_not_solved_twice(model, database, noisy, method, monkeypatch):
     monkeypatch.setattr(PoseSolver, "solve_without_past", lambda *arguments: pytest.fail("solved again"))
     assert all(solve(model, database, [Observation.of_points(row) for row in noisy[:20]], method))
+
+
+@pytest.mark.parametrize(("jump_m", "nearer"), [(0.0, []), (0.2, [0.6]), (0.8, [1.0])])
+def test_after_a_cut_a_pose_without_the_past_must_only_be_no_further(
+    model, database, noisy, monkeypatch, jump_m, nearer
+):
+    """The past of another motion is worth nothing; limbs that only are fast still have theirs."""
+    asked, original = [], PoseSolver.solve_without_past
+
+    def noted(self, *arguments):
+        asked.append(arguments[4])
+        return original(self, *arguments)
+
+    solver = PoseSolver(model, database, SolveSettings())
+    _, state = follow(solver, [Observation.of_points(row) for row in noisy[:20]])
+    monkeypatch.setattr(PoseSolver, "solve_without_past", noted)
+    limbs = ~model.torso
+    points = noisy[20].copy()
+    points[limbs] += jump_m * np.array([0.6, 0.0, 0.8])
+    solution, _ = solver.step(state, Observation.of_points(points))
+    assert asked == nearer
+    assert np.isfinite(solution.pose).all()
