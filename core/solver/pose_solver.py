@@ -124,12 +124,7 @@ class PoseSolver:
         return solution, replace(state, observed=observed, solved=solved)
 
     def solve_without_past(
-        self,
-        state: SolverState,
-        observation: Observation,
-        solution: Solution,
-        after: SolverState,
-        nearer: float = _NEARER,
+        self, state: SolverState, observation: Observation, solution: Solution, after: SolverState, nearer: float
     ) -> tuple[Solution, SolverState]:
         """Return the pose solved without a past if the database is nearer to it.
 
