@@ -20,6 +20,7 @@ from .options import add_character_options, add_text
 
 BLENDER_VARIABLE = "PERFANIM_BLENDER"  # of the environment: the program to retarget with where none is named
 
+_RETARGET = "perfanim.perfanim_addon.export.retarget_file:main"
 _EXPORTED = (".fbx", ".glb", ".bvh")
 
 
@@ -65,12 +66,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     return summary
 
 
-def run_blender(
-    arguments: Sequence[str], blender: str | None = None, module: str = "export.retarget_file"
-) -> dict[str, Any]:
+def run_blender(arguments: Sequence[str], blender: str | None = None, entry: str = _RETARGET) -> dict[str, Any]:
     """Run a module of the add-on in a process of its own; return its report, or raise."""
-    done = subprocess.run(_command(blender, module, arguments), capture_output=True, text=True, check=False)
-    prefix = f"{module.rpartition('.')[2]}: "
+    done = subprocess.run(_command(blender, entry, arguments), capture_output=True, text=True, check=False)
+    prefix = f"{entry.partition(':')[0].rpartition('.')[2]}: "
     if done.returncode != 0:
         lines = [line for line in done.stderr.splitlines() if line.strip()] or ["it ended without a message"]
         said = next((line for line in lines if line.startswith(prefix)), lines[-1])
@@ -95,11 +94,11 @@ def _chosen_blender(blender: str | None) -> str | None:
     return blender or os.environ.get(BLENDER_VARIABLE) or None
 
 
-def _command(blender: str | None, module: str, arguments: Sequence[str]) -> list[str]:
+def _command(blender: str | None, entry: str, arguments: Sequence[str]) -> list[str]:
     blender = _chosen_blender(blender)
     if blender is None:
         package = (__package__ or "").rpartition(".core.")[0]
-        return [sys.executable, "-m", f"{package}.perfanim_addon.{module}", *arguments]
-    order = helper_process.order(f"perfanim.perfanim_addon.{module}:main", arguments)
+        return [sys.executable, "-m", entry.partition(":")[0].replace("perfanim", package, 1), *arguments]
+    order = helper_process.order(entry, arguments)
     options = ("--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "1")
     return [blender, *options, "--python", helper_process.SCRIPT, "--", order]

@@ -127,7 +127,7 @@ def _is_blend(keys: Path) -> bool:
 
 def _read_blend(path: Path, blender: str | None) -> tuple[Sketch, Skeleton]:
     """Return the sketch of a .blend's only character with controls, and its bones."""
-    found = run_blender([str(path)], blender, "sketch.read_blend")
+    found = run_blender([str(path)], blender, "perfanim.perfanim_addon.sketch.read_blend:main")
     return sketch_from(found["sketch"]), skeleton_from(found["skeleton"])
 
 

@@ -22,7 +22,7 @@ def test_a_characters_programs_are_not_run(tmp_path: Path, trusting: bool) -> No
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.context.preferences.filepaths.use_scripts_auto_execute = trusting
     try:
-        retarget_file._open(tmp_path / "character.blend")
+        retarget_file.open_file(tmp_path / "character.blend")
         assert "harmful.py" in bpy.data.texts
         bpy.context.view_layer.update()
         assert not ran.exists()
