@@ -27,7 +27,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -145,6 +145,12 @@ COUNT ?= 1000
 write-faults: export OPENBLAS_NUM_THREADS := 1
 write-faults: $(STAMP)
 	$(BIN)/python tools/write_faults.py --count $(COUNT)
+
+# 100,000 packets a second of three kinds, for a minute each, at the port of a running capture. Linux only.
+FLOOD_SECONDS ?= 60
+vmc-flood: export OPENBLAS_NUM_THREADS := 1
+vmc-flood: $(STAMP)
+	$(BIN)/python tools/vmc_flood.py --seconds $(FLOOD_SECONDS)
 
 # Damaged inputs for every reader, packet, message and command line, for SECONDS; faults are kept in out/fuzz. Linux only.
 SECONDS ?= 3600

@@ -9,6 +9,7 @@ from .packets import TRACKERS, Clock, Placement, read_packet
 
 MOST_PACKETS_S = 20_000  # within a second; a program that sends every bone by itself at 120 Hz sends a third
 MOST_BYTES_S = 600_000  # within a second, of a body with its face at 60 Hz less than half; the rest is not read
+MOST_FRAMES_S = 300  # within a second; programs send 60 to 240, a packet of one tracker each can be a frame as well
 MOST_PLACED = 1000  # bones and trackers of a frame; a program that makes up ever new names fills no memory
 
 Key = tuple[str, str]  # address and name
@@ -37,7 +38,7 @@ class FrameAssembler:
 
     Attributes:
         packets, malformed: how many came, and how many of them were none.
-        flooding: how many came beyond what a second may bring, and were not read.
+        flooding: how many packets and frames came beyond what a second may bring, and were left out.
     """
 
     def __init__(self) -> None:
@@ -45,7 +46,7 @@ class FrameAssembler:
         self.malformed = 0
         self.flooding = 0
         self._second_s = -math.inf
-        self._packets_left = self._bytes_left = 0
+        self._packets_left = self._bytes_left = self._frames_left = 0
         self._clear()
 
     def _clear(self) -> None:
@@ -77,7 +78,8 @@ class FrameAssembler:
     def _admits(self, packet: bytes, arrival_s: float) -> bool:
         """Return whether the present second may bring one more packet."""
         if arrival_s - self._second_s >= 1.0:
-            self._second_s, self._packets_left, self._bytes_left = arrival_s, MOST_PACKETS_S, MOST_BYTES_S
+            self._second_s, self._frames_left = arrival_s, MOST_FRAMES_S
+            self._packets_left, self._bytes_left = MOST_PACKETS_S, MOST_BYTES_S
         self._packets_left -= 1
         self._bytes_left -= len(packet)
         return self._packets_left >= 0 and self._bytes_left >= 0
@@ -101,8 +103,12 @@ class FrameAssembler:
         return all(key in self._placed for key in keys)
 
     def end(self) -> list[VmcFrame]:
-        """End the frame that is still open and return it; nothing where it is empty."""
+        """End the open frame and return it; nothing where it is empty or one too many."""
         frames = [VmcFrame(self._arrival_s, self._clock_s, self._placed)] if self._placed else []
+        self._frames_left -= len(frames)
+        if frames and self._frames_left < 0:
+            self.flooding += 1
+            frames = []
         self._clear()
         return frames
 

@@ -2,6 +2,8 @@
 
 import ipaddress
 import socket
+import struct
+import sys
 import time
 from contextlib import AbstractContextManager
 from typing import Any
@@ -17,6 +19,7 @@ from .recording import Recording
 
 _LARGEST_PACKET = 65535
 _BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy
+_OVERFLOWS = 40  # Linux' SO_RXQ_OVFL: each packet says how many before it found no room; Python does not name it
 _MOST_WAITING = 1000  # packets that are still read at the end
 _MOST_STRANGERS = 10  # that are remembered; an address is easily made up
 _LONGEST_WAIT_S = 0.5  # between two looks at how far it is
@@ -95,6 +98,7 @@ class Receiver(AbstractContextManager["Receiver"]):
 
     Attributes:
         strangers: addresses of other computers that have sent, too.
+        overflowed: packets that found no room while this process was busy, as far as the system reports them (Linux).
 
     Raises:
         CaptureError: the port is taken, or the sender is not known.
@@ -102,10 +106,13 @@ class Receiver(AbstractContextManager["Receiver"]):
 
     def __init__(self, port: int, sender: str = "") -> None:
         self.strangers: set[str] = set()
+        self.overflowed = 0
         self._sender = _address(sender)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            if sys.platform == "linux":
+                self._socket.setsockopt(socket.SOL_SOCKET, _OVERFLOWS, 1)
             is_local = bool(self._sender) and ipaddress.ip_address(self._sender).is_loopback
             self._socket.bind((self._sender if is_local else "", port))
         except OSError as error:
@@ -124,7 +131,7 @@ class Receiver(AbstractContextManager["Receiver"]):
         """Return the next packet of the sender, None if none comes in time."""
         self._socket.settimeout(timeout_s)
         try:
-            packet, (address, _) = self._socket.recvfrom(_LARGEST_PACKET)
+            packet, address = self._read()
         except (TimeoutError, BlockingIOError):
             return None
         if self._sender and address != self._sender:
@@ -132,6 +139,15 @@ class Receiver(AbstractContextManager["Receiver"]):
                 self.strangers.add(address)
             return None
         return packet
+
+    def _read(self) -> tuple[bytes, str]:
+        """Return the next packet and its sender's address."""
+        if sys.platform != "linux":
+            packet, (address, _) = self._socket.recvfrom(_LARGEST_PACKET)
+            return packet, address
+        packet, said, _, (address, _) = self._socket.recvmsg(_LARGEST_PACKET, socket.CMSG_SPACE(4))
+        self.overflowed = next((struct.unpack("I", count)[0] for _, what, count in said if what == _OVERFLOWS), 0)
+        return packet, address
 
 
 def _address(host: str) -> str:

@@ -4,6 +4,7 @@ Request: "source" (kind "vmc", "port" to listen on, "sender": name or address of
 all), "marker_set" (table of the worn one). A process that takes another's place also gets "after".
 """
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -16,6 +17,8 @@ from ..channel import Channel, open_when_free
 
 _LOOK_S = 0.1
 _SILENT_S = 1.0  # without a marker until the reason is sent
+_FLOOD_S = 1.0  # after the last packet too many
+_MOST_AHEAD = 60  # frames of a flood that wait for the solver; otherwise none is left out
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -29,32 +32,65 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     port, takes_place = int(request["source"]["port"]), request.get("after") is not None
     with open_when_free(lambda: Receiver(port, sender), takes_place, channel.stop_requested) as receiver:
         channel.send_status(f"waiting for trackers on port {receiver.port}")
-        silence = _Silence(receiver, stream, sender, channel)
+        silence, flood = _Silence(receiver, stream, sender, channel), _Flood(receiver, stream, channel)
         while not channel.stop_requested.is_set():
             packet = receiver.receive(_LOOK_S)
             now_s = time.perf_counter()
             frames = stream.add(packet, now_s) if packet is not None else []
+            flood.update(now_s)
             for frame in frames:
-                channel.send_frame(now_s, frame)
+                if flood.has_room():
+                    channel.send_frame(now_s, frame)
             silence.update(now_s, bool(frames))
 
 
+class _Flood:
+    """Warnings of a flood: one at its beginning, one at its end with the count.
+
+    What the solver of a flood's frames has not reached yet would fill the memory and keep the pose in the past.
+    """
+
+    def __init__(self, receiver: Receiver, stream: TrackerStream, channel: Channel) -> None:
+        self._receiver, self._stream, self._channel = receiver, stream, channel
+        self._is_on = False
+        self._count, self._last_s = 0, -math.inf  # of the packets too many
+        self._left_out = 0  # frames
+        self._reported = 0
+
+    def update(self, now_s: float) -> None:
+        """Note new packets; warn where a flood begins or ends."""
+        count = self._stream.gathering.flooding + self._receiver.overflowed
+        if count > self._count:
+            self._count, self._last_s = count, now_s
+        was_on, self._is_on = self._is_on, now_s - self._last_s < _FLOOD_S
+        where = f"on port {self._receiver.port}"
+        if self._is_on and not was_on:
+            self._channel.send_warning(f"too much comes {where}, most is not read: let a single program send there")
+        if was_on and not self._is_on:
+            left_out = count + self._left_out
+            self._channel.send_warning(f"{left_out - self._reported} packets too many {where} were left out")
+            self._reported = left_out
+
+    def has_room(self) -> bool:
+        """Return whether a frame may be sent; count it if not."""
+        if not self._is_on or self._channel.frames - self._channel.acknowledged < _MOST_AHEAD:
+            return True
+        self._left_out += 1
+        return False
+
+
 class _Silence:
-    """Warns once why no markers come, once that they are back, and once of a flood."""
+    """Warns once why no markers come, and once that they are back."""
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._from = f" from {sender}" if sender else ""
         self._warning = ""
-        self._hears = self._came = self._flooded = False
+        self._hears = self._came = False
         self._since_s = time.perf_counter()
 
     def update(self, now_s: float, came: bool) -> None:
         """Note whether markers have come."""
-        if self._stream.gathering.flooding and not self._flooded:
-            self._flooded = True
-            where = f"on port {self._receiver.port}"
-            self._channel.send_warning(f"too much comes {where}, most is not read: let a single program send there")
         if came:
             if self._warning:
                 self._channel.send_warning("", standing=True)

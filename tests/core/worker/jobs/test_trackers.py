@@ -1,5 +1,6 @@
 """What stands in the cameras' place where trackers come by VMC: what it hands over, and what it tells."""
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -26,11 +27,16 @@ class Blender:
 
     def __init__(self) -> None:
         self.stop_requested = threading.Event()
-        self.frames: list[tuple[float, MarkerFrame]] = []
+        self.received: list[tuple[float, MarkerFrame]] = []
+        self.acknowledged = 0
         self.told: list[str] = []
 
+    @property
+    def frames(self) -> int:
+        return len(self.received)
+
     def send_frame(self, stamp_s: float, frame: MarkerFrame) -> None:
-        self.frames.append((stamp_s, frame))
+        self.received.append((stamp_s, frame))
 
     def send_warning(self, text: str, standing: bool = False) -> None:
         self.told.append(text)
@@ -80,17 +86,17 @@ def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back() -> Non
         job.until_told("is not VMC", lambda: program.send(b"GET / HTTP/1.1"))
         job.until_told("not only bones", lambda: program.send(tracker_packet({"Hips": (0, 1, 0)}, address=BONE)))
         job.until_told("LHR-7 are no markers of the set", lambda: program.send(tracker_packet({"LHR-7": (0, 1, 0)})))
-        assert not job.blender.frames
-        job.until(lambda: len(job.blender.frames) > 5, lambda: program.send(tracker_packet(places)))
+        assert not job.blender.received
+        job.until(lambda: len(job.blender.received) > 5, lambda: program.send(tracker_packet(places)))
         job.until_told(f"no trackers come any more {where}")
-        number = job.blender.frames[-1][1].number
+        number = job.blender.received[-1][1].number
         job.until_told("the trackers are back after", lambda: program.send(tracker_packet(places)))
         assert job.blender.told[-2] == ""  # what stood until then
         job.until_told("no trackers come any more")
     assert job.blender.told[0] == f"waiting for trackers on port {job.port}"
     assert job.blender.told[5] == ""  # taken back with the first markers
     assert len(job.blender.told) == 10  # each once, not each time that it is looked at
-    stamps, frames = zip(*job.blender.frames, strict=True)
+    stamps, frames = zip(*job.blender.received, strict=True)
     assert list(stamps) == sorted(stamps)
     after = next(frame for frame in frames if frame.number > number)
     assert after.number > number + 5  # the pause is seen in the numbers
@@ -101,7 +107,7 @@ def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back() -> Non
 def test_others_than_the_sender_are_not_listened_to() -> None:
     with Running("192.0.2.7") as job, Program(job.port) as program:
         job.until_told("but from 127.0.0.1: choose who sends", lambda: program.send(tracker_packet({"A": (0, 1, 0)})))
-        assert not job.blender.frames
+        assert not job.blender.received
 
 
 def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
@@ -133,3 +139,42 @@ def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
             program.send(b"junk")
         job.until_told("is not VMC", lambda: program.send(b"junk"))
     assert sum(told in text for text in job.blender.told) == 1
+
+
+def test_the_frames_of_a_flood_do_not_pile_up_and_its_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "MOST_FRAMES_S", 80)  # more than may wait for the solver, so that both limits show
+    monkeypatch.setattr(trackers, "_FLOOD_S", 2.0)
+    with Running() as job, Program(job.port) as program:
+        sent = 0
+
+        def send() -> None:
+            nonlocal sent
+            for _ in range(20):
+                program.send(tracker_packet({NAMES[0]: (0.1, 1.0, 0.0)}))
+                sent += 1
+
+        job.until(lambda: any("too much comes" in text for text in job.blender.told), send)
+        for _ in range(200):  # nothing is acknowledged: for more than a second none of these has room
+            send()
+            time.sleep(0.01)
+        assert len(job.blender.received) <= 80
+        job.until(lambda: any("were left out" in text for text in job.blender.told))
+        left_out = sum(int(text.split()[0]) for text in job.blender.told if "were left out" in text)
+        assert left_out + len(job.blender.received) == sent
+        before = len(job.blender.received)
+        program.send(tracker_packet({NAMES[0]: (0.1, 1.0, 0.0)}))
+        job.until(lambda: len(job.blender.received) > before)  # others' frames wait, however many
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell")
+def test_packets_that_found_no_room_are_counted() -> None:
+    with Receiver(0, "127.0.0.1") as receiver, Program(receiver.port) as program:
+        sent, read = 20_000, 0
+        for _ in range(sent):
+            program.send(bytes(1000))
+        while receiver.receive(0.0) is not None:
+            read += 1
+        assert receiver.overflowed == 0  # the first that found room came before all that did not
+        program.send(b"one more")
+        assert receiver.receive(1.0) == b"one more"
+        assert receiver.overflowed == sent - read > 0
