@@ -27,7 +27,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -151,6 +151,17 @@ FLOOD_SECONDS ?= 60
 vmc-flood: export OPENBLAS_NUM_THREADS := 1
 vmc-flood: $(STAMP)
 	$(BIN)/python tools/vmc_flood.py --seconds $(FLOOD_SECONDS)
+
+# One of two cameras fails in seven ways, 20 times each; takes 11 minutes.
+camera-faults: $(STAMP)
+	$(BIN)/python tools/camera_faults.py --count 20
+
+# A capture without an end for MINUTES: growth of memory and of a frame's time. Linux only.
+MINUTES ?= 15
+METHOD ?= best
+session-soak: export OPENBLAS_NUM_THREADS := 1
+session-soak: $(STAMP)
+	$(BIN)/python tools/session_soak.py --minutes $(MINUTES) --method $(METHOD)
 
 # Damaged inputs for every reader, packet, message and command line, for SECONDS; faults are kept in out/fuzz. Linux only.
 SECONDS ?= 3600

@@ -61,7 +61,7 @@ FIGURES = ("sent", "rate", "left_out", "grown_mb", "blender_mb", "waiting", "tic
 
 
 def main() -> int:
-    """Run; the exit status is 1 when anything grew, waited or was not reports."""
+    """Run; the exit status is 1 when anything grew, waited or was not reported."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0, help="of each flood (default 60)")
     parser.add_argument("--rate", type=int, default=100_000, help="datagrams a second (default 100,000)")

@@ -29,7 +29,7 @@ class ImagePairing:
         self._black = [np.zeros(shape, dtype=np.uint8) for shape in shapes]
         self._period_s = period_s
         self._held: list[deque[tuple[float, Image, bool]]] = [deque(maxlen=_HELD) for _ in shapes]
-        self._watches = [CameraHealth(camera_title(i, names), period_s, now_s) for i in range(len(shapes))]
+        self._watches = [CameraHealth(camera_title(i, names), period_s, now_s, shape) for i, shape in enumerate(shapes)]
         self._clocks = [SteadyClock() for _ in shapes]
         self._number = -1
         self._last_s = -np.inf
@@ -40,7 +40,7 @@ class ImagePairing:
         time_s = self._clocks[camera].steady(time_s)
         if time_s < self._last_s + _LATE * self._period_s:
             return
-        self._held[camera].append((time_s, image, fresh and image.shape == self._black[camera].shape))
+        self._held[camera].append((time_s, image, fresh))
 
     def take(self, now_s: float, gone: Sequence[bool] = ()) -> ImageSet | None:
         """Return the next image set, None while there is nothing new.
@@ -64,7 +64,8 @@ class ImagePairing:
         self._number = next_number(self._number, start_s - self._last_s, self._period_s) if self._number >= 0 else 0
         self._last_s = start_s
         lost = tuple(gone) or (False,) * len(self._watches)
-        notes = [watch.note(now_s, away) for watch, away in zip(self._watches, lost, strict=True)]
+        uneven = not all(watch.comes_often(now_s) for watch in self._watches)
+        notes = [watch.note(now_s, away, uneven) for watch, away in zip(self._watches, lost, strict=True)]
         return ImageSet(
             number=self._number,
             times_s=tuple(middle_s if row is None else row[0] for row in rows),

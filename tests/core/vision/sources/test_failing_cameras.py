@@ -59,6 +59,8 @@ def failing(kind: str) -> Callable[[int, float], Any]:
             shown = picture()
             last = shown if camera == 1 else last
             return shown
+        if kind == "size":
+            return picture()[::2, ::2]
         if kind == "black":
             return NOISE.integers(0, 12, SHAPE, dtype=np.uint8)
         return last if kind == "repeats" else None
@@ -66,7 +68,10 @@ def failing(kind: str) -> Callable[[int, float], Any]:
     return image
 
 
-@pytest.mark.parametrize(("kind", "told"), [("froze", "froze"), ("black", "is black"), ("repeats", "repeats one")])
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [("froze", "froze"), ("black", "is black"), ("repeats", "repeats one"), ("size", "gives images of another size")],
+)
 @pytest.mark.parametrize("phase_s", [0.0, 0.004, 0.012])
 def test_a_failing_camera_is_told_done_without_and_used_again(kind: str, told: str, phase_s: float) -> None:
     sets = played(failing(kind), 3.0, (0.0, phase_s))
@@ -105,6 +110,20 @@ def test_a_dark_room_is_not_a_black_camera() -> None:
         return NOISE.integers(0, 12, SHAPE, dtype=np.uint8)
 
     assert all(all(s.usable) and not s.notes for s in played(image, 1.0, (0.0, 0.0)))
+
+
+@pytest.mark.parametrize(("rates", "told"), [((60.0, 240.0), True), ((120.0, 120.0), False), ((60.0, 60.0), False)])
+def test_a_camera_of_another_rate_is_told_but_not_a_wrong_rate_of_all(rates: tuple[float, float], told: bool) -> None:
+    pairing = ImagePairing([SHAPE, SHAPE], ["0", "1"], 1.0 / FPS, 0.0)
+    sets = []
+    for moment_s, camera in sorted((f / rate, at) for at, rate in enumerate(rates) for f in range(int(rate))):
+        pairing.put(camera, moment_s, picture())
+        while (taken := pairing.take(moment_s)) is not None:
+            sets.append(taken)
+    notes = {note for s in sets for note in s.notes}
+    assert notes == ({"the right camera gives images too often, set all cameras to one rate"} if told else set())
+    first = next((s for s in sets if s.notes), None)
+    assert first is None or first.times_s[1] < NOTICED_S
 
 
 def test_cameras_of_slightly_different_rate_go_on_in_step() -> None:

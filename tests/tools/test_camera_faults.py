@@ -1,0 +1,13 @@
+"""A camera that another program takes, or that changes: reported, done without, over."""
+
+import random
+
+import pytest
+from camera_faults import failed
+
+
+@pytest.mark.parametrize("fault", ["taken", "size"])
+def test_a_fault_is_reported_and_ends(fault: str) -> None:
+    row = failed(fault, random.Random(1))  # noqa: S311 - moments, no secrets
+    assert row["note"].startswith("the right camera ")
+    assert row["recovered_s"] < float("inf")

@@ -1,0 +1,194 @@
+"""Let one of two cameras fail in many ways; measure report and recovery.
+
+    python tools/camera_faults.py --count 20
+
+Two drivers of this file give images of 60 Hz with the noise of a sensor; the source reads them as it reads real ones.
+At a random moment the right one begins, for a second and a half, to
+
+- stall: give nothing and not return,
+- taken: fail, and not open again: another program has it,
+- slow: give one image a second,
+- fast: give 240 images a second,
+- size: give images of another size,
+- backward: stamp its images half a second back,
+- torn: give images with the last one's lower half.
+
+For each fault: seconds until a note names the right camera, seconds from the fault's end to a set of images of both
+without a note, and the share of the left camera's images that were used meanwhile. A row is wrong where a fault is
+reported later than 0.25 s, recovered later than 1 s, or where fewer than 95 % of the left camera's images are used. A
+torn image looks like a moving picture: nothing is asked of it but the last two.
+"""
+
+import argparse
+import json
+import random
+import secrets
+import statistics
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import cv2
+import numpy as np
+from perfanim.core.errors import CaptureError
+from perfanim.core.geometry.arrays import Image
+from perfanim.core.vision.sources import cameras
+
+FAULTS = ("stall", "taken", "slow", "fast", "size", "backward", "torn")
+FPS = 60.0
+BEFORE_S, FAILS_S, AFTER_S = 1.0, 1.5, 2.0
+MOST_REPORTED_S, MOST_RECOVERED_S, LEAST_USED = 0.25, 1.0, 0.95
+BACK_S = 0.5
+PATIENCE_S = 0.5  # beyond AFTER_S
+
+
+class Driver:
+    """A camera at FPS; `fault` is its present one, "" for none."""
+
+    def __init__(self, seed: int) -> None:
+        self.fault = ""
+        self.given: list[float] = []  # when each image was
+        self._mended = threading.Event()
+        noise = np.random.default_rng(seed)
+        self._images = [self._picture(noise, 640, 480) for _ in range(7)]
+        self._others = [self._picture(noise, 320, 240) for _ in range(7)]
+        self._due_s = self._stamp_s = time.perf_counter()
+
+    @staticmethod
+    def _picture(noise: np.random.Generator, width: int, height: int) -> Image:
+        image = noise.integers(0, 12, (height, width, 3), dtype=np.uint8)
+        image[100:110, 100:110] = 220
+        return image
+
+    def begin(self, fault: str) -> None:
+        """Begin a fault."""
+        self._mended.clear()
+        self.fault = fault
+
+    def mend(self) -> None:
+        """End the fault."""
+        self.fault = ""
+        self._mended.set()
+
+    def open(self) -> tuple["Driver", Image]:
+        """Return this driver and an image, as the source opens one."""
+        if self.fault == "taken":
+            raise CaptureError("does not open")
+        return self, self._images[0]
+
+    def grab(self) -> bool:
+        """Wait for the next image."""
+        if self.fault == "taken":
+            return False
+        if self.fault == "stall":
+            self._mended.wait()
+        period_s = {"slow": 1.0, "fast": 1.0 / 240.0}.get(self.fault, 1.0 / FPS)
+        self._due_s = max(self._due_s + period_s, time.perf_counter() - period_s)
+        if self.fault == "slow":
+            self._mended.wait(max(self._due_s - time.perf_counter(), 0.0))
+        else:
+            time.sleep(max(self._due_s - time.perf_counter(), 0.0))
+        self._stamp_s = time.perf_counter()
+        return True
+
+    def retrieve(self) -> tuple[bool, Image]:
+        """Return the image."""
+        self.given.append(time.perf_counter())
+        at = len(self.given) % len(self._images)
+        if self.fault == "size":
+            return True, self._others[at]
+        if self.fault == "torn":
+            return True, np.concatenate((self._images[at][:240], self._images[at - 1][240:]))
+        return True, self._images[at]
+
+    def get(self, key: int) -> float:
+        """Return the rate, or the stamp of the image in milliseconds."""
+        if key == cv2.CAP_PROP_POS_MSEC:
+            return 1000.0 * (self._stamp_s - BACK_S * (self.fault == "backward"))
+        return FPS if key == cv2.CAP_PROP_FPS else 0.0
+
+    def release(self) -> None:
+        """Give nothing back: the source may open it again."""
+
+
+def failed(fault: str, chance: random.Random) -> dict[str, Any]:
+    """Return the figures of one fault."""
+    drivers = [Driver(chance.randrange(1 << 30)) for _ in range(2)]
+    begin_s = time.perf_counter() + BEFORE_S + chance.uniform(0.0, 0.1)
+    end_s = begin_s + FAILS_S
+    reported_s = recovered_s = float("inf")
+    note, used = "", 0
+    with patch.object(cameras, "_open", lambda device, *_: drivers[device].open()):
+        source = cameras.CameraSource([0, 1])
+        timers = [
+            threading.Timer(begin_s - time.perf_counter(), drivers[1].begin, [fault]),
+            threading.Timer(end_s - time.perf_counter(), drivers[1].mend),
+        ]
+        for timer in timers:
+            timer.start()
+        try:
+            for image_set in source:
+                now_s = time.perf_counter()
+                if now_s >= begin_s and image_set.notes and not note:
+                    reported_s, note = now_s - begin_s, image_set.notes[0]
+                used += bool(image_set.usable[0] and begin_s <= now_s < end_s)
+                if now_s >= end_s and all(image_set.usable) and not image_set.notes:
+                    recovered_s = min(recovered_s, now_s - end_s)
+                if now_s > end_s + AFTER_S:
+                    break
+        finally:
+            drivers[1].mend()
+            source.close()
+            for timer in timers:
+                timer.join()
+    given = sum(begin_s <= moment_s < end_s for moment_s in drivers[0].given)
+    row = {"fault": fault, "reported_s": reported_s, "recovered_s": recovered_s, "used": used / given, "note": note}
+    return row | {"wrong": _wrong(row)}
+
+
+def _wrong(row: dict[str, Any]) -> list[str]:
+    wrong = []
+    if row["fault"] != "torn" and row["reported_s"] > MOST_REPORTED_S:
+        wrong.append("reported late")
+    if row["recovered_s"] > MOST_RECOVERED_S:
+        wrong.append("recovered late")
+    if row["used"] < LEAST_USED:
+        wrong.append("images of the healthy camera are lost")
+    return wrong
+
+
+def main() -> int:
+    """Run; the exit status is 1 where a goal was missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=20, help="of each fault (default 20)")
+    parser.add_argument("--faults", nargs="+", choices=FAULTS, default=FAULTS, help="which (default: all)")
+    parser.add_argument("--seed", type=int, default=None, help="of the moments (default: others at every run)")
+    parser.add_argument("--out", type=Path, help="report to write (JSON)")
+    options = parser.parse_args()
+    seed = secrets.randbits(32) if options.seed is None else options.seed
+    chance, rows = random.Random(seed), []  # noqa: S311 - moments, no secrets
+    head = "fault     reported s, median  most   recovered s, median  most   left camera used, least   wrong"
+    sys.stdout.write(f"{head}\n")
+    for fault in options.faults:
+        those = [failed(fault, chance) for _ in range(options.count)]
+        rows += those
+        reported, recovered = ([row[name] for row in those] for name in ("reported_s", "recovered_s"))
+        wrong = sum(bool(row["wrong"]) for row in those)
+        sys.stdout.write(
+            f"{fault:10}{statistics.median(reported):18.3f}{max(reported):6.3f}"
+            f"{statistics.median(recovered):22.3f}{max(recovered):6.3f}"
+            f"{min(row['used'] for row in those):26.3f}   {wrong} of {len(those)}  {those[0]['note']}\n"
+        )
+        sys.stdout.flush()
+    if options.out:
+        options.out.write_text(json.dumps({"seed": seed, "rows": rows}, indent=1))
+    wrong = sum(bool(row["wrong"]) for row in rows)
+    sys.stdout.write(f"{wrong} of {len(rows)} wrong; seed {seed}\n")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
