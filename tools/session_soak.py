@@ -5,7 +5,8 @@
 A session of one performer gets the unlabelled points of a walk and of boxing, forwards and backwards for ever, with
 cuts between them, 1 mm of noise and markers hidden 5 % of the time; once a minute nobody is there for a second. It runs
 faster than real time, for so many minutes or `--hours` of frames, whichever is less. A row for
-each tenth: frames, memory (RSS), median and 99 % of a frame's time, and the latter as time of the processor, which other programs on the computer change less.
+each tenth: frames, memory (RSS), median and 99 % of a frame's time, and the latter as time of the processor, which
+other programs on the computer change less.
 
 Wrong where memory grows by more than 10 MB from the end of the first tenth, or where the 99 % of the last tenth, in
 time of the processor, is more than 5 % above that of the first. Linux only: it looks at /proc.
