@@ -1,11 +1,8 @@
 """Labels and poses after cuts, a T pose, noise, all with the subject unseen."""
 
-import json
 from collections.abc import Callable, Collection, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +10,18 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.database.labels import subject_of
-from perfanim.core.database.store import Database
+from perfanim.core.database.store import Database, open_database
+from perfanim.core.geometry.arrays import Array, Mask
 from perfanim.core.system.progress import Progress
 
-from .crossings import crossings, meetings, play_crossing
+from .crossings import Crossing, crossings, meetings, play_crossing
 from .data import CMU, development_takes, whole_database, without_subject
 from .films import film_summary, play_films
 from .frames_in_doubt import doubt_summary, frame_times, mirrored_database
 from .more_data import TAKES, more_data_row
-from .noisy_takes import JUMP_DEG, Curves, TakeFigures, take_figures
+from .noisy_takes import JUMP_DEG, Curves, take_figures
 from .plots import Line, Panel, check_plots, write_plot
+from .processes import Processes
 from .random_cuts import LONG, Cut, cut_figures, play_cut, random_cuts, seconds_until_right
 from .report import write_figures
 from .walk_outs import walk_outs
@@ -92,24 +91,23 @@ def robustness(
         share of an exhaustive search), worst (check, take, frame, joint, value), sizes, outputs; of the parts alone.
     """
     check_plots()
-    sizes = sizes or QUICK
+    sizes, worst = sizes or QUICK, WorstFrames([], [])
     whole = whole_database(data, out, (CMU,), workers, progress)
     takes = development_takes(data, sizes.takes)
-    subjects = sorted({subject_of(name) for name in takes})
+    subjects = sorted(set(map(subject_of, takes)))
     databases = {subject: without_subject(whole, out / "databases", subject) for subject in subjects}
-    worst = WorstFrames([], [])
     tables: dict[str, list[dict[str, Any]]] = {}
-    plots: list[Path] = []
-    for name, drawn in (("cuts", _drawn_cuts), ("absences", _absences)):
-        if name in parts:
-            generator = np.random.default_rng(seed)
-            tables[name] = _cuts(drawn(takes, sizes, generator), databases, worst, generator, progress)
-    if "pairs" in parts:
-        tables |= _pairs(takes, sizes, databases, np.random.default_rng(seed), progress)
-    if "takes" in parts:
-        single, curves = _single_takes(takes, sizes, databases, worst, progress, workers, out)
-        tables |= single
-        plots += _take_picture(out, curves)
+    curves: dict[str, Curves] = {}
+    with Processes(workers, out) as processes:
+        for name, drawn in (("cuts", _drawn_cuts), ("absences", _absences)):
+            if name in parts:
+                chance = np.random.default_rng(seed)
+                tables[name] = _cuts(name, drawn(takes, sizes, chance), databases, worst, chance, processes, progress)
+        if "pairs" in parts:
+            tables |= _pairs(takes, sizes, databases, np.random.default_rng(seed), processes, progress)
+        if "takes" in parts:
+            single, curves = _single_takes(takes, sizes, databases, worst, processes, progress)
+            tables |= single
     if "more-data" in parts:
         progress(0.9, "more subjects in the database")
         few = list(takes)[:: -(-len(takes) // TAKES)]
@@ -122,6 +120,7 @@ def robustness(
         tables["films"] = [row for row, _ in films]
         tables["film-episodes"] = [episode for _, listed in films for episode in listed]
     rows = [row for key, summary in _SUMMARIES.items() if key in tables for row in summary(tables[key])]
+    plots = _take_picture(out, curves) if curves else []
     plots += _cut_picture(out, tables["cuts"]) if "cuts" in parts else []
     plots += write_pictures(out / "robustness-worst-frames", worst.drawn())
     tables["worst"] = worst.listed()
@@ -142,25 +141,38 @@ def _absences(takes: Mapping[str, Motion], sizes: Sizes, generator: np.random.Ge
 
 
 def _cuts(
+    name: str,
     cuts: Iterable[Cut],
     databases: Mapping[str, Database],
     worst: WorstFrames,
     generator: np.random.Generator,
+    processes: Processes,
     progress: Progress,
 ) -> list[dict[str, Any]]:
-    """Return a row for each cut; add its most confident wrong frame to the worst."""
-    rows = []
-    for number, cut in enumerate(cuts):
-        progress(0.2, f"cut {number + 1}: {cut.title}")
-        row, right, confidence = play_cut(cut, databases[subject_of(cut.subject)], generator)
-        rows.append({"number": number} | row)
-        title = f"{cut.title} (cut {number}, hidden {row['hidden_s']} s)"
+    """Return a row for each cut; add its most confident wrong frame to the worst.
+
+    Each has a generator of its own: its noise is the same whatever was played before.
+    """
+    jobs = {
+        f"{number}, {cut.title}": (number, cut, databases[subject_of(cut.subject)].path, generator.spawn(1)[0])
+        for number, cut in enumerate(cuts)
+    }
+    played = processes.run(f"robustness-{name}", _played_cut, jobs, lambda found: [found[0]], _within(progress, 0.1))
+    for (_, cut, *_), (row, right, confidence) in zip(jobs.values(), played, strict=True):
+        title = f"{cut.title} (cut {row['number']}, hidden {row['hidden_s']} s)"
         worst.add("s until labels are right", title, cut.back, "", seconds_until_right([row])[0])
         if not right.all():
             sure = np.where(right, -1.0, confidence)
             frame = int(np.argmax(sure))
             worst.add("confidence with wrong labels", title, cut.back + frame, "", sure[frame])
-    return rows
+    return [row for row, _, _ in played]
+
+
+def _played_cut(
+    number: int, cut: Cut, database: Path, generator: np.random.Generator
+) -> tuple[dict[str, Any], Mask, Array]:
+    row, right, confidence = play_cut(cut, open_database(database), generator)
+    return {"number": number} | row, right, confidence
 
 
 def _pairs(
@@ -168,6 +180,7 @@ def _pairs(
     sizes: Sizes,
     databases: Mapping[str, Database],
     generator: np.random.Generator,
+    processes: Processes,
     progress: Progress,
 ) -> dict[str, list[dict[str, Any]]]:
     """Return the rows of crossings and of meetings, a row a pair."""
@@ -176,11 +189,22 @@ def _pairs(
         ("crossings", crossings(takes, sizes.crossings, generator)),
         ("meetings", meetings(takes, sizes.meetings, generator)),
     ):
-        tables[name] = []
-        for pair in pairs:
-            progress(0.4, f"{name}: {pair.title}")
-            tables[name].append(play_crossing(pair, databases[subject_of(pair.motion.name)], generator))
+        jobs = {
+            f"{number}, {pair.title}": (pair, databases[subject_of(pair.motion.name)].path, generator.spawn(1)[0])
+            for number, pair in enumerate(pairs)
+        }
+        played = processes.run(f"robustness-{name}", _played_pair, jobs, lambda row: [row], _within(progress, 0.4))
+        tables[name] = played
     return tables
+
+
+def _played_pair(pair: Crossing, database: Path, generator: np.random.Generator) -> dict[str, Any]:
+    return play_crossing(pair, open_database(database), generator)
+
+
+def _within(progress: Progress, start: float) -> Progress:
+    """Return the progress of a part that begins at `start` of the whole."""
+    return lambda share, text: progress(start + 0.3 * share, text)
 
 
 def _single_takes(
@@ -188,33 +212,20 @@ def _single_takes(
     sizes: Sizes,
     databases: Mapping[str, Database],
     worst: WorstFrames,
+    processes: Processes,
     progress: Progress,
-    workers: int,
-    out: Path,
 ) -> tuple[dict[str, list[dict[str, Any]]], dict[str, Curves]]:
-    """Return tables of takes after a T pose and with noise, and the latter's errors.
-
-    Each take's rows are written as they come, a line of JSON each: all takes last for hours.
-    """
+    """Return tables of takes after a T pose and with noise, and the latter's errors."""
     frames = (sizes.t_pose_frames, sizes.noisy_frames)
-    done: dict[str, TakeFigures] = {}
-    path = out / "robustness-takes.jsonl"
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool, path.open("w", encoding="utf-8") as stream:
-        jobs = {
-            pool.submit(take_figures, name, take, databases[subject_of(name)].path, frames, sizes.passes): name
-            for name, take in takes.items()
-        }
-        for job in as_completed(jobs):
-            done[jobs[job]] = figures = job.result()
-            stream.writelines(json.dumps(row) + "\n" for row in (figures.t_pose, *figures.noise))
-            stream.flush()
-            progress(0.5 + 0.4 * len(done) / len(takes), f"{jobs[job]}: T pose before it, noise")
-    ordered = [done[name] for name in takes]
-    for figures in ordered:
+    jobs = {name: (name, take, databases[subject_of(name)].path, frames, sizes.passes) for name, take in takes.items()}
+    solved = processes.run(
+        "robustness-takes", take_figures, jobs, lambda found: [found.t_pose, *found.noise], _within(progress, 0.6)
+    )
+    for figures in solved:
         worst.frames.extend(figures.worst.frames)
         worst.pictures.extend(figures.worst.pictures)
-    tables = {"t-pose": [each.t_pose for each in ordered], "noise": [row for each in ordered for row in each.noise]}
-    return tables, {title: curve for each in ordered for title, curve in each.curves.items()}
+    tables = {"t-pose": [each.t_pose for each in solved], "noise": [row for each in solved for row in each.noise]}
+    return tables, {title: curve for each in solved for title, curve in each.curves.items()}
 
 
 def _cut_summary(cuts: list[dict[str, Any]]) -> list[dict[str, Any]]:
