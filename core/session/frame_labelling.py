@@ -103,10 +103,10 @@ class FrameLabeller:
 
         A search for them rests while `busy`.
         """
-        if self._check.confidence(frame, pose.observed_m) == 1.0:
-            self._labeller.vouch(self._check.confirmed_markers)
         rival = self._check.step(frame, elapsed_s, pose, self._labeller.is_sure, busy)
-        if rival is None:
+        if rival is None:  # of a pose that has just become doubtful nothing is sure
+            if self._check.confidence(frame, pose.observed_m) == 1.0:
+                self._labeller.vouch(self._check.confirmed_markers)
             return None
         labeller, labels = rival.search.carry(rival.labels)
         is_sure = self._labeller.is_sure & (not rival.contradicts)

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.labelling.initial_labelling import InitialLabels
+from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.session.frame_labelling import FrameLabeller
 from perfanim.core.session.label_check import LabelCheck, Rival
 
 POINTS_M = np.array([[0.0, 1.0, 0.0], [0.4, 1.0, 0.0], [0.0, 1.5, 0.0], [0.4, 1.5, 0.0]])
@@ -192,3 +194,18 @@ def test_that_markers_were_followed_counts_once_against_other_labels(apart_s: fl
     # before they are proven an example must be clearly nearer to them
     proven = [each is not None and each.nearer == 1.0 for each in stepped(check, times_s, np.ones(4, dtype=bool))]
     assert proven.index(True) + 1 == needed
+
+
+@pytest.mark.parametrize(("confidence", "sure"), [(0.9, True), (0.3, False)])
+def test_a_first_pose_that_is_doubtful_vouches_for_no_labels(confidence: float, sure: bool) -> None:
+    names, torso, order = ("a", "b", "c", "d"), np.ones(4, dtype=bool), np.arange(4)
+    labeller: Any = FrameLabeller.__new__(FrameLabeller)  # a database is not needed here
+    labeller._labeller = Labeller(names, torso)
+    labeller._labeller.begin(POINTS_M, order, np.zeros(4, dtype=bool))
+    labeller._check = LabelCheck(OneRival(-30.0), names, torso)  # type: ignore[arg-type]
+    labeller._check.begin(1.0, InitialLabels(order, 20.0, POINTS_M, ((EXCHANGED, 50.0),)))
+    frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+    assert labeller.confidence(frame, POINTS_M) == 1.0  # the search was certain
+    pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=confidence, time_s=1.0)
+    assert labeller.find_rival(frame, 1 / 60, pose) is None
+    assert labeller._labeller.is_sure.all() == labeller._labeller.is_sure.any() == sure
