@@ -156,6 +156,12 @@ class Database:
         found = next(same, None) or next(named, None)
         return found.rotations if found else self.mean_rotations
 
+    def own_frames(self, skeleton: Skeleton, name: str = "") -> NDArray[np.bool_]:
+        """Return which frames (F,) show this body, or the person called as a subject here."""
+        same = [same_bones(body.offsets_m, skeleton.offsets_m) for body in self.skeletons]
+        own = [same[clip.skeleton] or (name != "" and clip.subject == name) for clip in self.clips]
+        return np.array(own, dtype=np.bool_)[self.clip_of_frame]
+
     def local_rotations(self, frames: Any) -> Array:
         """Return local rotations (..., J, 4) of frames, world-from-root for the root."""
         zeros = self._zero_of_clip[self.clip_of_frame[frames]]

@@ -36,6 +36,7 @@ class Locator:
         markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
         search: of all frames.
         query_alpha: weight of the markers against continuity (Eq. 2).
+        others_distance: factor of the distances of frames of other bodies, where the database has the subject's.
     """
 
     def __init__(
@@ -46,11 +47,16 @@ class Locator:
         search: Search,
         method: Method,
         query_alpha: float,
+        others_distance: float = 1.0,
     ) -> None:
         self._subject, self._markers, self._search, self._alpha = subject, markers_m, search, query_alpha
         self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
         self._poses = database.poses.reshape(database.frames, -1)
         self._sample = SampleSearch(markers_m, self._poses)
+        own = database.own_frames(subject.skeleton, subject.subject.name)
+        self._factors: Array | None = None
+        if others_distance != 1.0 and own.any() and not own.all():
+            self._factors = np.where(own, 1.0, others_distance)
         self._typical_markers = np.mean(markers_m[:: max(1, len(markers_m) // 2048)], axis=0, dtype=np.float64)
 
     @property
@@ -95,6 +101,10 @@ class Locator:
             local = _closest_mean(self._markers, frames)
         if root is None or frames is None or found is None:
             return None
+        if self._factors is not None:  # people move more like themselves than like others
+            distances = np.maximum(distances, 0.0) * self._factors[frames]
+            order = np.argsort(distances)
+            frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]
         examples = Examples(chosen, distances[: len(chosen)], self._poses[chosen], self._markers[chosen])
         return Located(root, examples, found)

@@ -65,12 +65,14 @@ class Method(Protocol):
         examples: number of closest examples to search.
         fits_markers: whether its poses are fitted to the markers, more closely than an example is.
         query_pose_m_per_rad: metres of marker distance that a radian of pose counts in its search.
+        others_distance: factor of the distances of other bodies' frames, where the database has the subject's.
         longest_s: longest time looked back at markers and solved poses.
     """
 
     examples: int
     fits_markers: bool
     query_pose_m_per_rad: float
+    others_distance: float
     longest_s: float
 
     def estimate(self, problem: FrameProblem) -> Estimate:
@@ -101,6 +103,7 @@ class NearestMethod:
     """The closest example."""
 
     fits_markers = False
+    others_distance = 1.0
     longest_s = 0.0
 
     def __init__(self, settings: NearestSettings, subject: SubjectModel) -> None:
@@ -136,6 +139,7 @@ class LocalPcaMethod:
     """The paper's: pose of least energy in a local model (Eq. 9)."""
 
     fits_markers = True
+    others_distance = 1.0
     longest_s = 0.0
 
     def __init__(self, settings: LocalPcaSettings, subject: SubjectModel, clips: IntArray) -> None:
@@ -194,7 +198,7 @@ class BestMethod:
         markers_m: FloatArray,
     ) -> None:
         self._query_alpha, self._subject = query_alpha, subject
-        self.examples = settings.neighbours
+        self.examples, self.others_distance = settings.neighbours, settings.others_distance
         self.query_pose_m_per_rad, self.longest_s = settings.query_pose_m_per_rad, settings.history_s[-1]
         network = open_network(Path(settings.prior_file or MOTION_PRIOR)) if settings.prior_share else None
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None

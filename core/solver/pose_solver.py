@@ -42,7 +42,8 @@ class PoseSolver:
         markers = subject.database_markers(database)
         self._method: Method = prepare_method(settings, subject, database, markers)
         search = choose_search(settings.search, database, markers, database.poses.reshape(database.frames, -1))
-        self._locator = Locator(subject, database, markers, search, self._method, settings.query_alpha)
+        alpha, others = settings.query_alpha, self._method.others_distance
+        self._locator = Locator(subject, database, markers, search, self._method, alpha, others)
         self._course: CourseCheck | None = None
         if settings.method == "best":
             self._course = CourseCheck(database, markers, settings.best.history_s)

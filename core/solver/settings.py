@@ -94,6 +94,8 @@ class BestSettings:
     Args:
         neighbours, marker_sigma_m: K, and the standard deviation of a marker coordinate beside its noise.
         query_pose_m_per_rad: metres of marker distance that a radian of pose counts in the search.
+        others_distance: factor of the squared distances of other bodies' frames, where the database has the subject's own:
+            people move more like themselves.
         broad_share: share of the whole database's covariance added to the neighbours'.
         pose_floor_rad: standard deviation granted to every joint angle beside these.
         history_s: ascending times looked back at markers and solved poses.
@@ -112,6 +114,7 @@ class BestSettings:
     neighbours: int = 300
     marker_sigma_m: float = 0.002
     query_pose_m_per_rad: float = 1.0
+    others_distance: float = 4.0
     broad_share: float = 0.02
     pose_floor_rad: float = 0.003
     history_s: tuple[float, ...] = (0.1, 0.25)
@@ -130,6 +133,7 @@ class BestSettings:
 
     def __post_init__(self) -> None:
         _check_positive(self, "marker_sigma_m", "known_marker_sigma_m", "known_change_share", "query_pose_m_per_rad")
+        _check_positive(self, "others_distance")
         if not self.prior_share >= 0.0:
             raise SettingsError("prior_share must not be negative")
         lags = self.history_s
