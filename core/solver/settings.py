@@ -94,7 +94,7 @@ class BestSettings:
     Args:
         neighbours, marker_sigma_m: K, and the standard deviation of a marker coordinate beside its noise.
         query_pose_m_per_rad: metres of marker distance that a radian of pose counts in the search.
-        others_distance: factor of the squared distances of other bodies' frames, where the database has the subject's own:
+        others_distance: factor of the squared distances of other bodies' frames, where the database has the subject's:
             people move more like themselves.
         broad_share: share of the whole database's covariance added to the neighbours'.
         pose_floor_rad: standard deviation granted to every joint angle beside these.

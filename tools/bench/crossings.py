@@ -13,6 +13,7 @@ from perfanim.core.geometry.arrays import Array, runs
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
+from perfanim.core.solver.settings import SolveSettings
 
 from .data import FPS
 from .figure6 import true_subject
@@ -100,13 +101,15 @@ def _walk(take: Motion) -> Motion | None:
     return part if float(np.dot(gone, forward)) > _WALK_M else None
 
 
-def play_crossing(crossing: Crossing, database: Database, generator: np.random.Generator) -> dict[str, Any]:
+def play_crossing(
+    crossing: Crossing, database: Database, settings: SolveSettings, generator: np.random.Generator
+) -> dict[str, Any]:
     """Show both performers' markers without labels to a new session; return the row.
 
     Both have the same body, so the first frame that shows both decides who is who.
     """
     subject = true_subject(crossing.motion)
-    session = MultiTargetSession([Session(subject, database) for _ in range(2)])
+    session = MultiTargetSession([Session(subject, database, settings=settings) for _ in range(2)])
     wrong, exchanged, turned = [], [], None
     for number, shown in enumerate(zip(*crossing.markers_m, strict=True)):
         points = np.concatenate(shown)

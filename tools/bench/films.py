@@ -23,13 +23,14 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import SimulatedSource, simulated_source
+from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import Progress
 from perfanim.core.vision.pipeline import MarkerPipeline
 
 from .data import BOXING, CMU, LEFT_OUT, SPLIT, TestTake, read_take, without_subject, without_tests
 from .end_to_end import EMPTY_FRAMES, EXPOSURE_S, MARKER_SET, on_treadmill
 from .figure6 import degrees_per_joint, true_subject
-from .methods import WITHOUT_PRIOR
+from .methods import default_settings
 
 FRAMES = 300  # of a film, at most, after the T pose
 _T_POSE_S = 0.5
@@ -76,7 +77,7 @@ class Filmed:
 
 
 def play_films(
-    data: Path, whole: Database, folder: Path, count: int, progress: Progress
+    data: Path, whole: Database, out: Path, count: int, progress: Progress
 ) -> Iterator[tuple[dict[str, Any], list[dict[str, Any]]]]:
     """Film, track and solve takes; yield the row and worst episodes of each.
 
@@ -88,7 +89,10 @@ def play_films(
         motion = read_take(data, film.take)
         source, start = _staged(motion)
         rig = rig or studio_on_floor(calibrate_studio(source).rig, source)
-        yield film_row(film, film_take(source, start, rig), _database_for(film, whole, folder))
+        database = _database_for(film, whole, out / "databases")
+        yield film_row(
+            film, film_take(source, start, rig), database, default_settings(out, subject_of(film.take.trial))
+        )
 
 
 def _database_for(film: Film, whole: Database, folder: Path) -> Database:
@@ -122,7 +126,9 @@ def film_take(source: SimulatedSource, start: int, rig: CameraRig) -> Filmed:
     return Filmed(frames, truth, np.array(markers), np.array(both), start, rig)
 
 
-def film_row(film: Film, filmed: Filmed, database: Database) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def film_row(
+    film: Film, filmed: Filmed, database: Database, settings: SolveSettings
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Return the row of a film, and the episodes with most wrong labels.
 
     `shown_true` has the true markers as far as both cameras show them: the rest of the cost is not that of occlusion.
@@ -131,10 +137,10 @@ def film_row(film: Film, filmed: Filmed, database: Database) -> tuple[dict[str, 
     take, _ = simulate_markers(filmed.truth, subject)
     located = replace(take, positions_m=np.where(filmed.both[..., None], take.positions_m, np.nan))
     exact, shown = (
-        solve_take(each, subject, database, WITHOUT_PRIOR, lambda fraction, text: None, causal=True).motion
+        solve_take(each, subject, database, settings, lambda fraction, text: None, causal=True).motion
         for each in (take, located)
     )
-    session = MultiTargetSession([Session(subject, database, filmed.rig, WITHOUT_PRIOR)])
+    session = MultiTargetSession([Session(subject, database, filmed.rig, settings)])
     tracked = [session.step(frame).performers[0] for frame in filmed.frames]
     stored = [unpack(pack(frame)) for frame in filmed.frames]  # as a take holds them
     later = []

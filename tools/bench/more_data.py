@@ -7,16 +7,16 @@ import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
+from perfanim.core.solver.settings import SolveSettings
 
 from .figure6 import degrees_per_joint, solve_truth
-from .methods import WITHOUT_PRIOR
 from .subset import write_subset
 
 TAKES, FRAMES, HALVES = 10, 200, 2  # halves: each leaves out every second subject of a random order
 _SEED = 5
 
 
-def more_data_row(name: str, take: Motion, whole: Database, folder: Path) -> dict[str, Any]:
+def more_data_row(name: str, take: Motion, whole: Database, settings: SolveSettings, folder: Path) -> dict[str, Any]:
     """Return a take's error with all subjects but this take, and with each half.
 
     Its own subject stays in both.
@@ -34,7 +34,7 @@ def more_data_row(name: str, take: Motion, whole: Database, folder: Path) -> dic
         if not clips:  # the take is its subject's only one, and there is one other subject: a half is empty
             continue
         database = write_subset(whole, folder / "more-data.pfdb", clips)
-        errors[part] = float(degrees_per_joint(solve_truth(truth, database, WITHOUT_PRIOR)[0], truth).mean())
+        errors[part] = float(degrees_per_joint(solve_truth(truth, database, settings)[0], truth).mean())
     whole_error, *halves = (error for error in errors.values() if error is not None)
     return {
         "take": name,

@@ -10,10 +10,10 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, runs
+from perfanim.core.solver.settings import SolveSettings
 
 from .data import FPS
 from .figure6 import degrees_per_joint
-from .methods import WITHOUT_PRIOR
 from .random_cuts import BEFORE, Cut, Disturbance, facing, markers_of, play_cut
 from .solved_takes import part_errors, solve, solve_twice
 from .worst_frames import WorstFrames
@@ -48,7 +48,9 @@ class TakeFigures(NamedTuple):
     worst: WorstFrames
 
 
-def take_figures(name: str, take: Motion, database: Path, frames: tuple[int, int], passes: int) -> TakeFigures:
+def take_figures(
+    name: str, take: Motion, database: Path, settings: SolveSettings, frames: tuple[int, int], passes: int
+) -> TakeFigures:
     """Solve a take after a T pose, and its middle with noise.
 
     Args:
@@ -56,20 +58,22 @@ def take_figures(name: str, take: Motion, database: Path, frames: tuple[int, int
     """
     opened, worst = open_database(database), WorstFrames([], [])
     t_pose_frames, noisy_frames = frames
-    after = t_pose_row(name, sliced(take, 0, min(t_pose_frames, take.frames)), opened, worst)
+    after = t_pose_row(name, sliced(take, 0, min(t_pose_frames, take.frames)), opened, settings, worst)
     start = max((take.frames - noisy_frames) // 2, 0)
     middle = sliced(take, start, min(start + noisy_frames, take.frames))
-    noisy = [noisy_row(name, middle, start, opened, seed, worst) for seed in range(passes)]
+    noisy = [noisy_row(name, middle, start, opened, settings, seed, worst) for seed in range(passes)]
     curves = {f"{name}, noise {seed}": curve for seed, (_, curve) in enumerate(noisy)}
     return TakeFigures(after, [row for row, _ in noisy], curves, worst)
 
 
-def t_pose_row(name: str, truth: Motion, database: Database, worst: WorstFrames) -> dict[str, Any]:
+def t_pose_row(
+    name: str, truth: Motion, database: Database, settings: SolveSettings, worst: WorstFrames
+) -> dict[str, Any]:
     """Return how much a T pose before a take costs the frames after it."""
-    cold = degrees_per_joint(solve(truth, database, WITHOUT_PRIOR)[0], truth)[:_FIRST].mean()
+    cold = degrees_per_joint(solve(truth, database, settings)[0], truth)[:_FIRST].mean()
     both = with_t_pose(truth)
     lead = both.frames - truth.frames
-    solved = solve_twice(both, database)
+    solved = solve_twice(both, database, settings)
     first = degrees_per_joint(solved.motion, both)[lead : lead + _FIRST]
     far = np.where(solved.rms_m > solved.nearest_rms_m, solved.rms_m, 0.0)[lead:]
     frame = int(np.argmax(first))
@@ -87,14 +91,14 @@ def t_pose_row(name: str, truth: Motion, database: Database, worst: WorstFrames)
 
 
 def noisy_row(
-    name: str, truth: Motion, start: int, database: Database, seed: int, worst: WorstFrames
+    name: str, truth: Motion, start: int, database: Database, settings: SolveSettings, seed: int, worst: WorstFrames
 ) -> tuple[dict[str, Any], Curves]:
     """Return figures of a part of a take with noise, and both errors by frame.
 
     Args:
         start: number of its first frame in the take.
     """
-    solved = solve_twice(truth, database, _NOISE_MM, _DROPOUT, seed)
+    solved = solve_twice(truth, database, settings, _NOISE_MM, _DROPOUT, seed)
     error, nearest = (degrees_per_joint(motion, truth) for motion in (solved.motion, solved.nearest))
     further = np.nan_to_num(solved.rms_m - solved.nearest_rms_m)
     known = np.isfinite(solved.expected_deg)
@@ -115,7 +119,7 @@ def noisy_row(
     most = int(np.argmax(error))
     worst.add_picture(f"{name} with noise, frame {start + most}", error[most], truth, solved.motion, most)
     whole = Cut(name, name, name, -BEFORE, truth.skeleton, markers_of(truth))  # one take, from its first frame on
-    ghostly, _, _ = play_cut(whole, database, np.random.default_rng(seed), _GHOSTS)
+    ghostly, _, _ = play_cut(whole, database, settings, np.random.default_rng(seed), _GHOSTS)
     row = {
         "take": name,
         "seed": seed,

@@ -17,10 +17,10 @@ from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_frames
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.settings import SolveSettings
 
 from .data import FPS
 from .figure6 import true_subject
-from .methods import WITHOUT_PRIOR
 
 BEFORE, AFTER = 45, 75  # frames of a cut's two takes
 
@@ -120,7 +120,11 @@ def facing(motion: Motion, yaw_rad: float, place_m: Array) -> Motion:
 
 
 def play_cut(
-    cut: Cut, database: Database, generator: np.random.Generator, disturbance: Disturbance = USUAL
+    cut: Cut,
+    database: Database,
+    settings: SolveSettings,
+    generator: np.random.Generator,
+    disturbance: Disturbance = USUAL,
 ) -> tuple[dict[str, Any], Mask, Array]:
     """Show a cut's markers without labels to a session, live and as a recorded take.
 
@@ -128,7 +132,7 @@ def play_cut(
         row of the table; (N,) frames of the second take with right labels live, and their confidences.
     """
     motion = Motion(cut.subject, FPS, cut.skeleton, t_pose(cut.skeleton)[None], np.zeros((1, 3)))
-    session = MultiTargetSession([Session(true_subject(motion), database, settings=WITHOUT_PRIOR)])
+    session = MultiTargetSession([Session(true_subject(motion), database, settings=settings)])
     frames, shown = zip(
         *(frame_of(number, true, generator, disturbance) for number, true in enumerate(cut.positions_m)), strict=True
     )

@@ -10,14 +10,16 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.database.labels import subject_of
-from perfanim.core.database.store import Database, open_database
+from perfanim.core.database.store import open_database
 from perfanim.core.geometry.arrays import Array, Mask
+from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import Progress
 
 from .crossings import Crossing, crossings, meetings, play_crossing
 from .data import CMU, development_takes, whole_database, without_subject
 from .films import film_summary, play_films
 from .frames_in_doubt import doubt_summary, frame_times, mirrored_database
+from .methods import default_settings
 from .more_data import TAKES, more_data_row
 from .noisy_takes import JUMP_DEG, Curves, take_figures
 from .plots import Line, Panel, check_plots, write_plot
@@ -26,6 +28,9 @@ from .random_cuts import LONG, Cut, cut_figures, play_cut, random_cuts, seconds_
 from .report import write_figures
 from .walk_outs import walk_outs
 from .worst_frames import WorstFrames, write_pictures
+
+# database and settings for the name of a take, both without its person
+SolvedBy = Callable[[str], tuple[Path, SolveSettings]]
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,9 @@ def robustness(
 ) -> dict[str, Any]:
     """Solve disturbed takes by unseen subjects and list the worst frames.
 
-    On development takes. Without sizes these are `QUICK`. A part has the same figures whether others are run or not.
+    On development takes. Without sizes these are `QUICK`. The settings are the defaults, with a prior beside the
+    databases that has not seen the person (`make bench-priors`), else without. A part has the same figures whether
+    others are run or not.
 
     Args:
         parts: of `PARTS`.
@@ -96,27 +103,34 @@ def robustness(
     takes = development_takes(data, sizes.takes)
     subjects = sorted(set(map(subject_of, takes)))
     databases = {subject: without_subject(whole, out / "databases", subject) for subject in subjects}
+
+    def solved_by(take: str) -> tuple[Path, SolveSettings]:
+        return databases[subject_of(take)].path, default_settings(out, subject_of(take))
+
     tables: dict[str, list[dict[str, Any]]] = {}
     curves: dict[str, Curves] = {}
     with Processes(workers, out) as processes:
         for name, drawn in (("cuts", _drawn_cuts), ("absences", _absences)):
             if name in parts:
                 chance = np.random.default_rng(seed)
-                tables[name] = _cuts(name, drawn(takes, sizes, chance), databases, worst, chance, processes, progress)
+                tables[name] = _cuts(name, drawn(takes, sizes, chance), solved_by, worst, chance, processes, progress)
         if "pairs" in parts:
-            tables |= _pairs(takes, sizes, databases, np.random.default_rng(seed), processes, progress)
+            tables |= _pairs(takes, sizes, solved_by, np.random.default_rng(seed), processes, progress)
         if "takes" in parts:
-            single, curves = _single_takes(takes, sizes, databases, worst, processes, progress)
+            single, curves = _single_takes(takes, sizes, solved_by, worst, processes, progress)
             tables |= single
     if "more-data" in parts:
         progress(0.9, "more subjects in the database")
         few = list(takes)[:: -(-len(takes) // TAKES)]
-        tables["more-data"] = [more_data_row(name, takes[name], whole, out / "databases") for name in few]
+        tables["more-data"] = [
+            more_data_row(name, takes[name], whole, default_settings(out, subject_of(name)), out / "databases")
+            for name in few
+        ]
     if "in-doubt" in parts:
         progress(0.93, "time of frames in doubt")
         tables["in-doubt"] = frame_times(takes, mirrored_database(data, out, workers), sizes.timed_cuts)
     if "films" in parts:
-        films = list(play_films(data, whole, out / "databases", sizes.films, lambda f, text: progress(0.95, text)))
+        films = list(play_films(data, whole, out, sizes.films, lambda f, text: progress(0.95, text)))
         tables["films"] = [row for row, _ in films]
         tables["film-episodes"] = [episode for _, listed in films for episode in listed]
     rows = [row for key, summary in _SUMMARIES.items() if key in tables for row in summary(tables[key])]
@@ -143,7 +157,7 @@ def _absences(takes: Mapping[str, Motion], sizes: Sizes, generator: np.random.Ge
 def _cuts(
     name: str,
     cuts: Iterable[Cut],
-    databases: Mapping[str, Database],
+    solved_by: SolvedBy,
     worst: WorstFrames,
     generator: np.random.Generator,
     processes: Processes,
@@ -154,7 +168,7 @@ def _cuts(
     Each has a generator of its own: its noise is the same whatever was played before.
     """
     jobs = {
-        f"{number}, {cut.title}": (number, cut, databases[subject_of(cut.subject)].path, generator.spawn(1)[0])
+        f"{number}, {cut.title}": (number, cut, *solved_by(cut.subject), generator.spawn(1)[0])
         for number, cut in enumerate(cuts)
     }
     played = processes.run(f"robustness-{name}", _played_cut, jobs, lambda found: [found[0]], _within(progress, 0.1))
@@ -169,16 +183,16 @@ def _cuts(
 
 
 def _played_cut(
-    number: int, cut: Cut, database: Path, generator: np.random.Generator
+    number: int, cut: Cut, database: Path, settings: SolveSettings, generator: np.random.Generator
 ) -> tuple[dict[str, Any], Mask, Array]:
-    row, right, confidence = play_cut(cut, open_database(database), generator)
+    row, right, confidence = play_cut(cut, open_database(database), settings, generator)
     return {"number": number} | row, right, confidence
 
 
 def _pairs(
     takes: Mapping[str, Motion],
     sizes: Sizes,
-    databases: Mapping[str, Database],
+    solved_by: SolvedBy,
     generator: np.random.Generator,
     processes: Processes,
     progress: Progress,
@@ -190,7 +204,7 @@ def _pairs(
         ("meetings", meetings(takes, sizes.meetings, generator)),
     ):
         jobs = {
-            f"{number}, {pair.title}": (pair, databases[subject_of(pair.motion.name)].path, generator.spawn(1)[0])
+            f"{number}, {pair.title}": (pair, *solved_by(pair.motion.name), generator.spawn(1)[0])
             for number, pair in enumerate(pairs)
         }
         played = processes.run(f"robustness-{name}", _played_pair, jobs, lambda row: [row], _within(progress, 0.4))
@@ -198,8 +212,10 @@ def _pairs(
     return tables
 
 
-def _played_pair(pair: Crossing, database: Path, generator: np.random.Generator) -> dict[str, Any]:
-    return play_crossing(pair, open_database(database), generator)
+def _played_pair(
+    pair: Crossing, database: Path, settings: SolveSettings, generator: np.random.Generator
+) -> dict[str, Any]:
+    return play_crossing(pair, open_database(database), settings, generator)
 
 
 def _within(progress: Progress, start: float) -> Progress:
@@ -210,14 +226,14 @@ def _within(progress: Progress, start: float) -> Progress:
 def _single_takes(
     takes: Mapping[str, Motion],
     sizes: Sizes,
-    databases: Mapping[str, Database],
+    solved_by: SolvedBy,
     worst: WorstFrames,
     processes: Processes,
     progress: Progress,
 ) -> tuple[dict[str, list[dict[str, Any]]], dict[str, Curves]]:
     """Return tables of takes after a T pose and with noise, and the latter's errors."""
     frames = (sizes.t_pose_frames, sizes.noisy_frames)
-    jobs = {name: (name, take, databases[subject_of(name)].path, frames, sizes.passes) for name, take in takes.items()}
+    jobs = {name: (name, take, *solved_by(name), frames, sizes.passes) for name, take in takes.items()}
     solved = processes.run(
         "robustness-takes", take_figures, jobs, lambda found: [found.t_pose, *found.noise], _within(progress, 0.6)
     )

@@ -14,7 +14,6 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
 from .figure6 import true_subject
-from .methods import WITHOUT_PRIOR
 
 _NEAREST = SolveSettings(method="nearest")
 
@@ -51,11 +50,16 @@ def solve(
 
 
 def solve_twice(
-    truth: Motion, database: Database, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
+    truth: Motion,
+    database: Database,
+    settings: SolveSettings,
+    noise_mm: float = 0.0,
+    dropout: float = 0.0,
+    seed: int = 0,
 ) -> Solved:
-    """Solve a take's markers by both methods."""
+    """Solve a take's markers by the settings and by `nearest`."""
     (motion, poses), (nearest, nearest_poses) = (
-        solve(truth, database, settings, noise_mm, dropout, seed) for settings in (WITHOUT_PRIOR, _NEAREST)
+        solve(truth, database, each, noise_mm, dropout, seed) for each in (settings, _NEAREST)
     )
     rms, nearest_rms = (np.array([pose.marker_rms_m for pose in found]) for found in (poses, nearest_poses))
     expected = [pose.part_errors_deg if len(pose.part_errors_deg) else [np.nan] * len(PART_JOINTS) for pose in poses]

@@ -11,6 +11,7 @@ from bench.data import FPS, TestTake
 from bench.end_to_end import MARKER_SET
 from bench.figure6 import true_subject
 from bench.films import Film, film_row, film_summary, film_take
+from bench.methods import WITHOUT_PRIOR
 from bench.noisy_takes import with_t_pose
 from bench.random_cuts import AFTER, BEFORE, cut_figures, facing, play_cut, random_cuts
 from bench.robustness import Sizes, robustness
@@ -88,7 +89,9 @@ def test_a_film_of_a_known_walk_costs_little(embedded_motion, database_of, tmp_p
     source = simulated_source(with_poses(walk, ("t",), 0.1), MARKER_SET, Renderer(default_rig()))
     filmed = film_take(source, source.frames - walk.frames, source.rig)
     others = [motion for other, motion in embedded_motion.items() if other != name]
-    row, episodes = film_row(Film(TestTake("walk", name)), filmed, database_of(tmp_path / "others.pfdb", others))
+    row, episodes = film_row(
+        Film(TestTake("walk", name)), filmed, database_of(tmp_path / "others.pfdb", others), WITHOUT_PRIOR
+    )
     assert row["frames"] == len(filmed.frames) - filmed.start
     assert row["visible_marker_frames"] > 3 * row["frames"]
     assert row["right_share"] > 0.95
@@ -125,7 +128,7 @@ def test_a_body_known_to_the_database_is_named_after_the_cut(takes, database_of,
     database = database_of(tmp_path / "both.pfdb", list(takes.values()))
     generator = np.random.default_rng(1)
     for cut in random_cuts(takes, 2, generator):
-        row, right, confidence = play_cut(cut, database, generator)
+        row, right, confidence = play_cut(cut, database, WITHOUT_PRIOR, generator)
         assert len(right) == len(confidence) == AFTER
         assert row["right_again_s"] <= 1.0
         assert row["wrong_frames"] == (~right).sum()
@@ -147,7 +150,7 @@ def test_two_who_pass_each_other_keep_their_labels(embedded_motion, database_of,
         apart = np.linalg.norm(middles[0] - middles[1], axis=1)
         assert abs(int(np.argmin(apart)) - len(apart) // 2) < 15  # they meet in the middle of the time
         assert apart.min() < crossing.apart_m + 0.2 < apart[0]
-        assert play_crossing(crossing, database, generator)["longest_wrong_s"] <= 0.5
+        assert play_crossing(crossing, database, WITHOUT_PRIOR, generator)["longest_wrong_s"] <= 0.5
         break
     else:
         pytest.fail("nobody walks")
