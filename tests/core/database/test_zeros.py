@@ -113,6 +113,15 @@ def test_a_recorded_person_with_measured_bones_has_his_own_zero_by_name(database
     assert database.zero_of(measured, "nobody") is database.mean_rotations
 
 
+def test_own_frames_are_those_of_equal_bones_or_of_the_name(database: Database) -> None:
+    of_third = np.repeat([clip.subject == "2" for clip in database.clips], FRAMES)
+    np.testing.assert_array_equal(database.own_frames(scaled(default_skeleton(), 1.04)), of_third)
+    stranger = scaled(default_skeleton(), 1.05)
+    np.testing.assert_array_equal(database.own_frames(stranger, "2"), of_third)
+    assert not database.own_frames(stranger).any()
+    assert not database.own_frames(stranger, "nobody").any()
+
+
 def test_mirror_images_have_zeros_of_their_own(motion: tuple[np.ndarray, list[Clip]]) -> None:
     rotations, clips = motion
     images = [Clip(c.name, "", c.subject, 60.0, c.start, c.stop, c.skeleton, mirrored=True) for c in clips[:CLIPS]]

@@ -1,8 +1,11 @@
 """The whole solver on markers of a clip that is not in the database."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.body.motion import resampled, sliced
+from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import load_marker_set
@@ -244,6 +247,24 @@ def test_a_place_elsewhere_gives_the_same_pose(model, database, noisy, solved):
         np.testing.assert_allclose(solution.pose, original.pose, atol=1e-3)  # float32 in the search
         expected = rot.rotate(turn, original.root.position_m) + shift
         np.testing.assert_allclose(solution.root.position_m, expected, atol=1e-3)
+
+
+def test_a_performers_own_frames_are_preferred_to_equal_ones_of_others(embedded_motion, tmp_path, database_of):
+    """The same walk stands in the database twice, once on another body; markers of the third body fit both."""
+    walk = sliced(embedded_motion["walking-01-neutral"], 0, 120)
+    own, other = replace(walk, name="anna"), replace(walk, name="ben", skeleton=scaled(walk.skeleton, 1.01))
+    database = database_of(tmp_path / "two.db", [other, own])
+    subject = Subject("anna", scaled(walk.skeleton, 0.99), load_marker_set("locomotion"))
+    markers = simulate_markers(replace(walk, skeleton=subject.skeleton), subject)[0].positions_m[40]
+    model = SubjectModel(subject, database.mean_rotations)
+    shares = {}
+    for factor in (1.0, 4.0):
+        solver = PoseSolver(model, database, SolveSettings(best=BestSettings(neighbours=60, others_distance=factor)))
+        found = solver._locator.locate(solver.initial_state, Observation.of_points(markers))
+        shares[factor] = float(np.mean(found.examples.frames >= walk.frames))
+        assert np.all(np.diff(found.examples.distances) >= 0.0)
+    assert shares[1.0] == pytest.approx(0.5, abs=0.05)
+    assert shares[4.0] > 0.6
 
 
 @pytest.mark.parametrize("method", METHODS)
