@@ -119,8 +119,8 @@ def _problem(error: PerfanimError, text: str) -> StepStatus:
     return StepStatus(False, text, str(error))
 
 
-def cameras(settings: Any) -> StepStatus:
-    """StepStatus of the Cameras panel."""
+def pictures(settings: Any) -> StepStatus:
+    """StepStatus of the source of images or trackers, without its calibration."""
     if is_known(settings):
         return StepStatus(True, "simulated")
     if not has_cameras(settings):
@@ -134,16 +134,26 @@ def cameras(settings: Any) -> StepStatus:
             return StepStatus(False, f"{side} missing", f"choose the file of the {side} camera under Cameras")
         if not Path(path).exists():
             return StepStatus(False, f"{side} not found", f"{path}: not found; choose another under Cameras")
+    if settings.source == "CAMERAS":
+        try:
+            devices(settings)
+        except CaptureError as error:
+            return _problem(error, "bad device numbers")
+    return StepStatus(True, "chosen")
+
+
+def cameras(settings: Any) -> StepStatus:
+    """StepStatus of the Cameras panel."""
+    source = pictures(settings)
+    if not source.ready or is_known(settings) or not has_cameras(settings):
+        return source
     if not settings.calibration:
         return StepStatus(False, "not calibrated", "calibrate the cameras, or open a calibration, under Cameras")
     found = rig(absolute(settings.calibration))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad calibration")
     if settings.source == "CAMERAS" and not is_one_camera(settings):
-        try:
-            count = len(devices(settings))
-        except CaptureError as error:
-            return _problem(error, "bad device numbers")
+        count = len(devices(settings))
         if count != len(found):
             text = f"calibrated for {len(found)} cameras, but {count} are chosen"
             return StepStatus(False, text, f"{text}: calibrate them, or open their calibration, under Cameras")
