@@ -3,12 +3,12 @@
 from typing import Any
 
 import pytest
+from jobs_played import outcome, played, said
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.vision.common_space import common_space
 from perfanim.core.worker.protocol import Message, MessageKind
-from played import outcome, played, said
 
 SOURCE = {"kind": "simulated", "behaviour": "walking", "height_m": 1.75, "marker_set": "boxing", "loop": True}
 
