@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from .panels import broken_installation
-from .preferences import diagnostics, diagnostics_ui, preferences
+from .preferences import diagnostics, diagnostics_ui, manual, preferences
 from .preferences.sidebar_tab import SidebarPanel, register_panel, unregister_panel
 
 _KINDS = (
@@ -53,7 +53,7 @@ _undo: list[Callable[[], None]] = []
 
 def register() -> None:
     """Register everything; with a broken library, preferences and diagnostics only."""
-    _add_all((preferences, diagnostics_ui))
+    _add_all((preferences, diagnostics_ui, manual))
     diagnostics.problem = ""
     count = len(_undo)
     try:

@@ -74,8 +74,9 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         chosen = settings(context)
         guide_steps.keep_check(chosen, summary)
         if summary["findings"]:
-            self.keep_picture("; ".join(row["fault"] for row in summary["findings"]))
-            return ""  # the guide shows them
+            named = ", ".join(dict.fromkeys(str(row["fault"]) for row in summary["findings"]))
+            self.keep_picture(named)
+            return f"mend first: {named}"
         return "; ".join(filter(None, ("no fault was found", guide_steps.space(chosen))))
 
 

@@ -35,20 +35,24 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         number, step, state = guide_steps.next_step(chosen)
         done = ", ".join(step.title for step in guide_steps.STEPS[:number])
         draw_text(context, layout, f"Done: {done}" if done else "", "CHECKMARK")
-        draw_text(context, layout, f"{number + 1}. {step.title}: {step.text}", "FORWARD")
+        draw_text(context, layout, f"{number + 1}. {step.title}", "FORWARD")
+        draw_text(context, layout, step.text, "BLANK1")
         if isinstance(activity.current(), LiveCapture):
             layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
             return
         _draw_settings(property_column(layout), chosen, step)
-        draw_text(context, layout, state.problem, "ERROR")
+        problem = "" if state.text == readiness.NOT_CALIBRATED else state.problem  # the step itself says so
+        for line in problem.splitlines():
+            draw_text(context, layout, line, "ERROR")
         name = step.operator(chosen)
         if name:
             layout.operator(f"perfanim.{name}", icon="PLAY")
         if step.optional:
             layout.operator("perfanim.skip_step", icon="FF")
         draw_job(layout, step.panel)
-        if not state.problem:
-            draw_text(context, layout, *activity.message(step.panel))
+        text, icon = activity.message(step.panel)
+        if icon == "ERROR" or (name != "check_setup" and not problem):  # of a good check nothing more is to be said
+            draw_text(context, layout, text, icon)
         draw_text(context, layout, guide_steps.space(chosen), "ARROW_LEFTRIGHT")
 
 

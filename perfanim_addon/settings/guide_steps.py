@@ -129,7 +129,7 @@ def _worn(settings: Any) -> StepStatus:
 
 
 def _judged(problems: list[str]) -> StepStatus:
-    return StepStatus(False, "mend first", ". ".join(problems)) if problems else _DONE
+    return StepStatus(False, "mend first", "\n".join(problems)) if problems else _DONE
 
 
 def _always(name: str) -> Callable[[Any], str]:

@@ -17,6 +17,8 @@ from ..character.posing import map_problem
 from ..preferences.paths import absolute, user_folder
 from . import vmc_input
 
+NOT_CALIBRATED = "not calibrated"
+
 
 @dataclass(frozen=True)
 class StepStatus:
@@ -148,7 +150,7 @@ def cameras(settings: Any) -> StepStatus:
     if not source.ready or is_known(settings) or not has_cameras(settings):
         return source
     if not settings.calibration:
-        return StepStatus(False, "not calibrated", "calibrate the cameras, or open a calibration, under Cameras")
+        return StepStatus(False, NOT_CALIBRATED, "calibrate the cameras, or open a calibration, under Cameras")
     found = rig(absolute(settings.calibration))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad calibration")
@@ -224,7 +226,7 @@ def performer(settings: Any) -> StepStatus:
             return StepStatus(True, "simulated")
         is_measured = has_cameras(settings) and not is_one_camera(settings)
         how = "calibrate the performer" if is_measured else "use an average body"
-        return StepStatus(False, "not calibrated", f"{how}, or open a subject file, under Subject")
+        return StepStatus(False, NOT_CALIBRATED, f"{how}, or open a subject file, under Subject")
     found = subject(absolute(settings.subject))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad file")

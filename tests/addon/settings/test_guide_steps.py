@@ -117,7 +117,7 @@ def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, ch
     assert not bpy.ops.perfanim.check_setup.poll()  # nothing is to be checked of known cameras
     chosen.practise, chosen.practise_fault = True, "BRIGHT"
     clicked = SimpleNamespace(keep_picture=lambda line: None)
-    assert run_job(part, operator, clicked) == ""
+    assert run_job(part, operator, clicked) == "mend first: too bright"
     assert "too bright" in guide.next_step(chosen)[2].problem
     chosen.practise_fault = "NONE"
     assert run_job(part, operator, clicked) == "no fault was found"
