@@ -1,4 +1,4 @@
-"""Pages of the manual that the extension holds: documents as HTML, for F1 without a network."""
+"""Pages of the extension's manual: documents as HTML, for F1 without a network."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -62,7 +62,7 @@ def _inner(tokens: Sequence[Token]) -> Iterator[Token]:
 
 
 def _turn_link(token: Token) -> None:
-    """Point a link to a page at its HTML; one to a file that is not in the manual nowhere."""
+    """Point a link at a page's HTML; take it away where the manual has no such page."""
     parts = urlsplit(str(token.attrs["href"]))
     if parts.scheme or not parts.path:
         return

@@ -144,7 +144,7 @@ def render_character(performed: Performed, view: Camera, folder: Path) -> list[I
         render(scene, folder / "frame.png")
         picture = cv2.imread(str(folder / "frame.png"))
         assert picture is not None  # noqa: S101 - just written
-        pictures.append(picture)
+        pictures.append(np.asarray(picture, dtype=np.uint8))
     return pictures
 
 

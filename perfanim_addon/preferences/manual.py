@@ -1,4 +1,4 @@
-"""Page of the manual for each button and setting, opened by F1 or the context menu."""
+"""Pages of the manual for buttons and settings, opened by F1."""
 
 from pathlib import Path
 
