@@ -77,7 +77,10 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
             named = ", ".join(dict.fromkeys(str(row["fault"]) for row in summary["findings"]))
             self.keep_picture(named)
             return f"mend first: {named}"
-        return "; ".join(filter(None, ("no fault was found", guide_steps.space(chosen))))
+        space = guide_steps.space(chosen)
+        if space:
+            self.keep_picture(space)
+        return "; ".join(filter(None, ("no fault was found", space)))
 
 
 class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):

@@ -97,9 +97,9 @@ def test_the_guide_leads_from_cameras_to_a_capture(desktop: Desktop, window: Ble
     hand.shot("markers")
     said = press(window, hand, "Check Setup", "guide")
     assert said.startswith("no fault was found; you may walk"), said
-    hand.shot("performer")
+    keep(hand.shot("performer"), "guide")
     assert "residual" in press(window, hand, "Calibrate Performer", "subject")
-    keep(hand.shot("ready"), "guide")
+    hand.shot("ready")
     hand.click("Start Capture", sidebar=True)
     wait_for_frames(window, 0)
     hand.shot("live")

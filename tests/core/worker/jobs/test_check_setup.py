@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from jobs_played import outcome, played, said
 from perfanim.core.geometry.rig_file import rig_tables
@@ -26,9 +27,14 @@ def test_a_healthy_studio_is_checked_with_and_without_a_calibration() -> None:
     assert [m for m in messages if m.kind is MessageKind.PREVIEW]
     rig = default_rig()
     rig.metadata["floor"] = "y = 0"
-    found = checked(rig=rig_tables(rig))[1]
+    messages, found = checked(rig=rig_tables(rig))
     assert found == {"findings": [], "space": common_space(rig).text}
     assert found["space"].startswith("you may walk ")
+    *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
+    for picture in np.array_split(shown, 2, axis=1):  # the space lies on the floor, in both pictures
+        outlined = np.abs(picture.astype(int) - (80, 255, 80)).max(axis=2) < 40
+        assert outlined.sum() > 50
+        assert outlined[: len(picture) // 3].sum() == 0
 
 
 @pytest.mark.parametrize("fault", [Fault.DARK, Fault.BUMPED, Fault.REFLECTION])
