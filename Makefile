@@ -27,7 +27,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -125,7 +125,7 @@ check: $(STAMP)
 
 # Needs BLENDER: a command that runs its arguments where a Blender with a window can be started.
 window-test: $(STAMP)
-	$(BIN)/python -m pytest tests/window -m 'not benchmark and not walkthrough'
+	$(BIN)/python -m pytest tests/window -m 'not benchmark and not walkthrough and not pictures'
 
 # The same window, by mouse and keyboard: a take on all kinds of characters, a sword, and three cameras calibrated with a
 # ChArUco board and markers on the floor. The pictures are in out/window.
@@ -203,6 +203,12 @@ architecture-picture: $(STAMP)
 # The drawings in docs/drawings, from marker sets and camera places.
 drawings: $(STAMP)
 	$(BIN)/python tools/make_drawings.py
+
+# The pictures of the README: a moving one, and the sidebar and the guide in a real window, with BLENDER as for window-test.
+pictures: export OPENBLAS_NUM_THREADS := 1
+pictures: $(STAMP)
+	$(BIN)/python tools/moving_picture.py --out docs/pictures/live.webp
+	$(BIN)/python -m pytest tests/window -m pictures
 
 # The documents as pages in out/docs: drawings up to date, every command and script run, no warning, no broken link.
 docs: export OPENBLAS_NUM_THREADS := 1

@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from .panels import broken_installation
-from .preferences import diagnostics, diagnostics_ui, preferences
+from .preferences import diagnostics, diagnostics_ui, manual, preferences
 from .preferences.sidebar_tab import SidebarPanel, register_panel, unregister_panel
 
 _KINDS = (
@@ -35,10 +35,10 @@ def _other_modules() -> Sequence[ModuleType]:
     from . import operators, settings
     from .character import bone_map_settings
     from .jobs import activity
-    from .panels import batch, capture, character, sketch, steps, takes, targets
+    from .panels import batch, capture, character, guide, sketch, steps, takes, targets
     from .preferences import new_file_defaults
 
-    panels = (character, steps, capture, targets, takes, sketch, batch)  # as in the sidebar
+    panels = (guide, character, steps, capture, targets, takes, sketch, batch)  # as in the sidebar
     # activity is unregistered first, so that it ends running work while the rest is still there
     return (bone_map_settings, *_modules_of(settings), *_modules_of(operators), new_file_defaults, *panels, activity)
 
@@ -53,7 +53,7 @@ _undo: list[Callable[[], None]] = []
 
 def register() -> None:
     """Register everything; with a broken library, preferences and diagnostics only."""
-    _add_all((preferences, diagnostics_ui))
+    _add_all((preferences, diagnostics_ui, manual))
     diagnostics.problem = ""
     count = len(_undo)
     try:

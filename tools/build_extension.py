@@ -19,6 +19,8 @@ import tomllib
 import zipfile
 from pathlib import Path
 
+from manual_pages import manual_files
+
 ROOT = Path(__file__).resolve().parents[1]
 
 REQUIREMENTS = tuple(
@@ -111,6 +113,8 @@ def build(python: str, platform: str, wheels: list[Path], out: Path, system_pyth
             archive.writestr("blender_manifest.toml", manifest_text(text, versions, platform, wheels))
             for path in content(manifest["build"]["paths_exclude_pattern"]):
                 archive.write(path, path.relative_to(ROOT).as_posix())
+            for name, data in manual_files():
+                archive.writestr(f"manual/{name}", data)
             for wheel in wheels:
                 archive.write(wheel, f"wheels/{wheel.name}", zipfile.ZIP_STORED)
         shutil.move(temporary, target)

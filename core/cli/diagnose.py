@@ -5,7 +5,6 @@ import importlib
 import importlib.metadata
 import platform
 import sys
-from dataclasses import asdict
 from typing import Any
 
 from ..system.libraries import LIBRARIES
@@ -48,4 +47,4 @@ def _cameras() -> list[dict[str, Any]]:
         from ..vision.sources.cameras import find_cameras
     except ImportError:  # the libraries' lines say why
         return []
-    return [asdict(camera) for camera in find_cameras()]
+    return [{"device": camera.device, "size": camera.size} for camera in find_cameras()]

@@ -34,6 +34,7 @@ os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 27))  # a small file may declare any size
 
+_MOST_PARTS = 12
 _MOST_ROWS = 60  # of a report that are printed
 
 
@@ -144,7 +145,9 @@ def summary_text(summary: dict[str, Any]) -> str:
             lines.append(f"{label}:")
             lines += _rows([f"{name}: {_short(row)}" for name, row in value.items()])
         elif isinstance(value, dict) and value:
-            lines.append(f"{label}: " + ", ".join(f"{k} {_short(v)}" for k, v in list(value.items())[:40]))
+            parts = [f"{k} {_short(v)}" for k, v in list(value.items())[:_MOST_PARTS]]
+            more = [f"and {len(value) - _MOST_PARTS} more, see --json"] if len(value) > _MOST_PARTS else []
+            lines.append(f"{label}: " + ", ".join([*parts, *more]))
         elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
             lines.append(f"{label}: {len(value)}")
             lines += _rows([", ".join(_row_value(key, item) for key, item in row.items() if item) for row in value])

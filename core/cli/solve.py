@@ -7,7 +7,7 @@ from typing import Any
 
 from ..body.foot_lock import FEET
 from ..errors import FormatError
-from ..formats.markers.marker_files import is_recorded
+from ..formats.markers.marker_files import READABLE, is_recorded
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion
 from ..formats.take_file.reading import ENDING
 from ..labelling.take_import import UPS
@@ -22,7 +22,7 @@ from .options import add_choice, add_motion_options, add_names_option, add_repea
 
 def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser("solve", help="full-body motion from a marker take")
-    parser.add_argument("take", metavar="TAKE", help="marker take: .take.npz, .c3d, .trc, .csv or .tsv; or a .perftake")
+    parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}")
     add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
     _add_performer_options(parser)
     add_choice(parser, "--method", METHODS, "solver method (default best; of a .perftake, as live)")

@@ -30,10 +30,7 @@ def draw_blobs(
     Green: seen by another camera as well; orange: by this one alone; red: taken for no marker. Where a marker must be
     that another camera sees alone, a line is drawn (its epipolar line).
     """
-    place = (6, picture.shape[0] - 8)
-    cv2.putText(
-        picture, f"threshold {thresholds[camera]:.0f}", place, cv2.FONT_HERSHEY_PLAIN, 0.9, _TEXT, 1, cv2.LINE_AA
-    )
+    write_line(picture, f"threshold {thresholds[camera]:.0f}")
     scale = picture.shape[1] / image_width
     for other, seen in zip(frame.single_cameras.tolist(), frame.single_points, strict=True):
         if other != camera:
@@ -47,6 +44,12 @@ def draw_blobs(
         colour = _POINT if index in in_space else _SINGLE if index in alone else _OTHER
         centre = (round((x + 0.5) * scale - 0.5), round((y + 0.5) * scale - 0.5))
         cv2.circle(picture, centre, round(radius * scale + _MARGIN_PX), colour, 1, cv2.LINE_AA)
+
+
+def write_line(picture: Image, text: str) -> None:
+    """Write a text into the lower left corner of a camera's reduced picture."""
+    place = (6, picture.shape[0] - 8)
+    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_PLAIN, 0.9, _TEXT, 1, cv2.LINE_AA)
 
 
 def draw_labels(names: Sequence[str], markers_m: Array, seen: Mask, rig: CameraRig, pictures: Image) -> Image:

@@ -10,6 +10,8 @@ Requests (JSON):
 - {"job": "record floor markers", ...}: floor from markers lying on it.
 - {"job": "record pose", ...}: take of the performer's calibration poses.
 - {"job": "calibrate performer", ...}: the same, and the performer measured from them.
+- {"job": "show cameras"}: a picture of each plugged-in camera.
+- {"job": "check setup", ...}: faults of light, cameras and markers before a capture.
 - {"job": "sketch", ...}: a body from keyframed controls; with "live", again after each edit.
 - {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
   its summary as RESULT, so that long work never freezes Blender.
@@ -34,6 +36,8 @@ JOBS = (
     "record floor markers",
     "record pose",
     "calibrate performer",
+    "show cameras",
+    "check setup",
     "sketch",
 )
 

@@ -52,9 +52,9 @@ def end() -> None:
     _state.activity = _state.timer = None
     if timer is not None:
         bpy.context.window_manager.event_timer_remove(timer)
+    camera_preview.hide()  # the last picture of a job may stay until the next
     if activity is not None:
         activity.close()
-        camera_preview.hide()
         overlay.hide()
         redraw_sidebars()
 

@@ -18,6 +18,24 @@ from . import character
 from .drawing import draw_job, draw_text, header_status
 
 
+def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
+    """Draw the choice of the source, and its settings."""
+    layout.prop(chosen, "source")
+    if chosen.source == "SIMULATED":
+        draw_props(layout, chosen, "behaviour", "practise")
+    elif chosen.source == "CAMERAS":
+        draw_props(layout, chosen, "left_device", "right_device")
+        if chosen.right_device >= 0:
+            layout.prop(chosen, "further_devices")
+        draw_props(layout, chosen, "width", "height", "camera_fps")
+    elif not readiness.has_cameras(chosen):
+        draw_props(layout, chosen.id_data.perfanim_receiving, "port", "sender")
+    elif chosen.source == "VIDEOS":
+        draw_props(layout, chosen, "left_video", "right_video")
+    else:
+        draw_props(layout, chosen, "left_folder", "right_folder", "files_fps")
+
+
 class _Step(SidebarPanel):
     bl_options = {"DEFAULT_CLOSED"}
     state: Callable[[Any], readiness.StepStatus]
@@ -63,23 +81,9 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
     key = "cameras"
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
-        layout.prop(chosen, "source")
-        if chosen.source == "SIMULATED":
-            draw_props(layout, chosen, "behaviour", "practise")
-            if readiness.is_known(chosen):
-                return
-        elif chosen.source == "CAMERAS":
-            draw_props(layout, chosen, "left_device", "right_device")
-            if chosen.right_device >= 0:
-                layout.prop(chosen, "further_devices")
-            draw_props(layout, chosen, "width", "height", "camera_fps")
-        elif not readiness.has_cameras(chosen):
-            draw_props(layout, chosen.id_data.perfanim_receiving, "port", "sender")
+        draw_source(layout, chosen)
+        if readiness.is_known(chosen) or not readiness.has_cameras(chosen):
             return
-        elif chosen.source == "VIDEOS":
-            draw_props(layout, chosen, "left_video", "right_video")
-        else:
-            draw_props(layout, chosen, "left_folder", "right_folder", "files_fps")
         layout.prop(chosen, "calibration")
         box = layout.box().column()
         box.prop(chosen, "board_kind")

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ...core.markers.marker_set import marker_set_names
+from ...core.subjects.setup_check.finding import Fault
 from ..character.posing import fill_map
 from ..jobs import activity
 from ..preferences.attach_settings import attach_property_group
@@ -54,6 +55,15 @@ BEHAVIOURS = (
     ("kendo", "Kendo", "Sword strokes"),
 )
 
+PRACTISE_FAULTS = (
+    ("NONE", "None", "All is well"),
+    *(
+        (fault.name, fault.capitalize(), f"Practise with a studio that is like this: {fault}")
+        for fault in Fault
+        if fault is not Fault.BOARD_SMALL  # its pictures show no performer
+    ),
+)
+
 BOARD_CODES = tuple(f"DICT_{size}X{size}_{count}" for size in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
 
 _marker_sets: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
@@ -92,6 +102,7 @@ class CameraSettings:
     practise: switch(
         "Practise Calibration", "Treat the simulated cameras and performer as real: calibrate them before the capture"
     )
+    practise_fault: choice("Fault", "Fault of the simulated studio for Check Setup to find", PRACTISE_FAULTS, "NONE")
     left_device: whole_number("Left", "Device number of the left camera, from the cameras' point of view", 0, 0)
     right_device: whole_number(
         "Right", "Device number of the right camera, from the cameras' point of view; -1 for one camera only", 1, -1

@@ -17,6 +17,8 @@ from ..character.posing import map_problem
 from ..preferences.paths import absolute, user_folder
 from . import vmc_input
 
+NOT_CALIBRATED = "not calibrated"
+
 
 @dataclass(frozen=True)
 class StepStatus:
@@ -119,8 +121,8 @@ def _problem(error: PerfanimError, text: str) -> StepStatus:
     return StepStatus(False, text, str(error))
 
 
-def cameras(settings: Any) -> StepStatus:
-    """StepStatus of the Cameras panel."""
+def pictures(settings: Any) -> StepStatus:
+    """StepStatus of the source of images or trackers, without its calibration."""
     if is_known(settings):
         return StepStatus(True, "simulated")
     if not has_cameras(settings):
@@ -134,16 +136,26 @@ def cameras(settings: Any) -> StepStatus:
             return StepStatus(False, f"{side} missing", f"choose the file of the {side} camera under Cameras")
         if not Path(path).exists():
             return StepStatus(False, f"{side} not found", f"{path}: not found; choose another under Cameras")
+    if settings.source == "CAMERAS":
+        try:
+            devices(settings)
+        except CaptureError as error:
+            return _problem(error, "bad device numbers")
+    return StepStatus(True, "chosen")
+
+
+def cameras(settings: Any) -> StepStatus:
+    """StepStatus of the Cameras panel."""
+    source = pictures(settings)
+    if not source.ready or is_known(settings) or not has_cameras(settings):
+        return source
     if not settings.calibration:
-        return StepStatus(False, "not calibrated", "calibrate the cameras, or open a calibration, under Cameras")
+        return StepStatus(False, NOT_CALIBRATED, "calibrate the cameras, or open a calibration, under Cameras")
     found = rig(absolute(settings.calibration))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad calibration")
     if settings.source == "CAMERAS" and not is_one_camera(settings):
-        try:
-            count = len(devices(settings))
-        except CaptureError as error:
-            return _problem(error, "bad device numbers")
+        count = len(devices(settings))
         if count != len(found):
             text = f"calibrated for {len(found)} cameras, but {count} are chosen"
             return StepStatus(False, text, f"{text}: calibrate them, or open their calibration, under Cameras")
@@ -214,7 +226,7 @@ def performer(settings: Any) -> StepStatus:
             return StepStatus(True, "simulated")
         is_measured = has_cameras(settings) and not is_one_camera(settings)
         how = "calibrate the performer" if is_measured else "use an average body"
-        return StepStatus(False, "not calibrated", f"{how}, or open a subject file, under Subject")
+        return StepStatus(False, NOT_CALIBRATED, f"{how}, or open a subject file, under Subject")
     found = subject(absolute(settings.subject))
     if isinstance(found, PerfanimError):
         return _problem(found, "bad file")

@@ -6,10 +6,12 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import make_drawings
+import numpy as np
 import perfanim
 import pytest
 import run_documents
 from documents.commands import DOCUMENTS, Command, blocks, commands, make_targets, parse_problem
+from PIL import Image
 
 ROOT = Path(perfanim.__file__).parent
 COMMANDS = [command for document in DOCUMENTS for command in commands(document)]
@@ -104,3 +106,23 @@ def test_every_page_is_in_the_index():
         for line in block.split("\n")
     }
     assert pages <= listed
+
+
+def test_the_readme_is_short_and_its_pictures_are_small():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(readme.splitlines()) <= 120
+    pictures = [ROOT / address for address in re.findall(r"!\[[^\]]+\]\(([^)]+)\)", readme)]
+    assert len(pictures) >= 3
+    for picture in pictures:
+        assert 10_000 < picture.stat().st_size <= 1_500_000, picture.name
+
+
+def test_the_moving_picture_moves():
+    with Image.open(ROOT / "docs" / "pictures" / "live.webp") as moving:
+        assert moving.n_frames > 30
+        assert moving.info["loop"] == 0
+        first = np.asarray(moving.convert("RGB"), dtype=float)
+        moving.seek(moving.n_frames // 2)
+        changed = np.abs(np.asarray(moving.convert("RGB"), dtype=float) - first).max(axis=2) > 30.0
+    for panel in np.array_split(changed, 3, axis=1):  # camera, skeleton, character
+        assert panel.mean() > 0.005

@@ -32,6 +32,7 @@ def order_last_run(order):
 def order_set(order):
     chosen = bpy.context.scene.perfanim
     for name, value in order["values"].items():
+        value = set(value) if isinstance(value, list) else value
         setattr(chosen, name, bpy.data.objects.get(value) if name == "armature" else value)
     part("jobs.activity").redraw_sidebars()
     return {}

@@ -48,7 +48,7 @@ def toggle_panel(desktop: Desktop, window: BlenderWindow, number: int) -> None:
 def test_calibrating_and_capturing_without_leaving_the_sidebar(desktop: Desktop, window: BlenderWindow) -> None:
     window.open_tab("Perfanim")
     window.order("set", values={"practise": True})
-    toggle_panel(desktop, window, 0)
+    toggle_panel(desktop, window, 1)
     refused = window.order("call", operator="start_capture")
     assert "calibrate the cameras" in refused["error"]
     assert "result" in window.order("call", operator="calibrate_board")
@@ -60,8 +60,8 @@ def test_calibrating_and_capturing_without_leaving_the_sidebar(desktop: Desktop,
     assert click_through(window, "set_floor", "cameras").startswith("floor set at the board")
     time.sleep(1.0)
     desktop.screenshot("newcomer-2-cameras")
-    toggle_panel(desktop, window, 0)
-    toggle_panel(desktop, window, 2)
+    toggle_panel(desktop, window, 1)
+    toggle_panel(desktop, window, 3)
     assert click_through(window, "calibrate_performer", "subject").partition(": ")[2].startswith("residual")
     time.sleep(1.0)
     desktop.screenshot("newcomer-3-ready")

@@ -7,7 +7,7 @@ from typing import Any
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
 from ...errors import TakeError
-from ...formats.markers.marker_files import WRITABLE, check_ending, is_recorded, read_take
+from ...formats.markers.marker_files import READABLE, WRITABLE, check_ending, is_recorded, read_take
 from ...formats.markers.rewrite_take import rewrite_take
 from ...markers.gap_filling import find_gaps
 from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
@@ -22,7 +22,7 @@ from ..options import add_names_option, add_number, add_text, check_height
 
 def add_parser(group: Any) -> None:
     parser = group.add_parser("fill", help="fill gaps of a marker take, and remove noise, by the body it shows")
-    parser.add_argument("take", metavar="TAKE", help="marker take: .c3d, .trc, .csv, .tsv, .take.npz; it is left alone")
+    parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}; it is left alone")
     parser.add_argument(
         "--out",
         required=True,

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...body.scene_pose import doubtful_stretches
-from ...formats.markers.marker_files import declared_frames, is_recorded, read_take
+from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
 from ...formats.take_file.lock import is_locked
-from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
+from ...formats.take_file.reading import TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...markers.subject import Subject
 from ...system.progress import Progress
@@ -21,7 +21,7 @@ _NOBODY = ", with --subject, or --skeleton and --marker-set"
 
 def add_parser(group: Any) -> None:
     parser = group.add_parser("info", help="facts about a take, and whether it is complete")
-    parser.add_argument("take", metavar="TAKE", help=f"{ENDING}, .c3d, .trc, .csv, .tsv or .take.npz")
+    parser.add_argument("take", metavar="TAKE", help=", ".join(READABLE))
     parser.set_defaults(run=run)
 
 

@@ -1,13 +1,16 @@
 """The whole check: pictures of a performer, and of the empty room, to findings."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from ...errors import CaptureError
+from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
+from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
 from ...vision.detection.background import Background
+from ...vision.detection.blob_detector import Detector
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import camera_title
 from ...vision.sources.source_kinds import ImageSetLike
@@ -45,22 +48,13 @@ def check_setup(
     """
     pipeline = MarkerPipeline(rig)
     pipeline.set_backgrounds(backgrounds)
-    titles = [camera_title(index, [camera.name for camera in rig.cameras]) for index in range(len(rig))]
-    if found := [finding for pair in zip(titles, backgrounds, strict=True) for finding in room_faults(*pair)]:
-        return found
-    recorders = [SpotRecorder(background.mean.max(axis=2)) for background in backgrounds]
-    frames = []
-    for moment in moments:
+    frames: list[MarkerFrame] = []
+
+    def detect(moment: ImageSetLike) -> Sequence[FloatArray]:
         frames.append(pipeline.process(moment))
-        for recorder, time_s, image, blobs in zip(
-            recorders, moment.times_s, moment.images, frames[-1].detected, strict=True
-        ):
-            recorder.add(time_s, image, blobs)
-    if len(frames) < _FEWEST_MOMENTS:
-        raise CaptureError(
-            f"{len(frames)} moments are too few for a check", advice="record six seconds: a T pose, then some steps"
-        )
-    if found := _camera_faults(titles, recorders):
+        return frames[-1].detected
+
+    if found := _picture_faults([camera.name for camera in rig.cameras], backgrounds, moments, detect):
         return found
     if found := exchange_fault(frames):
         return found
@@ -77,6 +71,47 @@ def check_setup(
     if len(points_m) and has_floor:
         found = place_fault(rig, np.median(points_m, axis=0), height_m or _USUAL_HEIGHT_M)
     return found or missing_fault(rig, poses, marker_set)
+
+
+def check_pictures(
+    names: Sequence[str], backgrounds: Sequence[Background], moments: Iterable[ImageSetLike]
+) -> list[Finding]:
+    """Return the faults that pictures show of cameras without a calibration.
+
+    Otherwise as `check_setup`.
+
+    Args:
+        names: of the cameras.
+    """
+    detectors = [Detector(background) for background in backgrounds]
+
+    def detect(moment: ImageSetLike) -> Sequence[FloatArray]:
+        return [detector.detect(image) for detector, image in zip(detectors, moment.images, strict=True)]
+
+    return _picture_faults(names, backgrounds, moments, detect)
+
+
+def _picture_faults(
+    names: Sequence[str],
+    backgrounds: Sequence[Background],
+    moments: Iterable[ImageSetLike],
+    detect: Callable[[ImageSetLike], Sequence[FloatArray]],
+) -> list[Finding]:
+    """Return faults of single cameras; `detect` gives each camera's blobs of a moment."""
+    titles = [camera_title(index, names) for index in range(len(names))]
+    if found := [finding for pair in zip(titles, backgrounds, strict=True) for finding in room_faults(*pair)]:
+        return found
+    recorders = [SpotRecorder(background.mean.max(axis=2)) for background in backgrounds]
+    count = 0
+    for count, moment in enumerate(moments, 1):  # noqa: B007 - the last is how many there were
+        rows = zip(recorders, moment.times_s, moment.images, detect(moment), strict=True)
+        for recorder, time_s, image, blobs in rows:
+            recorder.add(time_s, image, blobs)
+    if count < _FEWEST_MOMENTS:
+        raise CaptureError(
+            f"{count} moments are too few for a check", advice="record six seconds: a T pose, then some steps"
+        )
+    return _camera_faults(titles, recorders)
 
 
 def _camera_faults(titles: Sequence[str], recorders: Sequence[SpotRecorder]) -> list[Finding]:

@@ -23,6 +23,10 @@ class Fault(StrEnum):
     MARKER_MISSING = "marker missing"
 
 
+# Faults that one camera's pictures show, calibrated or not.
+PICTURE_FAULTS = frozenset({Fault.DARK, Fault.BRIGHT, Fault.BLURRED, Fault.SHUTTER, Fault.REFLECTION})
+
+
 @dataclass(frozen=True)
 class Finding:
     """A fault, its place and advice.

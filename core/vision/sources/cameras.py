@@ -5,7 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -239,10 +239,12 @@ class FoundCamera:
 
     Args:
         size: (width, height) of its images in pixels, None when it gives none.
+        image: one of them.
     """
 
     device: int
     size: tuple[int, int] | None
+    image: Image | None = field(default=None, compare=False, repr=False)
 
 
 def find_cameras() -> list[FoundCamera]:
@@ -253,7 +255,8 @@ def find_cameras() -> list[FoundCamera]:
         if capture.isOpened():
             images = (capture.read() for _ in range(_WARM_UP_READS))
             image = next((image for ok, image in images if ok), None)
-            found.append(FoundCamera(device, None if image is None else (image.shape[1], image.shape[0])))
+            size = None if image is None else (image.shape[1], image.shape[0])
+            found.append(FoundCamera(device, size, None if image is None else np.asarray(image, dtype=np.uint8)))
         capture.release()
     return found
 

@@ -26,7 +26,7 @@ from ...geometry.camera import CameraRig
 from ...geometry.rig_file import rig_from
 from ...system.files import atomic_path
 from ...vision.blob_preview import draw_blobs
-from ...vision.detection.background import Background
+from ...vision.detection.background import Background, background_from_take, learn_backgrounds
 from ...vision.live import live_frames, live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
@@ -103,7 +103,9 @@ def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tupl
         if takes_place and kept.is_file():
             pipeline.set_backgrounds(_read_backgrounds(kept))
         else:
-            _learn(pipeline, source, str(spec.get("kind", "")), float(request.get("background_s", 2.0)), channel)
+            seconds = float(request.get("background_s", 2.0))
+            if learned := learn_room(source, str(spec.get("kind", "")), seconds, channel):
+                pipeline.set_backgrounds(learned)
             if kept.name:
                 _keep_backgrounds(pipeline, kept)
         yield source, pipeline
@@ -145,17 +147,19 @@ def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
     return rig
 
 
-def _learn(pipeline: MarkerPipeline, source: Any, kind: str, seconds: float, channel: Channel) -> None:
-    """Learn the backgrounds as the kind of source allows."""
+def learn_room(source: Any, kind: str, seconds: float, channel: Channel) -> list[Background]:
+    """Return the learned backgrounds of the cameras; none of a stream.
+
+    Raises:
+        Stopped: a stop was requested meanwhile. PerfanimError: the source gives no images.
+    """
     if kind == "simulated":
-        pipeline.learn_empty(_report_learning(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
-    elif kind == "cameras":
+        return learn_backgrounds(_report_learning(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
+    if kind == "cameras":
         count = max(2, round(seconds * source.fps))
-        pipeline.learn_empty(_report_learning(source.samples(count), count, ": stay out of sight", channel))
-    else:
-        moments = list(_report_learning(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
-        if moments:  # a stream cannot be read beforehand
-            pipeline.learn_from_take(moments)
+        return learn_backgrounds(_report_learning(source.samples(count), count, ": stay out of sight", channel))
+    moments = list(_report_learning(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
+    return [background_from_take(column) for column in zip(*moments, strict=True)]
 
 
 def _report_learning(

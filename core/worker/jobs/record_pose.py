@@ -82,7 +82,7 @@ def _moments(
     """Yield the image sets from the first pose to the last; send the instructions."""
     hold_s, between_s = float(request["seconds"]), float(request["between_s"])
     if is_live(request):
-        _count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS[poses[0]])
+        count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS[poses[0]])
     elif not is_simulated(request) and len(poses) > 1:
         # no instructions can be given: the poses are somewhere in the recording
         yield from _for_seconds(images, _LONGEST_S, channel, "looking for the markers")
@@ -94,7 +94,7 @@ def _moments(
         yield from _for_seconds(images, hold_s, channel, f"hold still: {words}")
 
 
-def _count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> None:
+def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> None:
     """Skip the images of some time; send the seconds left and a text."""
     due_s, sent = time.perf_counter() + seconds, 0
     for _ in images:

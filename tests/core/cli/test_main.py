@@ -228,6 +228,11 @@ def test_summary_text():
     assert text.splitlines() == ["rms mm: 1.235", "names: a, b", "many: 20", "parts: x 0.5", "out: f"]
 
 
+def test_a_long_table_of_figures_does_not_bury_the_others():
+    (line,) = summary_text({"bones_mm": {f"b{n}": 1.5 for n in range(29)}}).splitlines()
+    assert line.startswith("bones mm: b0 1.5, b1 1.5") and line.endswith("b11 1.5, and 17 more, see --json")
+
+
 def test_rows_of_a_report_get_a_line_each():
     rows = [{"file": "a.bvh", "line": 3, "reason": "cut off"}, {"file": "b.bvh", "line": None, "reason": "empty"}]
     assert summary_text({"skipped": rows}).splitlines() == ["skipped: 2", "  a.bvh, 3, cut off", "  b.bvh, empty"]

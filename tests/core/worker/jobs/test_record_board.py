@@ -1,8 +1,6 @@
 """The cameras calibrated from a board, and the floor found, by the real worker."""
 
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from jobs_played import outcome, played, said
 from perfanim.core.errors import CalibrationError, CaptureError
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import rig_from, rig_tables
@@ -17,37 +16,8 @@ from perfanim.core.simulate.studio.boards import board_on_floor
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.vision.sources.files import read_image
 from perfanim.core.vision.sources.image_set import ImageSet
-from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.jobs import record_board, record_floor
 from perfanim.core.worker.protocol import Message, MessageKind, encode_preview
-
-PATIENCE_S = 300.0
-
-
-def played(request: dict[str, Any], stop: Callable[[Message], bool] | None = None) -> list[Message]:
-    """Return all messages of a job; it is asked to stop after the message for which `stop` holds."""
-    client, messages = WorkerClient(request), []
-    limit = time.monotonic() + PATIENCE_S
-    try:
-        while not client.ended:
-            for message in client.poll():
-                messages.append(message)
-                if stop is not None and stop(message):
-                    client.request_stop()
-            client.wait(0.05)
-            assert time.monotonic() < limit
-    finally:
-        client.close()
-    return messages
-
-
-def outcome(messages: list[Message]) -> Message:
-    (last,) = [m for m in messages if m.kind in (MessageKind.RESULT, MessageKind.ERROR)]
-    return last
-
-
-def said(messages: list[Message], key: str = "activity") -> list[str]:
-    return [str(m.json().get(key)) for m in messages if m.kind is MessageKind.STATUS]
 
 
 def asked(source: dict[str, Any], folder: Path, **more: Any) -> dict[str, Any]:

@@ -1,0 +1,153 @@
+"""Check of light, cameras and markers before a capture.
+
+Request: that of `cameras`, and "marker_set" (name or file), "countdown_s" (time to walk before the cameras and take the
+T pose), "fault" (of `Fault`: pictures of a studio with it, and its calibration, stand for the source's; "" for none).
+
+Without "rig" only what single pictures show is judged. The RESULT has "findings" (tables with "fault" and "text") and
+"space" (where all cameras see a performer; "" without a calibration that knows the floor). A last PREVIEW has rings
+around the places of the findings, and that space on the floor.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from itertools import islice, pairwise
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...body.calibration_poses import INSTRUCTIONS
+from ...errors import CaptureError
+from ...geometry.arrays import Image
+from ...geometry.camera import Camera, CameraRig
+from ...geometry.rig_file import rig_from
+from ...markers.marker_set import load_marker_set
+from ...simulate.faults import FPS, SECONDS, studio_with
+from ...subjects.setup_check.check import check_pictures, check_setup
+from ...subjects.setup_check.finding import Fault, Finding
+from ...vision.common_space import CommonSpace, common_space
+from ...vision.detection.background import learn_backgrounds
+from ...vision.sources.image_set import camera_title
+from ...vision.sources.source_kinds import ImageSetLike
+from ..channel import Channel, Stopped
+from ..open_source import open_source
+from ..source_traits import is_live, is_simulated
+from .camera_preview import PreviewSender
+from .cameras import learn_room
+from .record_board import camera_names
+from .record_pose import count_down
+
+_POSE_S = 2.0
+_SEED = 18  # of the studio with a fault
+_RING = (60, 170, 255)  # blue, green, red
+_RING_PX = 9
+_SPACE = (80, 255, 80)
+_PIECES = 12  # of a side of the space
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Check and send the RESULT.
+
+    Raises:
+        Stopped: a stop was requested meanwhile. PerfanimError: the source cannot be opened or used.
+    """
+    fault = str(request.get("fault") or "")
+    findings, space = _check_studio(Fault(fault), channel) if fault else _check_source(request, channel)
+    rows = [{"fault": str(finding.fault), "text": finding.text} for finding in findings]
+    channel.send_result({"findings": rows, "space": space.text if space else ""})
+
+
+def _check_source(request: Mapping[str, Any], channel: Channel) -> tuple[list[Finding], CommonSpace | None]:
+    """Return the faults of the request's source, and the space that its cameras see."""
+    spec = dict(request["source"]) | ({"fps": FPS} if is_simulated(request) else {})
+    rig = rig_from(request["rig"], "calibration") if request.get("rig") else None
+    channel.send_status("opening the cameras")
+    with closing(open_source(spec)) as source:
+        kind, seconds = str(spec.get("kind", "")), float(request.get("background_s", 2.0))
+        backgrounds = learn_room(source, kind, seconds, channel)
+        if not backgrounds:
+            raise CaptureError("a stream does not show the empty room", advice="choose cameras, or files")
+        images = iter(source)
+        if is_live(request):
+            count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS["t"])
+        names = [camera.name for camera in rig.cameras] if rig else camera_names(len(backgrounds))[0]
+        moments = _Watched(islice(images, round(SECONDS * source.fps)), source.fps, channel)
+        if rig is None:
+            findings = check_pictures(names, backgrounds, moments)
+        else:
+            findings = check_setup(rig, backgrounds, moments, load_marker_set(request["marker_set"]))
+        space = common_space(rig) if rig and "floor" in rig.metadata else None
+        moments.show(findings, names, rig, space)
+    return findings, space
+
+
+def _check_studio(fault: Fault, channel: Channel) -> tuple[list[Finding], None]:
+    """Return the faults that are found in a studio with one."""
+    channel.send_status(f"building a studio: {fault}")
+    studio = studio_with(fault, np.random.default_rng(_SEED))
+    moments = _Watched(studio.moments, FPS, channel)
+    findings = check_setup(studio.rig, learn_backgrounds(studio.empty), moments, studio.marker_set, studio.height_m)
+    moments.show(findings, [camera.name for camera in studio.rig.cameras])
+    return findings, None
+
+
+class _Watched:
+    """Image sets that are shown as they pass, with instructions for the performer."""
+
+    def __init__(self, images: Iterable[ImageSetLike], fps: float, channel: Channel) -> None:
+        self._images, self._fps, self._channel = images, fps, channel
+        self._preview = PreviewSender({"preview": True}, channel)
+        self._last: Sequence[Image] = ()
+
+    def __iter__(self) -> Iterator[ImageSetLike]:
+        for number, moment in enumerate(self._images):
+            if self._channel.stop_requested.is_set():
+                raise Stopped
+            passed_s = number / self._fps
+            text = f"hold still: {INSTRUCTIONS['t']}" if passed_s < _POSE_S else "walk about"
+            self._channel.send_status(text, passed_s / SECONDS)
+            self._last = moment.images
+            self._preview.send(moment.images, _draw_nothing)
+            yield moment
+
+    def show(
+        self,
+        findings: Sequence[Finding],
+        names: Sequence[str],
+        rig: CameraRig | None = None,
+        space: CommonSpace | None = None,
+    ) -> None:
+        """Send the last images with the places of findings ringed, and the space."""
+        titles = [camera_title(index, names) for index in range(len(names))]
+
+        def draw(camera: int, picture: Image, image_width: int) -> None:
+            if rig and space:
+                _outline(rig.cameras[camera], space, picture, image_width)
+            _ring(findings, titles[camera], picture, image_width)
+
+        if self._last:
+            PreviewSender({"preview": True}, self._channel).send(self._last, draw)
+
+
+def _draw_nothing(camera: int, picture: Image, image_width: int) -> None:
+    """Leave the picture as it is."""
+
+
+def _outline(camera: Camera, space: CommonSpace, picture: Image, image_width: int) -> None:
+    """Draw the rectangle on the floor that all cameras see."""
+    left, back, right, front = space.rectangle_m
+    corners = np.array([(left, 0.0, back), (right, 0.0, back), (right, 0.0, front), (left, 0.0, front)])
+    along = np.linspace(0.0, 1.0, _PIECES, endpoint=False)[:, None]  # lenses bend lines
+    points_m = np.concatenate([a + along * (b - a) for a, b in pairwise([*corners, corners[0]])])
+    pixels = (camera.project(points_m) + 0.5) * picture.shape[1] / image_width - 0.5
+    if np.all(np.isfinite(pixels)):
+        line = np.rint(pixels).astype(np.int32).reshape(-1, 1, 2)
+        cv2.polylines(picture, [line], True, _SPACE, 2, cv2.LINE_AA)
+
+
+def _ring(findings: Sequence[Finding], title: str, picture: Image, image_width: int) -> None:
+    scale = picture.shape[1] / image_width
+    for finding in findings:
+        for x, y in finding.pixels if finding.where == title else ():
+            centre = (round((x + 0.5) * scale - 0.5), round((y + 0.5) * scale - 0.5))
+            cv2.circle(picture, centre, _RING_PX, _RING, 2, cv2.LINE_AA)

@@ -1,0 +1,40 @@
+"""One picture of each plugged-in camera, to choose by sight.
+
+The RESULT has "cameras": device and size of each, null for one that gives no image. A PREVIEW shows them side by side.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...errors import CaptureError
+from ...geometry.arrays import Image
+from ...vision.blob_preview import write_line
+from ...vision.sources.cameras import find_cameras
+from ..channel import Channel
+from .camera_preview import PreviewSender
+
+_BLANK: Image = np.zeros((480, 640, 3), dtype=np.uint8)
+
+
+def run(request: Mapping[str, Any], channel: Channel) -> None:
+    """Send the pictures and the RESULT.
+
+    Raises:
+        CaptureError: there is no camera.
+    """
+    channel.send_status("looking for cameras")
+    found = find_cameras()
+    if not found:
+        raise CaptureError(
+            "no camera is plugged in, or other programs use them", advice="plug in two, close the others"
+        )
+
+    def draw(number: int, picture: Image, image_width: int) -> None:
+        silent = "" if found[number].image is not None else ": no image"
+        write_line(picture, f"camera {found[number].device}{silent}")
+
+    images = [_BLANK if camera.image is None else camera.image for camera in found]
+    PreviewSender({"preview": True}, channel).send(images, draw)
+    channel.send_result({"cameras": [{"device": camera.device, "size": camera.size} for camera in found]})

@@ -1,0 +1,101 @@
+"""Operators of the guide: show the cameras, check the setup, skip a step."""
+
+from typing import Any
+
+import bpy
+
+from ...core.subjects.setup_check.finding import Fault
+from ..capture import request
+from ..jobs import activity
+from ..settings import guide_steps, readiness
+from ..settings.capture_settings import settings
+from ..viewport import camera_preview
+from .common import PanelOperator
+from .jobs import JobOperator
+
+PANEL = "guide"
+
+
+class _PictureJob(JobOperator):
+    """Base of jobs that leave their last picture in the viewport until the next job."""
+
+    panel = PANEL
+
+    def keep_picture(self, line: str) -> None:
+        """Show the job's last picture, and a line above it."""
+        picture = self._job.take_preview()
+        if picture is not None:
+            camera_preview.show(picture, line)
+
+
+class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
+    """Show one picture of each camera with its device number"""
+
+    bl_label = "Show Cameras"
+    title = "Looking for cameras"
+
+    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+        return {"job": "show cameras"}
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        self.keep_picture("Enter these numbers as Left and Right")
+        found = ", ".join(str(camera["device"]) for camera in summary["cameras"])
+        return f"cameras {found}" if len(summary["cameras"]) > 1 else f"only camera {found}"
+
+
+class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
+    """Look for faults of light, cameras and markers: leave the view empty,
+    then stand before the cameras, hold a T pose and walk about"""
+
+    bl_label = "Check Setup"
+    title = "Checking the setup"
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        chosen = settings(context)
+        if readiness.is_known(chosen) or not readiness.has_cameras(chosen):
+            return "Needs cameras as the source, or Practise Calibration"
+        return readiness.pictures(chosen).problem or readiness.markers(chosen).problem
+
+    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+        chosen = settings(context)
+        is_practice = chosen.source == "SIMULATED" and chosen.practise_fault != "NONE"
+        return {
+            "job": "check setup",
+            "source": request.source(chosen),
+            "rig": request.calibration(chosen, True) if readiness.cameras(chosen).ready else None,
+            "background_s": float(chosen.background_s),
+            "countdown_s": float(chosen.countdown_s),
+            "marker_set": readiness.marker_set_source(chosen),
+            "fault": str(Fault[chosen.practise_fault]) if is_practice else "",
+        }
+
+    def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
+        chosen = settings(context)
+        guide_steps.keep_check(chosen, summary)
+        if summary["findings"]:
+            named = ", ".join(dict.fromkeys(str(row["fault"]) for row in summary["findings"]))
+            self.keep_picture(named)
+            return f"mend first: {named}"
+        space = guide_steps.space(chosen)
+        if space:
+            self.keep_picture(space)
+        return "; ".join(filter(None, ("no fault was found", space)))
+
+
+class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
+    """Go on without this step; a capture can start, but may be worse"""
+
+    bl_label = "Skip This Step"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return (
+            "" if guide_steps.next_step(settings(context))[1].optional else "A capture cannot start without this step"
+        )
+
+    def run(self, context: bpy.types.Context) -> str:
+        guide_steps.skip(settings(context))
+        activity.set_message(PANEL, "")
+        return ""

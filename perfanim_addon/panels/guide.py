@@ -1,0 +1,69 @@
+"""Guide panel: the next step to a capture with cameras."""
+
+from typing import Any
+
+import bpy
+
+from ..capture.live_capture import LiveCapture
+from ..jobs import activity
+from ..preferences.property_kinds import property_column
+from ..preferences.sidebar_tab import SidebarPanel
+from ..settings import guide_steps, readiness
+from ..settings.capture_settings import settings
+from .drawing import draw_job, draw_text, header_status
+from .steps import draw_source
+
+_SIMULATED_ONLY = ("practise_fault",)
+_CAMERAS_ONLY = ("board_columns", "board_rows", "board_square_mm")
+
+
+class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
+    """Panel with one next step: a sentence, its button, its finding."""
+
+    bl_label = "Guide"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
+        """Draw the number of the step at the right of the header."""
+        row = self.layout.row()
+        number, *_ = guide_steps.next_step(settings(context))
+        row.label(text=header_status(context, self.bl_label, f"step {number + 1} of {len(guide_steps.STEPS)}"))
+        row.separator()
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, chosen = self.layout, settings(context)
+        number, step, state = guide_steps.next_step(chosen)
+        done = ", ".join(step.title for step in guide_steps.STEPS[:number])
+        draw_text(context, layout, f"Done: {done}" if done else "", "CHECKMARK")
+        draw_text(context, layout, f"{number + 1}. {step.title}", "FORWARD")
+        draw_text(context, layout, step.text, "BLANK1")
+        if isinstance(activity.current(), LiveCapture):
+            layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
+            return
+        _draw_settings(property_column(layout), chosen, step)
+        problem = "" if state.text == readiness.NOT_CALIBRATED else state.problem  # the step itself says so
+        for line in problem.splitlines():
+            draw_text(context, layout, line, "ERROR")
+        name = step.operator(chosen)
+        if name:
+            layout.operator(f"perfanim.{name}", icon="PLAY")
+        if step.optional:
+            layout.operator("perfanim.skip_step", icon="FF")
+        draw_job(layout, step.panel)
+        text, icon = activity.message(step.panel)
+        if icon == "ERROR" or (name != "check_setup" and not problem):  # of a good check nothing more is to be said
+            draw_text(context, layout, text, icon)
+        draw_text(context, layout, guide_steps.space(chosen), "ARROW_LEFTRIGHT")
+
+
+def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.GuideStep) -> None:
+    """Draw the step's settings that matter to the source."""
+    if step is guide_steps.STEPS[0]:
+        draw_source(layout, chosen)
+    for name in step.drawn:
+        simulated = chosen.source == "SIMULATED"
+        if (name in _SIMULATED_ONLY and not simulated) or (name in _CAMERAS_ONLY and simulated):
+            continue
+        if name == "subject_height" and not readiness.is_one_camera(chosen):
+            continue
+        layout.prop(chosen, name)

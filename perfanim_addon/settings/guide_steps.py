@@ -1,0 +1,224 @@
+"""Steps of the guide for cameras.
+
+Each is judged by `readiness` or by the last check of the pictures.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...core.errors import PerfanimError
+from ...core.subjects.setup_check.finding import PICTURE_FAULTS
+from ..preferences.paths import absolute
+from . import readiness
+from .readiness import StepStatus
+
+_PICTURES = (
+    "source",
+    "practise",
+    "practise_fault",
+    "left_device",
+    "right_device",
+    "further_devices",
+    "left_video",
+    "right_video",
+    "left_folder",
+    "right_folder",
+)
+_TODO = StepStatus(False, "to do")
+_DONE = StepStatus(True, "done")
+
+
+@dataclass(frozen=True)
+class GuideStep:
+    """A step: a sentence and a button.
+
+    Args:
+        operator: name of the button's operator, for settings.
+        panel: key of the panel that shows the operator's progress and result.
+        drawn: settings above the button.
+        optional: whether a capture can start without it.
+    """
+
+    title: str
+    text: str
+    operator: Callable[[Any], str]
+    panel: str
+    state: Callable[[Any], StepStatus]
+    drawn: tuple[str, ...] = ()
+    optional: bool = False
+
+
+@dataclass
+class _Seen:
+    """Result of the last check, the settings it holds for, and skipped steps."""
+
+    pictures: tuple[Any, ...] = ()
+    setup: tuple[Any, ...] = ()
+    findings: tuple[tuple[str, str], ...] = ()
+    space: str = ""
+    skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
+
+
+_seen = _Seen()
+
+
+def keep_check(settings: Any, summary: Mapping[str, Any]) -> None:
+    """Keep the RESULT of the job `check setup`, made with these settings."""
+    _seen.pictures, _seen.setup = _pictures(settings), _setup(settings)
+    _seen.findings = tuple((str(row["fault"]), str(row["text"])) for row in summary["findings"])
+    _seen.space = str(summary["space"])
+
+
+def forget() -> None:
+    """Forget the last check and the skipped steps."""
+    _seen.__init__()  # type: ignore[misc]
+
+
+def skip(settings: Any) -> None:
+    """Pass over the next step while the pictures come from the same source."""
+    _seen.skipped[next_step(settings)[1].title] = _pictures(settings)
+
+
+def space(settings: Any) -> str:
+    """Return where all cameras see a performer by the last check, "" if unknown."""
+    return _seen.space if _seen.setup == _setup(settings) else ""
+
+
+def next_step(settings: Any) -> tuple[int, GuideStep, StepStatus]:
+    """Return number (from 0), step and status of the first step that is not done."""
+    for number, step in enumerate(STEPS[:-1]):
+        state = step.state(settings)
+        if not state.ready and _seen.skipped.get(step.title) != _pictures(settings):
+            return number, step, state
+    return len(STEPS) - 1, STEPS[-1], _TODO
+
+
+def _pictures(settings: Any) -> tuple[Any, ...]:
+    return tuple(getattr(settings, name) for name in _PICTURES)
+
+
+def _setup(settings: Any) -> tuple[Any, ...]:
+    return (*_pictures(settings), absolute(settings.calibration), readiness.marker_set_source(settings))
+
+
+def _source(settings: Any) -> StepStatus:
+    return _TODO if readiness.is_known(settings) else readiness.pictures(settings)
+
+
+def _exposure(settings: Any) -> StepStatus:
+    if not readiness.has_cameras(settings):
+        return _DONE
+    if _seen.pictures != _pictures(settings):
+        return _TODO
+    return _judged([text for fault, text in _seen.findings if fault in PICTURE_FAULTS])
+
+
+def _floor(settings: Any) -> StepStatus:
+    if not readiness.has_cameras(settings):
+        return _DONE
+    found = readiness.rig(absolute(settings.calibration))
+    return _DONE if not isinstance(found, PerfanimError) and "floor" in found.metadata else _TODO
+
+
+def _worn(settings: Any) -> StepStatus:
+    state = readiness.markers(settings)
+    if not state.ready or not readiness.has_cameras(settings):
+        return state
+    return _TODO if _seen.setup != _setup(settings) else _judged([text for _, text in _seen.findings])
+
+
+def _judged(problems: list[str]) -> StepStatus:
+    return StepStatus(False, "mend first", "\n".join(problems)) if problems else _DONE
+
+
+def _always(name: str) -> Callable[[Any], str]:
+    return lambda settings: name
+
+
+def _calibrating(settings: Any) -> str:
+    return "calibrate_board" if settings.source in ("CAMERAS", "SIMULATED") else "calibrate_cameras"
+
+
+def _measuring(settings: Any) -> str:
+    measured = readiness.has_cameras(settings) and not readiness.is_one_camera(settings)
+    return "calibrate_performer" if measured else "average_performer"
+
+
+STEPS = (
+    GuideStep(
+        "Cameras",
+        "Choose the cameras, or Practise Calibration to try all steps on simulated ones.",
+        lambda settings: "show_cameras" if settings.source == "CAMERAS" else "",
+        "guide",
+        _source,
+    ),
+    GuideStep(
+        "Exposure",
+        "Leave the view empty, click, then stand before the cameras with the markers on and walk about.",
+        _always("check_setup"),
+        "guide",
+        _exposure,
+        ("practise_fault",),
+        optional=True,
+    ),
+    GuideStep(
+        "Calibrate",
+        "Hold the board before the cameras, still for a moment in each place that the preview asks for.",
+        _calibrating,
+        "cameras",
+        readiness.cameras,
+        ("board_columns", "board_rows", "board_square_mm"),
+    ),
+    GuideStep(
+        "Floor",
+        "Lay the board on the floor where you will stand.",
+        _always("set_floor"),
+        "cameras",
+        _floor,
+        optional=True,
+    ),
+    GuideStep(
+        "Markers",
+        "Put the markers of the set on. Leave the view empty, click, then hold a T pose and walk about.",
+        _always("check_setup"),
+        "guide",
+        _worn,
+        ("marker_set", "practise_fault"),
+        optional=True,
+    ),
+    GuideStep(
+        "Performer",
+        "Leave the view empty, click, then take the three poses of the countdown.",
+        _measuring,
+        "subject",
+        readiness.performer,
+        ("subject_name", "subject_height"),
+    ),
+    GuideStep(
+        "Database",
+        "Choose motion like yours, or the starter database.",
+        _always("use_starter_database"),
+        "database",
+        readiness.motion,
+    ),
+    GuideStep(
+        "Character",
+        "Choose the character to move, or none for a new one.",
+        _always("use_active_armature"),
+        "character",
+        readiness.character,
+        ("armature",),
+    ),
+    GuideStep(
+        "Capture", "All is ready. Stop, or Esc, ends the capture.", _always("start_capture"), "capture", lambda _: _TODO
+    ),
+)
+
+# Cleared with each registration: a check belongs to the session.
+register = forget
+
+
+def unregister() -> None:
+    """Forget the last check."""
+    forget()

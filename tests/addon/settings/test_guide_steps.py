@@ -1,0 +1,131 @@
+"""The guide shows one next step at a time, judged by the settings and by the last check of the pictures."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import pytest
+from clicked import run_job
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.geometry.rig_file import save_rig
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, save_subject
+from perfanim.core.simulate.studio.rig import default_rig
+
+GOOD: dict[str, Any] = {"findings": [], "space": ""}
+DARK = {"findings": [{"fault": "too dark", "text": "the left camera is too dark: expose longer"}], "space": ""}
+BUMPED = {"findings": [{"fault": "camera bumped", "text": "a camera was moved: calibrate again"}], "space": ""}
+
+
+@pytest.fixture
+def guide(addon: object, extension: str) -> Any:
+    return sys.modules[f"{extension}.perfanim_addon.settings.guide_steps"]
+
+
+@pytest.fixture
+def chosen(addon: object) -> Any:
+    return bpy.context.scene.perfanim
+
+
+def title(guide: Any, chosen: Any) -> str:
+    return str(guide.next_step(chosen)[1].title)
+
+
+def calibrate(chosen: Any, path: Path, floor: bool) -> None:
+    rig = default_rig()
+    if floor:
+        rig.metadata["floor"] = "y = 0"
+    save_rig(rig, path)
+    chosen.calibration = str(path)
+
+
+def test_each_step_follows_the_one_that_is_done(guide: Any, chosen: Any, tmp_path: Path) -> None:
+    assert title(guide, chosen) == "Cameras"  # the simulated performer needs none of it
+    chosen.practise = True
+    assert title(guide, chosen) == "Exposure"
+    guide.keep_check(chosen, DARK)
+    assert guide.next_step(chosen)[2].problem == "the left camera is too dark: expose longer"
+    guide.keep_check(chosen, GOOD)
+    assert title(guide, chosen) == "Calibrate"
+    calibrate(chosen, tmp_path / "cameras.toml", floor=False)
+    assert title(guide, chosen) == "Floor"
+    calibrate(chosen, tmp_path / "cameras-on-floor.toml", floor=True)
+    assert title(guide, chosen) == "Markers"  # the last check was made without this calibration
+    guide.keep_check(chosen, BUMPED)
+    assert "a camera was moved" in guide.next_step(chosen)[2].problem
+    guide.keep_check(chosen, {**GOOD, "space": "you may walk 2.1 x 1.6 m"})
+    assert guide.space(chosen) == "you may walk 2.1 x 1.6 m"
+    assert title(guide, chosen) == "Performer"
+    save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), tmp_path / "anna.toml")
+    chosen.subject = str(tmp_path / "anna.toml")
+    assert title(guide, chosen) == "Capture"
+    chosen.database = str(tmp_path / "none.pfdb")
+    assert title(guide, chosen) == "Database"
+    assert "none.pfdb" in guide.next_step(chosen)[2].problem
+    chosen.database = ""
+    chosen.armature = bpy.data.objects.new("Bare", bpy.data.armatures.new("Bare"))
+    assert title(guide, chosen) == "Character"
+
+
+def test_a_check_holds_for_its_pictures_only(guide: Any, chosen: Any) -> None:
+    chosen.source = "CAMERAS"
+    assert title(guide, chosen) == "Exposure"
+    guide.keep_check(chosen, GOOD)
+    assert title(guide, chosen) == "Calibrate"
+    chosen.right_device = 2
+    assert title(guide, chosen) == "Exposure"
+    chosen.left_device = 2
+    assert title(guide, chosen) == "Cameras"
+    assert "chosen twice" in guide.next_step(chosen)[2].problem
+
+
+def test_optional_steps_can_be_skipped_and_no_others(guide: Any, chosen: Any, tmp_path: Path) -> None:
+    skip = bpy.ops.perfanim.skip_step
+    assert not skip.poll()
+    chosen.practise = True
+    skip()
+    assert title(guide, chosen) == "Calibrate"
+    assert not skip.poll()
+    calibrate(chosen, tmp_path / "cameras.toml", floor=False)
+    skip()
+    skip()
+    assert title(guide, chosen) == "Performer"
+    chosen.practise_fault = "DARK"  # other pictures
+    assert title(guide, chosen) == "Exposure"
+
+
+def test_trackers_need_no_camera_steps(guide: Any, chosen: Any) -> None:
+    chosen.source = "VMC"
+    state = guide.readiness.pictures(chosen)
+    assert title(guide, chosen) == ("Performer" if state.ready else "Cameras")
+
+
+def test_every_button_is_an_operator_and_every_setting_exists(guide: Any, chosen: Any) -> None:
+    for source in ("SIMULATED", "CAMERAS", "VIDEOS", "VMC"):
+        chosen.source = source
+        for step in guide.STEPS:
+            name = step.operator(chosen)
+            assert not name or bpy.ops.perfanim.__getattr__(name).get_rna_type().name
+            for setting in step.drawn:
+                assert hasattr(chosen, setting)
+
+
+def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, chosen: Any) -> None:
+    operator = part("operators.guide").PERFANIM_OT_check_setup
+    assert not bpy.ops.perfanim.check_setup.poll()  # nothing is to be checked of known cameras
+    chosen.practise, chosen.practise_fault = True, "BRIGHT"
+    clicked = SimpleNamespace(keep_picture=lambda line: None)
+    assert run_job(part, operator, clicked) == "mend first: too bright"
+    assert "too bright" in guide.next_step(chosen)[2].problem
+    chosen.practise_fault = "NONE"
+    assert run_job(part, operator, clicked) == "no fault was found"
+    assert title(guide, chosen) == "Calibrate"
+
+
+def test_forgetting_begins_with_the_pictures(part: Any, guide: Any, chosen: Any) -> None:
+    chosen.practise = True
+    guide.keep_check(chosen, GOOD)
+    part("settings.guide_steps").forget()
+    assert title(guide, chosen) == "Exposure"

@@ -1,0 +1,52 @@
+"""The check before a capture by the real worker: simulated cameras, with and without a fault or a calibration."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from jobs_played import outcome, played, said
+from perfanim.core.geometry.rig_file import rig_tables
+from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.subjects.setup_check.finding import Fault
+from perfanim.core.vision.common_space import common_space
+from perfanim.core.worker.protocol import Message, MessageKind
+
+SOURCE = {"kind": "simulated", "behaviour": "walking", "height_m": 1.75, "marker_set": "boxing", "loop": True}
+
+
+def checked(**more: Any) -> tuple[list[Message], dict[str, Any]]:
+    messages = played({"job": "check setup", "source": SOURCE, "marker_set": "boxing", "rig": None, **more})
+    return messages, outcome(messages).json()
+
+
+def test_a_healthy_studio_is_checked_with_and_without_a_calibration() -> None:
+    messages, found = checked()
+    assert found == {"findings": [], "space": ""}
+    assert any(text.startswith("hold still: stand upright, arms straight out") for text in said(messages))
+    assert "walk about" in said(messages)
+    assert [m for m in messages if m.kind is MessageKind.PREVIEW]
+    rig = default_rig()
+    rig.metadata["floor"] = "y = 0"
+    messages, found = checked(rig=rig_tables(rig))
+    assert found == {"findings": [], "space": common_space(rig).text}
+    assert found["space"].startswith("you may walk ")
+    *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
+    for picture in np.array_split(shown, 2, axis=1):  # the space lies on the floor, in both pictures
+        outlined = np.abs(picture.astype(int) - (80, 255, 80)).max(axis=2) < 40
+        assert outlined.sum() > 50
+        assert outlined[: len(picture) // 3].sum() == 0
+
+
+@pytest.mark.parametrize("fault", [Fault.DARK, Fault.BUMPED, Fault.REFLECTION])
+def test_a_fault_to_practise_on_is_named(fault: Fault) -> None:
+    messages, found = checked(fault=str(fault))
+    assert {row["fault"] for row in found["findings"]} == {str(fault)}
+    *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
+    ringed = int((abs(shown.astype(int) - (255, 170, 60)).max(axis=2) < 30).sum())
+    assert (ringed > 20) == (fault is Fault.REFLECTION)
+
+
+def test_a_stop_ends_the_check_without_a_result() -> None:
+    request = {"job": "check setup", "source": SOURCE, "marker_set": "boxing", "rig": None}
+    messages = played(request, lambda m: m.kind is MessageKind.PREVIEW)
+    assert not [m for m in messages if m.kind in (MessageKind.RESULT, MessageKind.ERROR)]
