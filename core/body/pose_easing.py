@@ -93,7 +93,7 @@ class PoseEaser:
         return self._shown
 
     def _elsewhere(self, time_s: float, points_m: Array) -> Mask:
-        """Return which markers (M,) are far from where they were lately."""
+        """Return the markers (M,) far from their places of late."""
         frames = np.maximum(1.0, (time_s - self._seen_s) / _FRAME_S)
         lately_m = np.stack([earlier_m for _, earlier_m in self._trail])
         far = np.fmin.reduce(np.linalg.norm(points_m - lately_m, axis=-1)) > _CUT_M * frames
@@ -105,7 +105,10 @@ class PoseEaser:
     def _eased(
         self, frames: float, rotations: Array, in_root_m: Array, held: bool, doubtful: Sequence[int], cut: Mask
     ) -> Array:
-        """Return the rotations (J, 4) after `frames` of 60 a second, joints (J,) after a cut at once."""
+        """Return the rotations (J, 4) after `frames` of 60 a second.
+
+        Joints of a `cut` limb (J,) turn at once.
+        """
         self._turns.append(_turn(self._raw, rotations) / frames)
         turn = _turn(self._shown, rotations)
         angle = np.linalg.norm(turn, axis=-1)

@@ -157,7 +157,7 @@ class Database:
         return found.rotations if found else self.mean_rotations
 
     def own_frames(self, skeleton: Skeleton, name: str = "") -> NDArray[np.bool_]:
-        """Return which frames (F,) show this body, or the person called as a subject here."""
+        """Return the frames (F,) of this body, or of the subject with this name."""
         same = [same_bones(body.offsets_m, skeleton.offsets_m) for body in self.skeletons]
         own = [same[clip.skeleton] or (name != "" and clip.subject == name) for clip in self.clips]
         return np.array(own, dtype=np.bool_)[self.clip_of_frame]
