@@ -6,12 +6,14 @@ import bpy
 
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
+from ..preferences import preferences
+from ..preferences.paths import ADDON
 from ..preferences.property_kinds import property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
 from .drawing import draw_job, draw_text, header_status
-from .steps import draw_source
+from .steps import PERFANIM_PT_camera_controls, draw_source
 
 _SIMULATED_ONLY = ("practise_fault",)
 _CAMERAS_ONLY = ("board_columns", "board_rows", "board_square_mm")
@@ -41,14 +43,17 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
             layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
             return
         _draw_settings(property_column(layout), chosen, step)
+        if step.title == "Exposure" and PERFANIM_PT_camera_controls.poll(context):
+            preferences.draw_camera_controls(property_column(layout), context.preferences.addons[ADDON].preferences)
         problem = "" if state.text == readiness.NOT_CALIBRATED else state.problem  # the step itself says so
         for line in problem.splitlines():
             draw_text(context, layout, line, "ERROR")
         name = step.operator(chosen)
         if name:
             layout.operator(f"perfanim.{name}", icon="PLAY")
-        if step.optional:
-            layout.operator("perfanim.skip_step", icon="FF")
+        passing = step.passing(chosen)
+        if passing:
+            layout.operator("perfanim.skip_step", text=passing, icon="FF")
         draw_job(layout, step.panel)
         text, icon = activity.message(step.panel)
         if icon == "ERROR" or (name != "check_setup" and not problem):  # of a good check nothing more is to be said
