@@ -181,7 +181,7 @@ STEPS = (
         _calibrating,
         "cameras",
         readiness.cameras,
-        ("board_columns", "board_rows", "board_square_mm"),
+        ("board_columns", "board_rows", "board_square_mm", "board_left", "board_right"),
     ),
     GuideStep(
         "Floor",
@@ -229,9 +229,4 @@ STEPS = (
 )
 
 # Cleared with each registration: a check belongs to the session.
-register = forget
-
-
-def unregister() -> None:
-    """Forget the last check."""
-    forget()
+register = unregister = forget
