@@ -91,9 +91,9 @@ class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        return (
-            "" if guide_steps.next_step(settings(context))[1].optional else "A capture cannot start without this step"
-        )
+        chosen = settings(context)
+        passing = guide_steps.next_step(chosen)[1].passing(chosen)
+        return "" if passing else "A capture cannot start without this step"
 
     def run(self, context: bpy.types.Context) -> str:
         guide_steps.skip(settings(context))

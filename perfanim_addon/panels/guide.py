@@ -6,15 +6,16 @@ import bpy
 
 from ..capture.live_capture import LiveCapture
 from ..jobs import activity
-from ..preferences.property_kinds import property_column
+from ..preferences import preferences
+from ..preferences.paths import ADDON
+from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
 from .drawing import draw_job, draw_text, header_status
-from .steps import draw_source
+from .steps import PERFANIM_PT_camera_controls, draw_source
 
-_SIMULATED_ONLY = ("practise_fault",)
-_CAMERAS_ONLY = ("board_columns", "board_rows", "board_square_mm")
+_BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_left", "board_right")
 
 
 class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
@@ -41,14 +42,17 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
             layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
             return
         _draw_settings(property_column(layout), chosen, step)
+        if step.title == "Exposure" and PERFANIM_PT_camera_controls.poll(context):
+            preferences.draw_camera_controls(property_column(layout), context.preferences.addons[ADDON].preferences)
         problem = "" if state.text == readiness.NOT_CALIBRATED else state.problem  # the step itself says so
         for line in problem.splitlines():
             draw_text(context, layout, line, "ERROR")
         name = step.operator(chosen)
         if name:
             layout.operator(f"perfanim.{name}", icon="PLAY")
-        if step.optional:
-            layout.operator("perfanim.skip_step", icon="FF")
+        passing = step.passing(chosen)
+        if passing:
+            layout.operator("perfanim.skip_step", text=passing, icon="FF")
         draw_job(layout, step.panel)
         text, icon = activity.message(step.panel)
         if icon == "ERROR" or (name != "check_setup" and not problem):  # of a good check nothing more is to be said
@@ -60,10 +64,7 @@ def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.Gu
     """Draw the step's settings that matter to the source."""
     if step is guide_steps.STEPS[0]:
         draw_source(layout, chosen)
-    for name in step.drawn:
-        simulated = chosen.source == "SIMULATED"
-        if (name in _SIMULATED_ONLY and not simulated) or (name in _CAMERAS_ONLY and simulated):
-            continue
-        if name == "subject_height" and not readiness.is_one_camera(chosen):
-            continue
-        layout.prop(chosen, name)
+    is_simulated, button = chosen.source == "SIMULATED", step.operator(chosen)
+    hidden = {"practise_fault": not is_simulated, "subject_height": button != "average_performer"}
+    hidden |= dict.fromkeys(_BOARD, is_simulated) | dict.fromkeys(_FOLDERS, button != "calibrate_cameras")
+    draw_props(layout, chosen, *(name for name in step.drawn if not hidden.get(name)))

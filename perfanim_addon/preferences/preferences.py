@@ -105,12 +105,12 @@ def draw_camera_controls(layout: bpy.types.UILayout, preferences: PERFANIM_AP_pr
     """Draw exposure, gain and focus of both cameras."""
     for title, controls in (("Left Camera", preferences.left_camera), ("Right Camera", preferences.right_camera)):
         column = _section(layout, title)
-        for name in ("exposure", "gain", "focus"):
-            row = column.row()
+        for name, heading in (("exposure", "Exposure (ms)"), ("gain", "Gain"), ("focus", "Focus")):
+            row = column.row(heading=heading)
+            row.prop(controls, f"{name}_auto", text="Auto")
             value = row.row()
             value.enabled = not getattr(controls, f"{name}_auto")
-            value.prop(controls, "exposure_ms" if name == "exposure" else name)
-            row.prop(controls, f"{name}_auto", text="Auto")
+            value.prop(controls, "exposure_ms" if name == "exposure" else name, text="")
 
 
 def camera_controls(context: bpy.types.Context) -> list[dict[str, float | None]]:

@@ -37,7 +37,7 @@ class GuideStep:
         operator: name of the button's operator, for settings.
         panel: key of the panel that shows the operator's progress and result.
         drawn: settings above the button.
-        optional: whether a capture can start without it.
+        passing: label of the button that goes on without it, for settings; "" where a capture needs it.
     """
 
     title: str
@@ -46,7 +46,7 @@ class GuideStep:
     panel: str
     state: Callable[[Any], StepStatus]
     drawn: tuple[str, ...] = ()
-    optional: bool = False
+    passing: Callable[[Any], str] = lambda settings: ""
 
 
 @dataclass
@@ -103,7 +103,12 @@ def _setup(settings: Any) -> tuple[Any, ...]:
 
 
 def _source(settings: Any) -> StepStatus:
-    return _TODO if readiness.is_known(settings) else readiness.pictures(settings)
+    state = readiness.pictures(settings)
+    if not state.ready:
+        return state
+    # device numbers are a guess until somebody has seen the pictures
+    unseen = settings.source == "CAMERAS" and not settings.calibration and _seen.pictures != _pictures(settings)
+    return _TODO if unseen or readiness.is_known(settings) else state
 
 
 def _exposure(settings: Any) -> StepStatus:
@@ -145,6 +150,13 @@ def _measuring(settings: Any) -> str:
     return "calibrate_performer" if measured else "average_performer"
 
 
+def _keeping(settings: Any) -> str:
+    usable = settings.source == "CAMERAS" and readiness.pictures(settings).ready
+    return "Use These Cameras" if usable else ""
+
+
+_SKIP = _always("Skip This Step")
+
 STEPS = (
     GuideStep(
         "Cameras",
@@ -152,6 +164,7 @@ STEPS = (
         lambda settings: "show_cameras" if settings.source == "CAMERAS" else "",
         "guide",
         _source,
+        passing=_keeping,
     ),
     GuideStep(
         "Exposure",
@@ -160,7 +173,7 @@ STEPS = (
         "guide",
         _exposure,
         ("practise_fault",),
-        optional=True,
+        passing=_SKIP,
     ),
     GuideStep(
         "Calibrate",
@@ -168,7 +181,7 @@ STEPS = (
         _calibrating,
         "cameras",
         readiness.cameras,
-        ("board_columns", "board_rows", "board_square_mm"),
+        ("board_columns", "board_rows", "board_square_mm", "board_left", "board_right"),
     ),
     GuideStep(
         "Floor",
@@ -176,7 +189,7 @@ STEPS = (
         _always("set_floor"),
         "cameras",
         _floor,
-        optional=True,
+        passing=_SKIP,
     ),
     GuideStep(
         "Markers",
@@ -185,7 +198,7 @@ STEPS = (
         "guide",
         _worn,
         ("marker_set", "practise_fault"),
-        optional=True,
+        passing=_SKIP,
     ),
     GuideStep(
         "Performer",
@@ -216,9 +229,4 @@ STEPS = (
 )
 
 # Cleared with each registration: a check belongs to the session.
-register = forget
-
-
-def unregister() -> None:
-    """Forget the last check."""
-    forget()
+register = unregister = forget
