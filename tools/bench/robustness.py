@@ -29,7 +29,7 @@ from .report import write_figures
 from .walk_outs import walk_outs
 from .worst_frames import WorstFrames, write_pictures
 
-# database and settings for the name of a take, both without its person
+# the database's file and the settings for the name of a take, neither of which has seen its person
 SolvedBy = Callable[[str], tuple[Path, SolveSettings]]
 
 
@@ -101,12 +101,7 @@ def robustness(
     sizes, worst = sizes or QUICK, WorstFrames([], [])
     whole = whole_database(data, out, (CMU,), workers, progress)
     takes = development_takes(data, sizes.takes)
-    subjects = sorted(set(map(subject_of, takes)))
-    databases = {subject: without_subject(whole, out / "databases", subject) for subject in subjects}
-
-    def solved_by(take: str) -> tuple[Path, SolveSettings]:
-        return databases[subject_of(take)].path, default_settings(out, subject_of(take))
-
+    solved_by = _solved_without(takes, whole, out)
     tables: dict[str, list[dict[str, Any]]] = {}
     curves: dict[str, Curves] = {}
     with Processes(workers, out) as processes:
@@ -122,10 +117,8 @@ def robustness(
     if "more-data" in parts:
         progress(0.9, "more subjects in the database")
         few = list(takes)[:: -(-len(takes) // TAKES)]
-        tables["more-data"] = [
-            more_data_row(name, takes[name], whole, default_settings(out, subject_of(name)), out / "databases")
-            for name in few
-        ]
+        folder = out / "databases"
+        tables["more-data"] = [more_data_row(name, takes[name], whole, solved_by(name)[1], folder) for name in few]
     if "in-doubt" in parts:
         progress(0.93, "time of frames in doubt")
         tables["in-doubt"] = frame_times(takes, mirrored_database(data, out, workers), sizes.timed_cuts)
@@ -142,6 +135,15 @@ def robustness(
     figures = {"rows": rows} | {key.replace("-", "_"): table for key, table in tables.items() if key != "in-doubt"}
     filled = {"": rows} | {key: table for key, table in tables.items() if table}
     return write_figures(out, name, figures | {"sizes": vars(sizes), "seed": seed}, filled, plots)
+
+
+def _solved_without(takes: Collection[str], whole: Database, out: Path) -> SolvedBy:
+    """Return what takes are solved by: databases are built first, as several processes read them."""
+    found = {
+        subject: (without_subject(whole, out / "databases", subject).path, default_settings(out, subject))
+        for subject in sorted(set(map(subject_of, takes)))
+    }
+    return lambda take: found[subject_of(take)]
 
 
 def _drawn_cuts(takes: Mapping[str, Motion], sizes: Sizes, generator: np.random.Generator) -> Iterable[Cut]:
