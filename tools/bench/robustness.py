@@ -10,7 +10,7 @@ import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import DOUBTFUL
 from perfanim.core.database.labels import subject_of
-from perfanim.core.database.store import open_database
+from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import Array, Mask
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import Progress
@@ -138,7 +138,10 @@ def robustness(
 
 
 def _solved_without(takes: Collection[str], whole: Database, out: Path) -> SolvedBy:
-    """Return what takes are solved by: databases are built first, as several processes read them."""
+    """Return the database and the settings by take, without its person.
+
+    Databases are built here, as several processes read them.
+    """
     found = {
         subject: (without_subject(whole, out / "databases", subject).path, default_settings(out, subject))
         for subject in sorted(set(map(subject_of, takes)))
