@@ -84,9 +84,8 @@ def robustness(
 ) -> dict[str, Any]:
     """Solve disturbed takes by unseen subjects and list the worst frames.
 
-    On development takes. Without sizes these are `QUICK`. The settings are the defaults, with a prior beside the
-    databases that has not seen the person (`make bench-priors`), else without. A part has the same figures whether
-    others are run or not.
+    On development takes, by the default settings with a prior beside the databases that has not seen the person, if any
+    (`make bench-priors`). Sizes are `QUICK` unless given. Parts have the same figures whether others are run or not.
 
     Args:
         parts: of `PARTS`.
@@ -124,8 +123,7 @@ def robustness(
         tables["in-doubt"] = frame_times(takes, mirrored_database(data, out, workers), sizes.timed_cuts)
     if "films" in parts:
         films = list(play_films(data, whole, out, sizes.films, lambda f, text: progress(0.95, text)))
-        tables["films"] = [row for row, _ in films]
-        tables["film-episodes"] = [episode for _, listed in films for episode in listed]
+        tables |= {"films": [row for row, _ in films], "film-episodes": [each for _, listed in films for each in listed]}
     rows = [row for key, summary in _SUMMARIES.items() if key in tables for row in summary(tables[key])]
     plots = _take_picture(out, curves) if curves else []
     plots += _cut_picture(out, tables["cuts"]) if "cuts" in parts else []
