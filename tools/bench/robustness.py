@@ -123,7 +123,7 @@ def robustness(
         tables["in-doubt"] = frame_times(takes, mirrored_database(data, out, workers), sizes.timed_cuts)
     if "films" in parts:
         films = list(play_films(data, whole, out, sizes.films, lambda f, text: progress(0.95, text)))
-        tables |= {"films": [row for row, _ in films], "film-episodes": [each for _, listed in films for each in listed]}
+        tables |= {"films": [row for row, _ in films], "film-episodes": [row for _, listed in films for row in listed]}
     rows = [row for key, summary in _SUMMARIES.items() if key in tables for row in summary(tables[key])]
     plots = _take_picture(out, curves) if curves else []
     plots += _cut_picture(out, tables["cuts"]) if "cuts" in parts else []
