@@ -15,8 +15,8 @@ FUNCTION_LINES = 60
 CLASS_LINES = 200
 # core/ and perfanim_addon/ together: 45,000 for what the package could do when it was rebuilt, the rest for what came
 # later (offline solving in both directions, noise estimation, the prior in use, sketches and
-# their panel: 4,000 and a package).
-TOTAL_LINES = 51_000
+# their panel: 4,000 and a package; refusals of inputs that fuzzers found: 50).
+TOTAL_LINES = 51_050
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
 ALLOWED: dict[str, str] = {}
