@@ -15,9 +15,9 @@ FUNCTION_LINES = 60
 CLASS_LINES = 200
 # core/ and perfanim_addon/ together: 45,000 for what the package could do when it was rebuilt, the rest for what came
 # later (offline solving in both directions, noise estimation, the prior in use, sketches and
-# their panel: 4,000 and a package; the guide for cameras, with its check of the pictures, and
-# recordings of one's own that count before those of others: 800).
-TOTAL_LINES = 51_800
+# their panel: 4,000 and a package; the guide for cameras, with its check of the pictures, recordings of one's own that
+# count before those of others, and refusals of inputs that fuzzers found: 850).
+TOTAL_LINES = 51_850
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
 ALLOWED: dict[str, str] = {}

@@ -65,8 +65,8 @@ class _BuildingOperator(JobOperator):
     mirror: switch("Mirrored Copies", "Add every clip with left and right swapped")
     cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
 
-    def options(self, context: bpy.types.Context, name: str) -> list[str]:
-        """Return the command's options for a database of this name."""
+    def build_options(self, context: bpy.types.Context, name: str) -> list[str]:
+        """Return the command's options; the name `options` is Blender's own."""
         self._target = str(user_folder("databases") / f"{name or 'motion'}{DATABASE_SUFFIX}")
         chosen = ["--mirror"] * self.mirror + ["--cull"] * self.cull
         workers = preferences.workers(context)
@@ -101,7 +101,7 @@ class PERFANIM_OT_build_database(_BuildingOperator, bpy.types.Operator, ImportHe
             if not source or not Path(source).exists():
                 raise DatabaseError("not found", where=source or "import", advice="choose motion files or a folder")
         folder = Path(sources[0]) if len(sources) == 1 else Path(self.directory)
-        return ["database", "build", *sources, *self.options(context, folder.stem)]
+        return ["database", "build", *sources, *self.build_options(context, folder.stem)]
 
 
 class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operator):
@@ -139,7 +139,7 @@ class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operat
         name = known.name if known else file_name(address).partition(".")[0]
         only = ["--include", self.only.strip()] if self.only.strip() else []
         source = known.name if known else address
-        return ["database", "get", source, "--to", str(_folder()), *only, *self.options(context, name)]
+        return ["database", "get", source, "--to", str(_folder()), *only, *self.build_options(context, name)]
 
 
 def _folder() -> Path:

@@ -157,8 +157,10 @@ class PERFANIM_OT_use_profile(UndoOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> str | None:
         targets = context.scene.perfanim_targets.entries
+        if self.target >= len(targets):
+            raise SubjectError("the target is gone", advice="choose one in the list")
         if self.target >= 0:
-            targets[min(self.target, len(targets) - 1)].subject = self.profile
+            targets[self.target].subject = self.profile
             return None
         settings(context).subject = self.profile
         return ""

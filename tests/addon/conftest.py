@@ -10,29 +10,15 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-MODULE = "bl_ext.user_default.perfanim"
-
 bpy = pytest.importorskip("bpy", reason="needs the bpy wheel")
 
 
 @pytest.fixture(scope="session")
 def extension(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Name of the extension, found by Blender in a user folder made for the tests, switched off."""
-    import addon_utils
+    from extension_folder import use_user_folder
 
-    user = tmp_path_factory.mktemp("blender")
-    folder = user / "extensions" / "user_default"
-    folder.mkdir(parents=True)
-    (folder / "perfanim").symlink_to(ROOT, target_is_directory=True)
-    for variable in ("BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS"):
-        os.environ[variable] = str(user if variable.endswith("RESOURCES") else user / "extensions")
-    repos = bpy.context.preferences.extensions.repos
-    for repo in list(repos):
-        repos.remove(repo)
-    repos.new(name="User Default", module="user_default", custom_directory=str(folder))
-    addon_utils.extensions_refresh(ensure_wheels=False)
-    return MODULE
+    return use_user_folder(tmp_path_factory.mktemp("blender"))
 
 
 @pytest.fixture

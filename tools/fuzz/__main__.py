@@ -17,7 +17,9 @@ def main() -> int:
     """Run; the exit status is 1 when there were faults."""
     parser = argparse.ArgumentParser(prog="fuzz", description="Throw damaged inputs at all doors of the project.")
     parser.add_argument("--seconds", type=float, default=60.0, help="how long (default 60)")
-    parser.add_argument("--inputs", type=int, default=1 << 40, help="inputs of each door (default: as the time allows)")
+    parser.add_argument(
+        "--inputs", type=int, default=1 << 40, help="inputs of a door with a whole share (default: as the time allows)"
+    )
     parser.add_argument(
         "--seed", type=int, default=1, help="of the changes (default 1); the same gives the same inputs"
     )
@@ -29,10 +31,11 @@ def main() -> int:
         rows = {door.name: Row(door.name) for door in doors}
         until_s, start = time.monotonic() + options.seconds, 0
         while time.monotonic() < until_s and start < options.inputs:
-            numbers = range(start, min(start + _ROUND, options.inputs))
+            stop = min(start + _ROUND, options.inputs)
             for door in doors:
+                numbers = range(round(door.share * start), round(door.share * stop))
                 rows[door.name].join(run_door(door, options.seed, numbers, until_s))
-            start = numbers.stop
+            start = stop
         sys.stdout.write(table(list(rows.values())))
         for door in doors:
             for number, (fault, inputs) in enumerate(rows[door.name].faults.items()):

@@ -50,6 +50,7 @@ class Door:
         read: what the project does with an input.
         slack_bytes: memory that it may take beside four times the input's bytes.
         longest_s: of the processor's time, that an input of any kind may take.
+        share: of the inputs that each door gets; less where one takes long.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Door:
     read: Callable[[bytes], None]
     slack_bytes: int = 64 << 20
     longest_s: float = 2.0
+    share: float = 1.0
 
 
 def all_doors(folder: Path) -> list[Door]:
@@ -109,9 +111,13 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         ("plan", "plan*.toml", ".toml", change_toml, lambda path: read_plan(path, {})),
     )
     return [
-        Door(name, samples.files(pattern, ending), change, _reader(read, folder / f"input{ending}"))
+        Door(name, samples.files(pattern, ending), change, _reader(read, folder / f"input{ending}"), share=_share(name))
         for name, pattern, ending, change, read in rows
     ]
+
+
+def _share(name: str) -> float:
+    return 0.25 if name == "archive" else 1.0
 
 
 def _reader(read: Reader, path: Path) -> Callable[[bytes], None]:
@@ -147,7 +153,7 @@ def _stream_doors(samples: Samples) -> list[Door]:
     return [
         Door("VMC packets", samples.packets(), change_packet, read_packets),
         Door("worker messages", samples.messages(), change_bytes, read_messages),
-        Door("marker frames", samples.stamped_frames(), change_bytes, lambda data: _step(samples, data)),
+        Door("marker frames", samples.stamped_frames(), change_bytes, lambda data: _step(samples, data), share=0.25),
         Door("poses", samples.poses(), change_bytes, lambda data: _ignore(unpack_solved(data))),
     ]
 
@@ -184,7 +190,7 @@ def _description_door() -> Door:
             open_source(spec).close()
 
     # the simulated performer moves for up to 83 minutes before cameras that see a furnished room
-    return Door("image sources", corpus, change_json, read, 2 << 30, 15.0)
+    return Door("image sources", corpus, change_json, read, 2 << 30, 15.0, share=0.05)
 
 
 def _is_json(data: bytes) -> bool:
@@ -222,4 +228,4 @@ def _command_door(folder: Path) -> Door:
             Path("FILE").write_bytes(b"damaged")
             command_line(words)
 
-    return Door("command line", tuple(line.encode() for line in lines), change, read)
+    return Door("command line", tuple(line.encode() for line in lines), change, read, share=0.5)

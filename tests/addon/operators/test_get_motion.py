@@ -17,7 +17,7 @@ def asked(part: Any, **chosen: Any) -> tuple[Any, SimpleNamespace]:
     dialog = SimpleNamespace(
         **({"collection": "ADDRESS", "address": "", "only": "", "mirror": False, "cull": False} | chosen)
     )
-    dialog.options = lambda context, name: operator.options(dialog, context, name)
+    dialog.build_options = lambda context, name: operator.build_options(dialog, context, name)
     return operator, dialog
 
 

@@ -1,0 +1,36 @@
+"""Blender's own properties of an operator hide methods of the same name."""
+
+from typing import Any
+
+import bpy
+import pytest
+
+
+def test_no_method_has_the_name_of_a_property_of_blender(part: Any) -> None:
+    """`self.options` is Blender's, whatever the class defines: Import Motion failed at the click."""
+    owned = {each.identifier for each in bpy.types.Operator.bl_rna.properties}
+    assert "options" in owned
+    waiting, seen = [part("operators.common").CheckedOperator], set()
+    while waiting:
+        cls = waiting.pop()
+        seen.add(cls.__name__)
+        waiting += cls.__subclasses__()
+        assert not {name for name, value in vars(cls).items() if callable(value)} & owned, cls
+    assert "PERFANIM_OT_build_database" in seen
+
+
+def test_a_profile_for_a_target_that_is_gone_is_refused(part: Any) -> None:
+    assert bpy.ops.perfanim.average_performer("EXEC_DEFAULT") == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="the target is gone; choose one in the list"):
+        bpy.ops.perfanim.use_profile("EXEC_DEFAULT", target=0)
+    bpy.ops.perfanim.add_target("EXEC_DEFAULT")
+    assert bpy.ops.perfanim.use_profile("EXEC_DEFAULT", target=0) == {"FINISHED"}
+    assert bpy.context.scene.perfanim_targets.entries[0].subject.endswith(".toml")
+
+
+def test_motion_is_imported_at_a_click(part: Any, tmp_path: Any) -> None:
+    (tmp_path / "walk.bvh").write_bytes(b"")
+    ended = bpy.ops.perfanim.build_database("EXEC_DEFAULT", filepath=str(tmp_path / "walk.bvh"))
+    assert ended == {"RUNNING_MODAL"}
+    assert part("jobs.activity").current().title == "Importing motion"
+    bpy.ops.perfanim.cancel_job("EXEC_DEFAULT")

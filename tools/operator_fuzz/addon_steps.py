@@ -1,0 +1,169 @@
+"""Steps on the add-on: its buttons, its settings, its timers, itself off and on."""
+
+import random
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import addon_utils
+import bpy
+
+from .values import arguments_for, set_one
+
+ADDON = "bl_ext.user_default.perfanim"
+# those that start a worker process, which takes a second each
+_WORKERS = {
+    *("average_performer", "bake_sketch", "build_database", "calibrate_board", "calibrate_cameras"),
+    *("calibrate_performer", "calibrate_subject", "import_takes", "live_sketch", "measure_target", "record_t_pose"),
+    *("recover_take", "run_batch", "save_board", "self_test", "set_floor", "set_floor_markers", "solve_sketch"),
+    *("solve_take", "start_capture"),
+}
+_NEVER = {"get_motion"}  # it asks a server
+_SCENE_GROUPS = ("perfanim", "perfanim_targets", "perfanim_result", "perfanim_sending", "perfanim_receiving")
+_TICK_S = 0.02
+
+
+def part(name: str) -> Any:
+    """Return a module of the add-on, None while it is off."""
+    return sys.modules.get(f"{ADDON}.perfanim_addon.{name}") if is_on() else None
+
+
+def is_on() -> bool:
+    """Return whether the add-on is on."""
+    return ADDON in bpy.context.preferences.addons and hasattr(bpy.types.Scene, "perfanim")
+
+
+def samples(folder: Path) -> list[str]:
+    """Return paths that a user could choose."""
+    return [str(path) for path in sorted((folder / "samples").iterdir())] + [str(folder / "chosen")]
+
+
+def click(chance: random.Random, folder: Path, among: Callable[[str], bool]) -> str:
+    """Call an operator as a button does; return its name and how it ended.
+
+    Raises:
+        AssertionError: it raised what no button reports.
+    """
+    if not is_on():
+        return "off"
+    names = [name for name in dir(bpy.ops.perfanim) if name not in _NEVER and among(name)]
+    name = chance.choice(names)
+    operator = getattr(bpy.ops.perfanim, name)
+    arguments = arguments_for(chance, operator, samples(folder))
+    takes = part("take_library").listed()
+    if takes and "path" in arguments and chance.random() < 0.8:
+        arguments["path"] = str(chance.choice(takes).path)
+    try:
+        ended = operator("EXEC_DEFAULT", **arguments)
+    except (RuntimeError, TypeError) as error:  # refused, reported, or a choice that is not there
+        if "Traceback" in str(error):
+            raise AssertionError(f"{name}({arguments}): {error}") from error
+        ended = {"refused"}
+    return f"{name}({arguments}): {', '.join(ended)}"
+
+
+def click_quick(chance: random.Random, folder: Path) -> str:
+    """Click on a button that acts at once."""
+    return click(chance, folder, lambda name: name not in _WORKERS)
+
+
+def click_work(chance: random.Random, folder: Path) -> str:
+    """Click on a button that starts a worker."""
+    return click(chance, folder, lambda name: name in _WORKERS)
+
+
+def change_setting(chance: random.Random, folder: Path) -> str:
+    """Change a setting of scene, targets, character or preferences."""
+    if not is_on():
+        return "off"
+    scene = bpy.context.scene
+    groups = [getattr(scene, name) for name in _SCENE_GROUPS if hasattr(scene, name)]
+    groups += scene.perfanim_targets.entries
+    groups += [obj.perfanim_sketch for obj in bpy.data.objects if obj.type == "ARMATURE"]
+    if chance.random() < 0.15:
+        groups = [bpy.context.preferences.addons[ADDON].preferences]
+    return set_one(chance, chance.choice(groups), samples(folder))
+
+
+def choose_character(chance: random.Random, folder: Path) -> None:
+    """Choose an armature under Character, or none."""
+    armatures = [obj for obj in bpy.data.objects if obj.type == "ARMATURE"]
+    if is_on():
+        bpy.context.scene.perfanim.armature = chance.choice([None, *armatures])
+
+
+def tick(chance: random.Random, folder: Path) -> None:
+    """Give running work some events of its timer: without a window none come."""
+    if not is_on():
+        return
+    for _ in range(chance.choice((1, 5, 25))):
+        running, live = part("jobs.activity").current(), part("sketch.live_sketch")
+        if running is None and live.current() is None:
+            return
+        if live.current() is not None:
+            live._tick()
+        if running is not None:
+            _modal(running)
+        time.sleep(_TICK_S)
+
+
+def _modal(running: Any) -> None:
+    """Give a timer's event to the operator of the running capture or job."""
+    if hasattr(running, "recordings"):
+        operator = part("operators.capture").PERFANIM_OT_start_capture
+        own = {"_capture": running, "_shown_at": 0.0, "_status": ""}
+    else:  # what only the started operator knows of its result, a window shows
+        operator, own = part("operators.jobs").JobOperator, {"_job": running, "panel": running.panel}
+    _StandIn(operator, own).modal(bpy.context, SimpleNamespace(type="TIMER", value="NOTHING"))
+
+
+class _StandIn:
+    """Stand for an operator: Python can neither make nor reach one."""
+
+    def __init__(self, operator: Any, own: dict[str, Any]) -> None:
+        self.__dict__.update(own, _operator=operator)
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._operator, name)
+        return partial(found, self) if callable(found) and not hasattr(found, "__self__") else found
+
+    def report(self, kinds: set[str], text: str) -> None:
+        """Take a report."""
+
+
+def switch(chance: random.Random, folder: Path) -> None:
+    """Switch the add-on off, mostly to be on again at once."""
+    if is_on():
+        addon_utils.disable(ADDON, default_set=True)
+        if chance.random() < 0.3:
+            return
+    addon_utils.enable(ADDON, default_set=True)
+
+
+def harm_takes(chance: random.Random, folder: Path) -> None:
+    """Delete or cut a take behind the add-on's back."""
+    if not is_on():
+        return
+    takes = sorted(part("take_library").folder().glob("*.perftake"))
+    if takes:
+        path = chance.choice(takes)
+        if chance.random() < 0.5:
+            path.unlink()
+        else:
+            path.write_bytes(path.read_bytes()[: chance.randrange(2000)])
+
+
+# step -> how often it comes, by the others
+ADDON_STEPS = {
+    click_quick: 40,
+    click_work: 2,
+    change_setting: 24,
+    choose_character: 6,
+    tick: 6,
+    switch: 2,
+    harm_takes: 1,
+}

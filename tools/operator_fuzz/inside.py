@@ -1,0 +1,91 @@
+"""`python -m operator_fuzz.inside`: runs sequences in this process.
+
+Writes a line of JSON for each sequence into a file, and the steps of the present one, so that a crash has its steps.
+"""
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import time
+import traceback
+from pathlib import Path
+from typing import Any, TextIO
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
+
+from extension_folder import use_user_folder
+from remains import remains
+
+from .sequence import begin, end, left_over, steps_of, take_step
+
+_WORDS = ("Traceback", "Exception ignored", "ResourceWarning")
+
+
+def main() -> None:
+    """Run the sequences."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seed", type=int)
+    parser.add_argument("--first", type=int)
+    parser.add_argument("--stop", type=int)
+    parser.add_argument("--until", type=float, help="of time.time")
+    parser.add_argument("--folder", type=Path)
+    options = parser.parse_args()
+    folder = options.folder
+    (folder / "tmp").mkdir()
+    os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "tmp")
+    use_user_folder(folder / "user")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with (folder / "said").open("w+b") as said, (folder / "results").open("w") as results:
+        for number in (1, 2):
+            os.dup2(said.fileno(), number)
+        begin(folder)
+        end()
+        before = remains()
+        for number in range(options.first, options.stop):
+            if time.time() > options.until:
+                break
+            results.write(json.dumps({"number": number, **_run(options.seed, number, before, folder)}) + "\n")
+            results.flush()
+
+
+def _run(seed: int, number: int, before: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Run one sequence; return its steps, and its faults."""
+    said = (folder / "said").stat().st_size
+    faults, lines = [], []
+    with (folder / "steps").open("w") as journal:
+        try:
+            begin(folder)
+            chance, steps = steps_of(seed, number)
+            for step in steps:
+                _note(journal, step.__name__)
+                lines.append(take_step(step, chance, folder))
+                _note(journal, lines[-1])
+            _note(journal, "end")
+            end()
+        except Exception:  # each is a fault
+            faults.append(traceback.format_exc()[-1500:])
+            end()
+    with (folder / "said").open(errors="replace") as file:
+        file.seek(said)
+        text = file.read()
+    faults += errors_in(text)
+    faults += left_over(before, folder)
+    return {"faults": faults, "steps": lines if faults else len(lines)}
+
+
+def errors_in(text: str) -> list[str]:
+    """Return printed errors of Python."""
+    return [text[max(text.find(word) - 200, 0) :][:1500] for word in _WORDS if word in text]
+
+
+def _note(journal: TextIO, line: str) -> None:
+    journal.write(line + "\n")
+    journal.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""One sequence of random steps, and the remains after it."""
+
+import random
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import addon_utils
+import bpy
+from remains import children, remains
+
+from .addon_steps import ADDON, ADDON_STEPS, is_on, part
+from .scene_steps import SCENE_STEPS
+
+_TESTS = Path(__file__).resolve().parents[2] / "tests"
+_STEPS = {**SCENE_STEPS, **ADDON_STEPS}
+_MOST_STEPS = 14
+_ENDING_S = 5.0  # in which processes and threads that were ended are gone
+
+
+def begin(folder: Path) -> None:
+    """Begin with an empty scene, fresh settings, and the same files and takes."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    addon_utils.enable(ADDON, default_set=True)
+    takes = part("take_library").folder()
+    for each in (folder / "samples", folder / "chosen", takes):
+        shutil.rmtree(each, ignore_errors=True)
+        each.mkdir(parents=True)
+    _fill(folder / "samples")
+    for name in ("one.perftake", "two-and-sword.perftake", "damaged.perftake"):
+        shutil.copy(folder / "samples" / name, takes)
+    part("take_library").forget()
+    bpy.ops.ed.undo_push(message="begin")  # without a window the first one makes undo work
+
+
+def _fill(samples: Path) -> None:
+    """Copy small files of all kinds, good and damaged: the steps choose from them."""
+    for pattern in ("compatibility/files/*", "fuzz/corpus/*"):
+        for path in _TESTS.glob(pattern):
+            shutil.copy(path, samples)
+    (samples / "damaged.perftake").write_bytes((samples / "one.perftake").read_bytes()[:3000])
+    (samples / "damaged.toml").write_text("kind = [[[")
+
+
+def steps_of(seed: int, number: int) -> tuple[random.Random, list[Callable[..., Any]]]:
+    """Return the steps of a sequence, and the source of their choices."""
+    chance = random.Random(f"{seed}/{number}")  # noqa: S311 - repeatable, no secret
+    count = chance.randint(3, _MOST_STEPS)
+    return chance, chance.choices(list(_STEPS), list(_STEPS.values()), k=count)
+
+
+def take_step(step: Callable[..., Any], chance: random.Random, folder: Path) -> str:
+    """Take one step and return a line about it.
+
+    Raises:
+        Exception: what no user should meet.
+    """
+    try:
+        line = step(chance, folder)
+    except RuntimeError as error:  # Blender's own operators refuse in a wrong mode
+        if "Traceback" in str(error):
+            raise
+        line = str(error).strip()
+    return f"{step.__name__} {line or ''}".strip()
+
+
+def end() -> None:
+    """End as another file and the add-on's switch do."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    if is_on():
+        addon_utils.disable(ADDON, default_set=True)
+
+
+def left_over(before: dict[str, Any], folder: Path) -> list[str]:
+    """Return things of the add-on that came with a sequence and stayed."""
+    limit_s = time.monotonic() + _ENDING_S
+    while children() and time.monotonic() < limit_s:
+        time.sleep(0.02)
+    after = remains()
+    found = [
+        f"{key}: {after.get(key)} after, {before.get(key)} before"
+        for key in {*before, *after}
+        if after.get(key) != before.get(key)
+    ]
+    temporary = [*folder.glob("user/**/.*.*"), *folder.glob("tmp/*"), *folder.glob("chosen/.*")]
+    return found + [f"file: {path}" for path in temporary if not path.is_symlink()]
