@@ -3,7 +3,7 @@
 A marker that comes back, or a better explanation of the same markers, moves a joint faster than a body can. Such a
 joint goes to its new place at a limited rate. It may be faster in a movement that has gathered speed over several
 frames and carries markers along: a punch is shown as it was solved. Where the markers themselves are elsewhere at once
-there is nothing to ease: most of them, that is another person, or the same one after a gap; several, a limb of them.
+there is nothing to ease: that is another person, or the same one after a gap.
 """
 
 from collections import deque
@@ -25,7 +25,8 @@ _FASTEST_M = 0.15  # and no marker of a body goes further in a frame
 _FADING = 0.8  # share of the last way of a marker that is hidden
 _PAUSE_S = 0.25  # after so long without a pose it starts over
 _CUT_M = 0.15  # from one frame to the next no marker moves so far from where it was lately:
-_CUT_MARKERS, _CUT_SHARE = 2, 0.6  # as most have, it is a cut; as several have, one of their limbs
+_CUT_MARKERS, _CUT_SHARE = 2, 0.2  # as several have, it is a cut,
+_CUT_SHARE_FOUND = 0.6  # as most have where labels were found: ghosts may be among them
 _EXCHANGED_M = 0.05  # in the same time, from the earlier place of another with its label
 
 
@@ -71,51 +72,40 @@ class PoseEaser:
         """
         frames = (time_s - self._time_s) / _FRAME_S
         in_root_m = (points_m - root_position_m) @ rot.to_matrix(rotations[0])
-        seen = np.isfinite(points_m[:, 0])
-        is_paused = not 0.0 < frames < _PAUSE_S / _FRAME_S
-        elsewhere = seen if is_paused else self._elsewhere(time_s, points_m)
-        several = elsewhere.sum() >= _CUT_MARKERS
-        if is_paused or (several and elsewhere.sum() >= _CUT_SHARE * seen.sum()):
+        share = _CUT_SHARE if labels_known else _CUT_SHARE_FOUND
+        if not 0.0 < frames < _PAUSE_S / _FRAME_S or self._is_cut(time_s, points_m, share):
             self._ways_m = np.zeros(len(points_m))
             self._seen_s = np.full(len(points_m), time_s)
             self._changed = np.zeros(len(points_m), dtype=np.bool_)
             self._turns = deque[Array](maxlen=1 + _GATHERED_FRAMES)
             self._shown, self._trail = rotations, deque[tuple[float, Array]]()
         else:
-            # where labels were found, ghosts may be among the markers
-            cut = self._limbs[elsewhere & (several and labels_known)].any(axis=0)
-            self._shown = self._eased(frames, rotations, in_root_m, held, doubtful, cut)
+            self._shown = self._eased(frames, rotations, in_root_m, held, doubtful)
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
-        self._seen_s[seen] = time_s
+        self._seen_s[np.isfinite(points_m[:, 0])] = time_s
         self._trail.append((time_s, points_m))
         while time_s - self._trail[0][0] > _PAUSE_S:
             self._trail.popleft()
         return self._shown
 
-    def _elsewhere(self, time_s: float, points_m: Array) -> Mask:
-        """Return the markers (M,) far from their places of late."""
+    def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
+        """Return whether a share of the markers is far from where they were lately."""
         frames = np.maximum(1.0, (time_s - self._seen_s) / _FRAME_S)
         lately_m = np.stack([earlier_m for _, earlier_m in self._trail])
         far = np.fmin.reduce(np.linalg.norm(points_m - lately_m, axis=-1)) > _CUT_M * frames
         # markers that exchange labels are where one of them was
         others_m = np.linalg.norm(points_m[far, None] - lately_m[:, far].reshape(-1, 3), axis=-1)
-        far[far] = np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far]
-        return np.asarray(far)
+        moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
+        return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _eased(
-        self, frames: float, rotations: Array, in_root_m: Array, held: bool, doubtful: Sequence[int], cut: Mask
-    ) -> Array:
-        """Return the rotations (J, 4) after `frames` of 60 a second.
-
-        Joints of a `cut` limb (J,) turn at once.
-        """
+    def _eased(self, frames: float, rotations: Array, in_root_m: Array, held: bool, doubtful: Sequence[int]) -> Array:
+        """Return the rotations (J, 4) after `frames` of 60 a second."""
         self._turns.append(_turn(self._raw, rotations) / frames)
         turn = _turn(self._shown, rotations)
         angle = np.linalg.norm(turn, axis=-1)
         limit = self._limits(frames, in_root_m, turn / np.maximum(angle, 1e-12)[:, None])
         limit[list(doubtful)] = np.minimum(limit[list(doubtful)], _AT_CHANGE_RAD)
         limit *= frames
-        limit[cut] = np.inf
         share = np.zeros(len(turn)) if held else np.minimum(limit / np.maximum(angle, 1e-12), 1.0)
         share[0] = 1.0
         eased = rot.multiply(self._shown, rot.from_rotation_vector(share[:, None] * turn))

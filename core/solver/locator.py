@@ -102,7 +102,8 @@ class Locator:
         if root is None or frames is None or found is None:
             return None
         if self._factors is not None:  # people move more like themselves than like others
-            distances = np.maximum(distances, 0.0) * self._factors[frames]
+            distances = np.maximum(distances, 0.0)
+            distances[1:] *= self._factors[frames[1:]]  # the closest of all stays first: poses are judged by it
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]

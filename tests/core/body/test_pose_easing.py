@@ -109,22 +109,6 @@ def test_some_markers_elsewhere_are_no_cut_where_labels_were_found() -> None:
         assert 0.9 * limit < changes_deg(np.array(shown)).max() <= limit
 
 
-def test_a_limb_whose_markers_jump_lets_no_other_jump() -> None:
-    """Two limbs on the root: markers of the first are elsewhere at once, and both limbs' joints are."""
-    bones = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [-0.2, 0.0, 0.0]])
-    fork = Skeleton(tuple("abc"), np.array([-1, 0, 0]), bones, bones)
-    carriers = np.array([1, 1, 2, 2, 2])
-    far = (carriers == 1)[:, None] * np.array([0.3, 0.0, 0.0])
-    turns = rot.from_rotation_vector(
-        np.radians(JUMP)[:, None, None] * np.array([[0.0], [1.0], [1.0]]) * [1.0, 0.0, 0.0]
-    )
-    easer = PoseEaser(fork, carriers, OFFSETS[:5])
-    shown = [easer.step(i / FPS, turns[i], np.zeros(3), OFFSETS[:5] + (i >= 20) * far) for i in range(60)]
-    changes = changes_deg(np.array(shown)).max(axis=0)
-    assert changes[1] == pytest.approx(60.0)
-    assert 5.0 < changes[2] <= LIMIT_DEG
-
-
 def test_markers_that_come_back_elsewhere_are_no_cut() -> None:
     away = np.isin(np.arange(9), (2, 5))[:, None]
     points = [np.where(away & (i in range(12, 20)), np.nan, POINTS + (i >= 20) * 0.3 * away) for i in range(60)]
