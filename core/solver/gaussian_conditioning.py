@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import get_blas_funcs
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
@@ -36,39 +36,38 @@ class Prior:
     covariance: Array
 
 
-def neighbours_prior(samples: NDArray[Any], weights: Array, floor: Array) -> Prior:
-    """Return the Gaussian of the neighbours.
+def neighbours_prior(
+    samples: NDArray[Any], weights: Array, floor: NDArray[Any], observed: Array, variances: Array
+) -> Prior:
+    """Return the Gaussian of the neighbours' first entries given the last.
+
+    (Bishop 2006, Eq. 2.81.) In the precision of the samples: half of it is enough for differences.
 
     Args:
-        samples: (K, D) neighbours.
+        samples: (K, D + m) neighbours.
         weights: (K,) positive, sum 1.
-        floor: (D, D) covariance granted beside the neighbours' own, so that equal entries can still change.
-    """
-    mean = weights @ samples
-    # in the precision of the samples: half of it is enough for differences
-    spread = samples - mean.astype(samples.dtype)
-    spread *= np.sqrt(weights).astype(samples.dtype)[:, None]
-    return Prior(mean, _gram(spread) + floor)
-
-
-def condition(prior: Prior, observed: Array, variances: Array) -> Prior:
-    """Return the Gaussian of the first entries given the last (Bishop 2006, Eq. 2.81).
-
-    Args:
-        prior: of all entries.
+        floor: (D + m, D + m) covariance granted beside the neighbours' own, so that equal entries can still change.
         observed: (m,) the last entries; NaN where nothing was observed.
         variances: (m,) of the observations.
     """
-    kept = len(prior.mean) - len(observed)
-    seen = kept + np.flatnonzero(np.isfinite(observed))
-    rows = prior.covariance[seen]
-    innovation_covariance = rows[:, seen]
-    innovation_covariance[np.diag_indices_from(innovation_covariance)] += variances[seen - kept]
-    right = np.column_stack((rows[:, :kept], observed[seen - kept] - prior.mean[seen]))
-    # with L L^T the innovation covariance, all that follows is products of L^-1 times these
-    halves, _ = _whiten(innovation_covariance, right)
-    across, innovation = halves[:, :kept], halves[:, kept]
-    return Prior(prior.mean[:kept] + innovation @ across, prior.covariance[:kept, :kept] - _gram(across))
+    kept, seen = samples.shape[1] - len(observed), np.isfinite(observed)
+    if not seen.all():
+        columns = np.concatenate((np.arange(kept), kept + np.flatnonzero(seen)))
+        samples, floor = samples[:, columns], floor[np.ix_(columns, columns)]
+        observed, variances = observed[seen], variances[seen]
+    centre, shares = samples[0], weights.astype(samples.dtype)
+    spread = samples - centre
+    shift = shares @ spread
+    spread -= shift
+    spread *= np.sqrt(shares)[:, None]
+    mean = centre + shift.astype(np.float64)
+    (syrk,) = get_blas_funcs(("syrk",), (samples,))
+    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, as all that follows needs no more
+    own = covariance[kept:, kept:]
+    own[np.diag_indices_from(own)] += variances
+    across, moved = _regress(covariance[:kept, kept:], own, observed - mean[kept:])
+    given = syrk(-1.0, across, 1.0, covariance[:kept, :kept]) if len(observed) else covariance
+    return Prior(mean[:kept] + moved, _mirrored(given))
 
 
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
@@ -76,19 +75,40 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
 
     A Kalman update with the expected pose (D,) and its covariance (D, D).
     """
-    gain = _solve(prior.covariance + covariance, prior.covariance).T
-    return Prior(prior.mean + gain @ (expected - prior.mean), _product(gain, covariance))
+    across, moved = _regress(prior.covariance.T, (prior.covariance + covariance).T, expected - prior.mean)
+    return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
+
+
+def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tuple[NDArray[Any], Array]:
+    """Return what observations (m,) tell of other entries (D,).
+
+    Args:
+        across: (D, m) covariance of the entries and the observations.
+        own: (m, m) covariance of the observations, its upper triangle.
+        innovation: (m,) how far they are from what was expected.
+
+    Returns:
+        The root (D, m) of the covariance that is explained, and the change of the entries' mean.
+    """
+    if len(own) == 0:  # which LAPACK refuses
+        return across, np.zeros(len(across))
+    (potrf,) = get_lapack_funcs(("potrf",), (own,))
+    (trsm,) = get_blas_funcs(("trsm",), (own,))
+    factor, failed = potrf(own)
+    if failed:
+        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
+    explained = np.asarray(trsm(1.0, factor, across, side=1))
+    return explained, explained @ trsm(1.0, factor, innovation, trans_a=1).ravel()
+
+
+def _mirrored(upper: NDArray[Any]) -> Array:
+    """Return the symmetric matrix of an upper triangle."""
+    return np.where(np.tri(len(upper), dtype=np.bool_), upper.T, upper).astype(np.float64)
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Return left @ right by SciPy (see `_gram`), without copies of the transposes."""
+    """Return left @ right by SciPy's OpenBLAS; Blender's NumPy may be slow."""
     return np.asarray(dgemm(1.0, right.T, left.T)).T
-
-
-def _gram(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return rows.T @ rows by SciPy's OpenBLAS; Blender's NumPy may be slow."""
-    columns = rows.T
-    return np.asarray(get_blas_funcs("gemm", (columns,))(1.0, columns, columns, trans_b=True))
 
 
 def _solve(covariance: Array, right: Array) -> Array:

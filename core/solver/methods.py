@@ -218,8 +218,9 @@ class BestMethod:
         """Find those beside the neighbours', and of a pose about the continued motion."""
         settings, history = self._settings, self._history_of(self._broad_frames)
         broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
-        self._floor = settings.broad_share * broad
-        self._floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
+        floor = settings.broad_share * broad
+        floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
+        self._floor = floor.astype(np.float32)
         size = self._broad_poses.shape[1]
         shares = (settings.change_share, self._settings_without_depth.change_share)
         self._change, self._smaller_change = (
@@ -294,11 +295,10 @@ class BestMethod:
         weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))
         weights /= weights.sum()
         samples = np.concatenate((examples.poses, history, pose_history), axis=1)
-        prior = gaussian_conditioning.neighbours_prior(samples, weights, self._floor)
         sigmas = (settings.history_sigma_m, settings.history_sigma_rad)
         variances = np.repeat(np.square(sigmas), (len(observed), len(solved)))
-        prior = gaussian_conditioning.condition(prior, np.concatenate((observed, solved)), variances)
-        return prior, len(weights)
+        past = np.concatenate((observed, solved))
+        return gaussian_conditioning.neighbours_prior(samples, weights, self._floor, past, variances), len(weights)
 
     def _history_of(self, frames: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return earlier markers and earlier poses of database frames (K,), a row each."""
