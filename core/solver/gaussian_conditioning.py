@@ -8,6 +8,7 @@ that prior, in the form that inverts a matrix of the size of the markers, not of
 and Cathey 1993).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,11 +64,13 @@ def neighbours_prior(
     mean = centre + shift.astype(np.float64)
     (syrk,) = get_blas_funcs(("syrk",), (samples,))
     covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, as all that follows needs no more
-    own = covariance[kept:, kept:]
-    own[np.diag_indices_from(own)] += variances
-    across, moved = _regress(covariance[:kept, kept:], own, observed - mean[kept:])
-    given = syrk(-1.0, across, 1.0, covariance[:kept, :kept]) if len(observed) else covariance
-    return Prior(mean[:kept] + moved, _mirrored(given))
+    # from here on in full: half of it would slow down by numbers that are almost zero
+    across, own = (np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:]))
+    _add_to_diagonal(own, variances)
+    across, moved = _regress(across, own, observed - mean[kept:])
+    given = covariance[:kept, :kept].astype(np.float64)
+    given = np.where(np.tri(kept, dtype=np.bool_), given.T, given)
+    return Prior(mean[:kept] + moved, given - _product(across, across.T))
 
 
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
@@ -101,9 +104,8 @@ def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tupl
     return explained, explained @ trsm(1.0, factor, innovation, trans_a=1).ravel()
 
 
-def _mirrored(upper: NDArray[Any]) -> Array:
-    """Return the symmetric matrix of an upper triangle."""
-    return np.where(np.tri(len(upper), dtype=np.bool_), upper.T, upper).astype(np.float64)
+def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
+    matrix.flat[:: len(matrix) + 1] += values  # indices of the diagonal take longer
 
 
 def _product(left: Array, right: Array) -> Array:
@@ -151,26 +153,37 @@ class Expectation:
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
         """Return minus the logarithm of the observed markers' density, metres."""
-        unlikely, factor = self._innovation(subject)
+        markers, jacobian = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
+        unlikely, factor = _innovation(self.prior, self.observation, self.root_sigma, markers, jacobian)
         return float(
             0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi)
         )
 
-    def deviation(self, subject: SubjectModel) -> float:
-        """Return the RMS of the markers' distances from the prior, in its deviations."""
-        unlikely, _ = self._innovation(subject)
-        return float(np.sqrt(unlikely @ unlikely / max(len(unlikely), 1)))
 
-    def _innovation(self, subject: SubjectModel) -> tuple[Array, Array]:
-        """Return the whitened distances of the markers, and the factor that whitens."""
-        markers, full = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
-        jacobian = control_jacobian(self.observation, full)
-        by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-        innovation = -control_residual(self.observation, markers)
-        covariance = by_pose @ _product(self.prior.covariance, by_pose.T)
-        covariance += (by_root * np.repeat(np.square(self.root_sigma), 3)) @ by_root.T
-        covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
-        return _whiten(covariance, innovation)
+def deviations(
+    priors: Sequence[Prior], observation: Observation, root: RootPose, root_sigma: tuple[float, float], subject: SubjectModel
+) -> list[float]:
+    """Return the RMS of the markers' distances from each prior, in its deviations."""
+    poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
+    found = zip(priors, *subject.markers_and_jacobian(poses, root), strict=True)
+    unlikely = [_innovation(prior, observation, root_sigma, markers, full)[0] for prior, markers, full in found]
+    return [float(np.sqrt(rows @ rows / max(len(rows), 1))) for rows in unlikely]
+
+
+def _innovation(
+    prior: Prior, observation: Observation, root_sigma: tuple[float, float], markers: Array, jacobian: Array
+) -> tuple[Array, Array]:
+    """Return the whitened distances of the markers, and the factor that whitens.
+
+    Args:
+        markers, jacobian: (M, 3), (M, 3, 6 + D) of the prior's mean.
+    """
+    jacobian = control_jacobian(observation, jacobian)
+    by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
+    covariance = by_pose @ _product(prior.covariance, by_pose.T)
+    covariance += (by_root * np.repeat(np.square(root_sigma), 3)) @ by_root.T
+    _add_to_diagonal(covariance, _EXPECTED_SIGMA_M**2)
+    return _whiten(covariance, -control_residual(observation, markers))
 
 
 @dataclass(frozen=True)
@@ -206,12 +219,12 @@ def fit_to_markers(
     root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
     # the change of root and pose from the prior is the covariance times the dual; their product is the prior's cost
     change, dual = kept = np.zeros((2, 6 + len(mean)))
-    damping, least = 0.0, np.inf
+    root, damping, least = expectation.root, 0.0, np.inf
     taken = 0
     beyond_rad = _beyond_limits(mean, expectation.limits)
     while taken < steps:
         taken += 1
-        residual, jacobian = _linearise(expectation, subject, change, beyond_rad, sigmas_m)
+        residual, jacobian = _linearise(expectation, subject, mean + change[6:], root, beyond_rad, sigmas_m)
         cost = float(residual @ residual) + float(change @ dual)
         if cost > least:
             change, dual = kept
@@ -223,10 +236,11 @@ def fit_to_markers(
             is_within = beyond_rad == 0.0
         share = 1.0 / (1.0 + damping)
         system = share * across
-        system[np.diag_indices_from(system)] += 1.0
+        _add_to_diagonal(system, 1.0)
         forces = share * _solve(system, innovation - (1.0 - share) * (slopes @ change))
         change = (1.0 - share) * change + gains @ forces
         dual = (1.0 - share) * dual + slopes.T @ forces
+        root = moved_root(expectation.root, change)
         beyond_rad = _beyond_limits(mean + change[6:], expectation.limits)
         # limits that were passed before are in the linear model
         passed_rad = np.abs(beyond_rad[is_within]).max(initial=0.0)
@@ -234,30 +248,32 @@ def fit_to_markers(
             break
     else:
         change = kept[0]  # the last step was not tried
-    across[np.diag_indices_from(across)] += 1.0
+        root = moved_root(expectation.root, change)
+    _add_to_diagonal(across, 1.0)
     facts = _facts(taken, covariance, across, gains[6:], innovation)
-    return mean + change[6:], moved_root(expectation.root, change), facts
+    return mean + change[6:], root, facts
 
 
 def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
     """Return the facts of a fit from its last step's system (m, m) and gains (D, m)."""
-    halves, _ = _whiten(system, np.column_stack((gains.T, innovation)))
-    *explained, unlikely = np.einsum("md,md->d", halves, halves)
-    sigmas_rad = np.sqrt(np.maximum(np.diag(covariance) - explained, 0.0))
-    return FitFacts(steps, sigmas_rad, float(np.sqrt(unlikely / max(len(halves), 1))))
+    halves, _ = _whiten(system, np.concatenate((gains.T, innovation[:, None]), axis=1))
+    explained = np.add.reduce(halves * halves)
+    sigmas_rad = np.sqrt(np.maximum(covariance.diagonal() - explained[:-1], 0.0))
+    return FitFacts(steps, sigmas_rad, float(np.sqrt(explained[-1] / max(len(halves), 1))))
 
 
 def _linearise(
-    expectation: Expectation, subject: SubjectModel, change: Array, beyond_rad: Array, sigmas_m: Array
+    expectation: Expectation, subject: SubjectModel, pose: Array, root: RootPose, beyond_rad: Array, sigmas_m: Array
 ) -> tuple[Array, Array]:
     """Return whitened residuals of markers and limits, and their Jacobian."""
-    pose = expectation.prior.mean + change[6:]
-    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), moved_root(expectation.root, change))
-    beyond = np.flatnonzero(beyond_rad)
-    limits = np.zeros((len(beyond), full.shape[-1]))
-    limits[np.arange(len(beyond)), 6 + beyond] = 1.0 / _LIMIT_RAD
+    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
     residual = control_residual(expectation.observation, markers) / sigmas_m
     jacobian = control_jacobian(expectation.observation, full) / sigmas_m[:, None]
+    beyond = np.flatnonzero(beyond_rad)
+    if len(beyond) == 0:
+        return residual, jacobian
+    limits = np.zeros((len(beyond), full.shape[-1]))
+    limits[np.arange(len(beyond)), 6 + beyond] = 1.0 / _LIMIT_RAD
     return np.concatenate((residual, beyond_rad[beyond] / _LIMIT_RAD)), np.concatenate((jacobian, limits))
 
 

@@ -49,7 +49,7 @@ class Locator:
     ) -> None:
         self._subject, self._markers, self._search, self._alpha = subject, markers_m, search, query_alpha
         self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
-        self._poses = database.poses.reshape(database.frames, -1)
+        self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # a mapped array's parts are slow to make
         self._sample = SampleSearch(markers_m, self._poses)
         self._typical_markers = np.mean(markers_m[:: max(1, len(markers_m) // 2048)], axis=0, dtype=np.float64)
 
@@ -96,7 +96,7 @@ class Locator:
         if root is None or frames is None or found is None:
             return None
         chosen = frames[: self._examples]
-        examples = Examples(chosen, distances[: len(chosen)], self._poses[chosen], self._markers[chosen])
+        examples = Examples(chosen, distances[: len(chosen)], self._poses.take(chosen, axis=0), self._markers.take(chosen, axis=0))
         return Located(root, examples, found)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
@@ -112,4 +112,5 @@ class Locator:
 
 def _closest_mean(markers_m: FloatArray, frames: IntArray) -> Array:
     """Return the mean markers (M, 3) of the closest of ranked frames."""
-    return np.mean(markers_m[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
+    closest = markers_m[frames[:_TORSO_EXAMPLES]].astype(np.float64)
+    return np.asarray(np.add.reduce(closest) / len(closest))

@@ -11,7 +11,7 @@ from ..database.store import Database, same_bones
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
-from .gaussian_conditioning import Expectation, Prior, continue_prior
+from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations
 from .lagged_history import LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, open_network
 from .observation import Observation
@@ -254,17 +254,13 @@ class BestMethod:
             learned = self._learned.estimate(self._learned.recent(problem.observation, state), root)
             if not self._known:  # a known body's torso shows its root better
                 root, root_sigma = learned.root, learned.root_sigma
-
-        def deviation(of: Prior) -> float:
-            return Expectation(of, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
-
-        off = deviation(prior)
+        priors = [prior, learned.pose] if learned else [prior]
+        off, *learned_off = deviations(priors, problem.observation, root, root_sigma, self._subject)
         widening = max(1.0, (off / _USUAL_DEVIATION) ** 2) if known else 1.0
         if learned:
-            learned_off = deviation(learned.pose)
             # without markers nothing speaks for either
-            ratio = off / (learned_off * self._trusted) if learned_off else 1.0
-            doubt = float(np.clip(ratio**4, 1.0 / _MOST_DOUBT, _MOST_DOUBT))
+            ratio = off / (learned_off[0] * self._trusted) if learned_off[0] else 1.0
+            doubt = min(max(ratio**4, 1.0 / _MOST_DOUBT), _MOST_DOUBT)
             prior = continue_prior(
                 Prior(prior.mean, max(widening, doubt) * prior.covariance),
                 learned.pose.mean,
@@ -291,7 +287,7 @@ class BestMethod:
         known = np.isfinite(observed)
         away = history[:, known] - observed[known]
         distances = np.maximum(examples.distances, 0.0)
-        distances += self._query_alpha * _HISTORY_SHARE * np.einsum("kh,kh->k", away, away)
+        distances += self._query_alpha * _HISTORY_SHARE * np.add.reduce(away * away, axis=1)
         weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))
         weights /= weights.sum()
         samples = np.concatenate((examples.poses, history, pose_history), axis=1)
