@@ -26,6 +26,7 @@ from .subject_model import RootPose, SubjectModel
 _EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no prior is exact
 _LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
+_TINY = np.float32(1e-3)  # differences below a ten millionth of this are none
 _STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
 
 
@@ -60,6 +61,9 @@ def neighbours_prior(
     spread = samples - centre
     shift = shares @ spread
     spread -= shift
+    # almost zero becomes zero: products of such numbers are below the least of half precision, which is slow
+    spread += _TINY
+    spread -= _TINY
     spread *= np.sqrt(shares)[:, None]
     mean = centre + shift.astype(np.float64)
     (syrk,) = get_blas_funcs(("syrk",), (samples,))

@@ -64,7 +64,7 @@ class LaggedFrames:
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
         self._lags = np.array([max(1, round(lag * database.fps)) for lag in lags_s], dtype=np.int64)
         ends = np.array([(clip.start, clip.stop - 1) for clip in database.clips])
-        self._ends = ends[database.clip_of_frame].T
+        self._ends = np.ascontiguousarray(ends[database.clip_of_frame].T)  # else each `take` copies all of it
 
     def backwards(self) -> "LaggedFrames":
         """Return the same for time that runs backwards."""
@@ -110,7 +110,8 @@ class LaggedMarkers:
         """Return the same for database frames (K,), (K, L, M, 3)."""
         earlier = self._earlier.of(frames)
         # row vectors: p R^T goes to the world's axes, p R from there into the root's
-        turned = self._markers.take(earlier, axis=0) @ self._root_matrices.take(earlier, axis=0).swapaxes(-1, -2)
+        away = np.ascontiguousarray(self._root_matrices.take(earlier, axis=0).swapaxes(-1, -2))
+        turned = self._markers.take(earlier, axis=0) @ away
         shifts = self._root_positions_m.take(earlier, axis=0) - self._root_positions_m.take(frames, axis=0)[:, None]
         turned += shifts[:, :, None]
         flat = turned.reshape(len(frames), -1, 3)

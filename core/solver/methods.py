@@ -24,6 +24,7 @@ from .subject_model import RootPose, SubjectModel
 _KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
 _HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against the present ones
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
+_NONE = 1e-20  # covariance of joints that do not turn together
 _COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
 _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
 # The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
@@ -220,7 +221,7 @@ class BestMethod:
         broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
         floor = settings.broad_share * broad
         floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
-        self._floor = floor.astype(np.float32)
+        self._floor = np.where(np.abs(floor) > _NONE, floor, 0.0).astype(np.float32)
         size = self._broad_poses.shape[1]
         shares = (settings.change_share, self._settings_without_depth.change_share)
         self._change, self._smaller_change = (
