@@ -91,8 +91,11 @@ class PoseEaser:
     def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
         """Return whether a share of the markers is far from where they were lately."""
         frames = np.maximum(1.0, (time_s - self._seen_s) / _FRAME_S)
-        lately_m = np.stack([earlier_m for _, earlier_m in self._trail])
-        far = np.fmin.reduce(np.linalg.norm(points_m - lately_m, axis=-1)) > _CUT_M * frames
+        lately_m = np.array([earlier_m for _, earlier_m in self._trail])
+        away_m = points_m - lately_m
+        far = np.fmin.reduce(np.add.reduce(away_m * away_m, axis=-1)) > (_CUT_M * frames) ** 2
+        if not far.any():
+            return False
         # markers that exchange labels are where one of them was
         others_m = np.linalg.norm(points_m[far, None] - lately_m[:, far].reshape(-1, 3), axis=-1)
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
@@ -100,9 +103,9 @@ class PoseEaser:
 
     def _eased(self, frames: float, rotations: Array, in_root_m: Array, held: bool, doubtful: Sequence[int]) -> Array:
         """Return the rotations (J, 4) after `frames` of 60 a second."""
-        self._turns.append(_turn(self._raw, rotations) / frames)
-        turn = _turn(self._shown, rotations)
-        angle = np.linalg.norm(turn, axis=-1)
+        raw, turn = _turn(np.array((self._raw, self._shown)), rotations)
+        self._turns.append(raw / frames)
+        angle = np.sqrt(np.add.reduce(turn * turn, axis=-1))
         limit = self._limits(frames, in_root_m, turn / np.maximum(angle, 1e-12)[:, None])
         limit[list(doubtful)] = np.minimum(limit[list(doubtful)], _AT_CHANGE_RAD)
         limit *= frames

@@ -16,6 +16,7 @@ from ..geometry.arrays import Array, IntArray, Mask
 
 MOST_JOINTS = 2000  # of a file's hierarchy
 _LONGEST_BONE_M = 10.0
+_UNIT = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -82,17 +83,18 @@ class Skeleton:
         return joint_levels(tuple(self.parents.tolist()))[1:]
 
     @cached_property
-    def leaps(self) -> tuple[tuple[IntArray, IntArray], ...]:
+    def leaps(self) -> tuple[tuple[IntArray | slice, IntArray], ...]:
         """Joints and their ancestors 1, 2, 4, ... bones above, while there are any.
 
         What each joint does relative to its parent becomes what it does in the world by as many products as this has
         entries: after each, every joint's is relative to twice as far up.
         """
-        result = []
+        result: list[tuple[IntArray | slice, IntArray]] = []
         above = self.parents.copy()
         while np.any(above >= 0):
             joints = np.flatnonzero(above >= 0)
-            result.append((joints, above[joints]))
+            # of joints in the order of their depth, those so deep are the last: nothing needs to be picked
+            result.append((slice(joints[0], None) if len(joints) == len(self) - joints[0] else joints, above[joints]))
             above[joints] = above[above[joints]]
         return tuple(result)
 
@@ -103,6 +105,15 @@ class Skeleton:
         for joint in range(1, len(self)):
             result[joint] |= result[self.parents[joint]]
         return result
+
+    def carrying(self, joints: IntArray) -> tuple["Skeleton", IntArray]:
+        """Return the part above some joints, by depth, and its joints' indices here."""
+        kept = self.is_ancestor[joints].any(axis=0)
+        order = np.concatenate([level[kept[level]] for level in joint_levels(tuple(self.parents.tolist()))])
+        place = np.full(len(self) + 1, -1)  # the root's parent stays -1
+        place[order] = np.arange(len(order))
+        names = tuple(self.names[joint] for joint in order)
+        return Skeleton(names, place[self.parents[order]], self.offsets_m[order], self.tips_m[order]), order
 
     @cached_property
     def rest_positions_m(self) -> Array:
@@ -163,7 +174,7 @@ def forward_kinematics_matrices(skeleton: Skeleton, matrices: Array, root_positi
     frames[..., 0, :3, 3] = root_position_m
     frames[..., 3, 3] = 1.0
     for joints, ancestors in skeleton.leaps:
-        frames[..., joints, :, :] = frames[..., ancestors, :, :] @ frames[..., joints, :, :]
+        frames[..., joints, :, :] = frames.take(ancestors, axis=-3) @ frames[..., joints, :, :]
     return frames[..., :3, 3], frames[..., :3, :3]
 
 
@@ -194,17 +205,12 @@ def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, posi
         axes: (..., J, 3, 3) with the axes in the world as columns; for rotations varied on their right, R_k exp(d_k),
             these are the world matrices of `forward_kinematics_matrices`.
     """
-    carried, carriers = np.nonzero(skeleton.is_ancestor[joints])  # a few of all pairs
-    arms = (markers_m[..., carried, :] - positions_m[..., carriers, :])[..., None]
-    columns = axes[..., carriers, :, :]
-    turned = np.empty_like(columns)
-    for row, first, second in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        turned[..., row, :] = (
-            columns[..., first, :] * arms[..., second, :] - columns[..., second, :] * arms[..., first, :]
-        )
-    jacobian = np.zeros((*markers_m.shape, 1 + len(skeleton), 3))
-    jacobian[..., 0, :] = np.eye(3)
-    jacobian[..., carried, :, 1 + carriers, :] = np.moveaxis(turned, -3, 0)
+    # all pairs, as to pick those of a marker and what carries it takes longer
+    arms = positions_m[..., None, :, :] - markers_m[..., :, None, :]
+    arms *= skeleton.is_ancestor[joints][..., None]
+    jacobian = np.empty((*markers_m.shape, 1 + len(skeleton), 3))
+    jacobian[..., 0, :] = _UNIT
+    jacobian[..., 1:, :] = (rot.cross_matrices(arms) @ axes[..., None, :, :, :]).swapaxes(-3, -2)
     return jacobian.reshape(*markers_m.shape, -1)
 
 

@@ -3,7 +3,18 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from . import rotations as rot
 from .arrays import Array
+
+_HORN = np.zeros((3, 3, 4, 4))
+for _first, _second, _third in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _HORN[_first, _first, range(4), range(4)] = -1.0
+    _HORN[_first, _first, [0, 1 + _first], [0, 1 + _first]] = 1.0
+    _HORN[_first, _second, [0, 1 + _third], [1 + _third, 0]] = 1.0
+    _HORN[_second, _first, [0, 1 + _third], [1 + _third, 0]] = -1.0
+    _HORN[[_first, _second], [_second, _first], 1 + _first, 1 + _second] = 1.0
+    _HORN[[_first, _second], [_second, _first], 1 + _second, 1 + _first] = 1.0
+_HORN = _HORN.reshape(9, 16)
 
 
 def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
@@ -13,17 +24,24 @@ def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = Non
         source, target: (N, 3) points, N >= 3 and not all on a line for a unique rotation.
         weights: (N,) non-negative.
     """
+    quaternion, translation = fit_rigid(source, target, weights)
+    return rot.to_matrix(quaternion), translation
+
+
+def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
+    """Return the rotation of `kabsch` as a quaternion (Horn 1987), and the same shift."""
     p = np.asarray(source, dtype=np.float64)
     q = np.asarray(target, dtype=np.float64)
     w = np.ones(len(p)) if weights is None else np.asarray(weights, dtype=np.float64)
-    w = w / w.sum()
+    w = w / np.add.reduce(w)
     p_mean, q_mean = w @ p, w @ q
-    u, _, vt = np.linalg.svd((w[:, None] * (p - p_mean)).T @ (q - q_mean))
-    rotation: Array = (u @ vt).T
-    if np.linalg.det(rotation) < 0.0:  # a mirror image
-        u[:, 2] *= -1.0
-        rotation = (u @ vt).T
-    return rotation, q_mean - rotation @ p_mean
+    together = (w[:, None] * (p - p_mean)).T @ (q - q_mean)
+    # a quaternion's product with this matrix and itself is the sum of w q (R p)
+    _, vectors = np.linalg.eigh((together.ravel() @ _HORN).reshape(4, 4))
+    quaternion: Array = vectors[:, 3]
+    if quaternion[0] < 0.0:
+        quaternion = -quaternion
+    return quaternion, q_mean - rot.rotate(quaternion, p_mean)
 
 
 def transform(rotation: ArrayLike, translation: ArrayLike, points: ArrayLike) -> Array:

@@ -12,6 +12,8 @@ from .arrays import Array
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _SMALL_ANGLE = 1e-6  # below it, series replace divisions by the angle
+_CROSS = np.zeros((3, 9))  # the entries of `cross_matrices`
+_CROSS[0, [5, 7]] = _CROSS[1, [6, 2]] = _CROSS[2, [1, 3]] = -1.0, 1.0
 
 
 def identity(shape: Sequence[int] = ()) -> Array:
@@ -72,6 +74,11 @@ def cross(a: Array, b: Array) -> Array:
     result[..., 1] = az * bx - ax * bz
     result[..., 2] = ax * by - ay * bx
     return result
+
+
+def cross_matrices(vectors: Array) -> Array:
+    """Return the matrices (..., 3, 3) that take another vector to v x it."""
+    return np.asarray((vectors @ _CROSS).reshape(*vectors.shape, 3))
 
 
 def from_rotation_vector(vectors: ArrayLike) -> Array:

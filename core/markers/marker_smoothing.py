@@ -13,6 +13,7 @@ from .marker_noise import MarkerNoise, marker_noise
 
 _CHANGES_M = (0.01e-3, 0.1e-3, 1e-3)  # third differences at 60 Hz of markers that stand, move, strike
 _DENSITIES = np.square(_CHANGES_M) * 60.0**5  # of the jerk's white noise, m^2/s^5
+_POWERS, _DIVISORS = np.array([[5, 4, 3], [4, 3, 2], [3, 2, 1]]), np.array([[20, 8, 6], [8, 3, 2], [6, 2, 1]])
 _STAYS_S = 1.0  # mean time for which one of these holds
 _LEAST_SIGMA_M = 0.2e-3  # of markers without noise: skin and optics
 _UNKNOWN_SIGMA_M = 1e-3  # in the first frames
@@ -109,9 +110,10 @@ class _Follower:
 
     def means(self) -> tuple[Array, Array]:
         """Return positions (M, 3) and the deviations (M,) of their coordinates."""
-        means = np.einsum("mk,mka->ma", self._weights, self._states[:, :, 0])
-        spread = np.sum((self._states[:, :, 0] - means[:, None]) ** 2, axis=-1) / 3.0
-        variances = np.sum(self._weights * (self._covariances[..., 0, 0] + spread), axis=1)
+        positions = self._states[:, :, 0]
+        means = (self._weights[:, None] @ positions)[:, 0]
+        spread = np.add.reduce((positions - means[:, None]) ** 2, axis=-1) / 3.0
+        variances = np.add.reduce(self._weights * (self._covariances[..., 0, 0] + spread), axis=1)
         return means, np.sqrt(np.maximum(variances, 1e-12))
 
     def _move(self, elapsed_s: float) -> None:
@@ -123,15 +125,16 @@ class _Follower:
         shares = self._weights[:, :, None] * changes
         self._weights = shares.sum(axis=1)
         shares /= np.maximum(self._weights, 1e-300)[:, None]
-        mixed = np.einsum("mij,miab->mjab", shares, self._states)
-        apart = self._states[:, :, None] - mixed[:, None]
-        covariances = np.einsum("mij,miab->mjab", shares, self._covariances)
-        covariances += np.einsum("mij,mijax,mijbx->mjab", shares, apart, apart) / 3.0
+        # of a mixture: means, and the mean covariance plus that of the means (of all three axes alike)
+        flat, shape = (len(shares), models, -1), self._states.shape
+        together = self._covariances + self._states @ self._states.swapaxes(-1, -2) / 3.0
+        columns = np.concatenate((self._states.reshape(flat), together.reshape(flat)), axis=2)
+        mixed, covariances = (shares.swapaxes(1, 2) @ columns).reshape(*shape[:2], 2, 3, 3).swapaxes(0, 2).swapaxes(1, 2)
+        covariances = covariances - mixed @ mixed.swapaxes(-1, -2) / 3.0
         moved = np.array([[1.0, elapsed_s, elapsed_s**2 / 2.0], [0.0, 1.0, elapsed_s], [0.0, 0.0, 1.0]])
-        powers, divisors = np.array([[5, 4, 3], [4, 3, 2], [3, 2, 1]]), np.array([[20, 8, 6], [8, 3, 2], [6, 2, 1]])
         self._states = moved @ mixed
         self._covariances = moved @ covariances @ moved.T
-        self._covariances += _DENSITIES[:, None, None] * (elapsed_s**powers / divisors)
+        self._covariances += _DENSITIES[:, None, None] * (elapsed_s**_POWERS / _DIVISORS)
 
     def _update(self, seen: Mask, innovations: Array, variances: Array, unlikely: Array) -> None:
         """Correct the models of the seen markers, and how much each counts."""

@@ -8,12 +8,13 @@ that prior, in the form that inverts a matrix of the size of the markers, not of
 and Cathey 1993).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import get_blas_funcs
+from scipy.linalg import get_blas_funcs, get_lapack_funcs
 from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
@@ -25,6 +26,7 @@ from .subject_model import RootPose, SubjectModel
 _EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no prior is exact
 _LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
+_TINY = np.float32(1e-3)  # differences below a ten millionth of this are none
 _STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
 
 
@@ -36,39 +38,43 @@ class Prior:
     covariance: Array
 
 
-def neighbours_prior(samples: NDArray[Any], weights: Array, floor: Array) -> Prior:
-    """Return the Gaussian of the neighbours.
+def neighbours_prior(
+    samples: NDArray[Any], weights: Array, floor: NDArray[Any], observed: Array, variances: Array
+) -> Prior:
+    """Return the Gaussian of the neighbours' first entries given the last.
+
+    (Bishop 2006, Eq. 2.81.) In the precision of the samples: half of it is enough for differences.
 
     Args:
-        samples: (K, D) neighbours.
+        samples: (K, D + m) neighbours.
         weights: (K,) positive, sum 1.
-        floor: (D, D) covariance granted beside the neighbours' own, so that equal entries can still change.
-    """
-    mean = weights @ samples
-    # in the precision of the samples: half of it is enough for differences
-    spread = samples - mean.astype(samples.dtype)
-    spread *= np.sqrt(weights).astype(samples.dtype)[:, None]
-    return Prior(mean, _gram(spread) + floor)
-
-
-def condition(prior: Prior, observed: Array, variances: Array) -> Prior:
-    """Return the Gaussian of the first entries given the last (Bishop 2006, Eq. 2.81).
-
-    Args:
-        prior: of all entries.
+        floor: (D + m, D + m) covariance granted beside the neighbours' own, so that equal entries can still change.
         observed: (m,) the last entries; NaN where nothing was observed.
         variances: (m,) of the observations.
     """
-    kept = len(prior.mean) - len(observed)
-    seen = kept + np.flatnonzero(np.isfinite(observed))
-    rows = prior.covariance[seen]
-    innovation_covariance = rows[:, seen]
-    innovation_covariance[np.diag_indices_from(innovation_covariance)] += variances[seen - kept]
-    right = np.column_stack((rows[:, :kept], observed[seen - kept] - prior.mean[seen]))
-    # with L L^T the innovation covariance, all that follows is products of L^-1 times these
-    halves, _ = _whiten(innovation_covariance, right)
-    across, innovation = halves[:, :kept], halves[:, kept]
-    return Prior(prior.mean[:kept] + innovation @ across, prior.covariance[:kept, :kept] - _gram(across))
+    kept, seen = samples.shape[1] - len(observed), np.isfinite(observed)
+    if not seen.all():
+        columns = np.concatenate((np.arange(kept), kept + np.flatnonzero(seen)))
+        samples, floor = samples[:, columns], floor[np.ix_(columns, columns)]
+        observed, variances = observed[seen], variances[seen]
+    centre, shares = samples[0], weights.astype(samples.dtype)
+    spread = samples - centre
+    shift = shares @ spread
+    spread -= shift
+    # almost zero becomes zero: products of such numbers are below the least of half precision, which is slow
+    spread += _TINY
+    spread -= _TINY
+    spread *= np.sqrt(shares)[:, None]
+    mean = centre + shift.astype(np.float64)
+    (syrk,) = get_blas_funcs(("syrk",), (samples,))
+    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, as all that follows needs no more
+    # from here on in full: half of it would slow down by numbers that are almost zero
+    across, own = (np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:]))
+    _add_to_diagonal(own, variances)
+    across, moved = _regress(across, own, observed - mean[kept:])
+    given = covariance[:kept, :kept].astype(np.float64)
+    given = np.where(np.tri(kept, dtype=np.bool_), given.T, given)
+    return Prior(mean[:kept] + moved, given - _product(across, across.T))
 
 
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
@@ -76,19 +82,39 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
 
     A Kalman update with the expected pose (D,) and its covariance (D, D).
     """
-    gain = _solve(prior.covariance + covariance, prior.covariance).T
-    return Prior(prior.mean + gain @ (expected - prior.mean), _product(gain, covariance))
+    across, moved = _regress(prior.covariance.T, (prior.covariance + covariance).T, expected - prior.mean)
+    return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
+
+
+def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tuple[NDArray[Any], Array]:
+    """Return what observations (m,) tell of other entries (D,).
+
+    Args:
+        across: (D, m) covariance of the entries and the observations.
+        own: (m, m) covariance of the observations, its upper triangle.
+        innovation: (m,) how far they are from what was expected.
+
+    Returns:
+        The root (D, m) of the covariance that is explained, and the change of the entries' mean.
+    """
+    if len(own) == 0:  # which LAPACK refuses
+        return across, np.zeros(len(across))
+    (potrf,) = get_lapack_funcs(("potrf",), (own,))
+    (trsm,) = get_blas_funcs(("trsm",), (own,))
+    factor, failed = potrf(own)
+    if failed:
+        raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
+    explained = np.asarray(trsm(1.0, factor, across, side=1))
+    return explained, explained @ trsm(1.0, factor, innovation, trans_a=1).ravel()
+
+
+def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
+    matrix.flat[:: len(matrix) + 1] += values  # indices of the diagonal take longer
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Return left @ right by SciPy (see `_gram`), without copies of the transposes."""
+    """Return left @ right by SciPy's OpenBLAS; Blender's NumPy may be slow."""
     return np.asarray(dgemm(1.0, right.T, left.T)).T
-
-
-def _gram(rows: NDArray[Any]) -> NDArray[Any]:
-    """Return rows.T @ rows by SciPy's OpenBLAS; Blender's NumPy may be slow."""
-    columns = rows.T
-    return np.asarray(get_blas_funcs("gemm", (columns,))(1.0, columns, columns, trans_b=True))
 
 
 def _solve(covariance: Array, right: Array) -> Array:
@@ -131,26 +157,37 @@ class Expectation:
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
         """Return minus the logarithm of the observed markers' density, metres."""
-        unlikely, factor = self._innovation(subject)
+        markers, jacobian = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
+        unlikely, factor = _innovation(self.prior, self.observation, self.root_sigma, markers, jacobian)
         return float(
             0.5 * unlikely @ unlikely + np.log(np.diag(factor)).sum() + 0.5 * len(unlikely) * np.log(2.0 * np.pi)
         )
 
-    def deviation(self, subject: SubjectModel) -> float:
-        """Return the RMS of the markers' distances from the prior, in its deviations."""
-        unlikely, _ = self._innovation(subject)
-        return float(np.sqrt(unlikely @ unlikely / max(len(unlikely), 1)))
 
-    def _innovation(self, subject: SubjectModel) -> tuple[Array, Array]:
-        """Return the whitened distances of the markers, and the factor that whitens."""
-        markers, full = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
-        jacobian = control_jacobian(self.observation, full)
-        by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
-        innovation = -control_residual(self.observation, markers)
-        covariance = by_pose @ _product(self.prior.covariance, by_pose.T)
-        covariance += (by_root * np.repeat(np.square(self.root_sigma), 3)) @ by_root.T
-        covariance[np.diag_indices_from(covariance)] += _EXPECTED_SIGMA_M**2
-        return _whiten(covariance, innovation)
+def deviations(
+    priors: Sequence[Prior], observation: Observation, root: RootPose, root_sigma: tuple[float, float], subject: SubjectModel
+) -> list[float]:
+    """Return the RMS of the markers' distances from each prior, in its deviations."""
+    poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
+    found = zip(priors, *subject.markers_and_jacobian(poses, root), strict=True)
+    unlikely = [_innovation(prior, observation, root_sigma, markers, full)[0] for prior, markers, full in found]
+    return [float(np.sqrt(rows @ rows / max(len(rows), 1))) for rows in unlikely]
+
+
+def _innovation(
+    prior: Prior, observation: Observation, root_sigma: tuple[float, float], markers: Array, jacobian: Array
+) -> tuple[Array, Array]:
+    """Return the whitened distances of the markers, and the factor that whitens.
+
+    Args:
+        markers, jacobian: (M, 3), (M, 3, 6 + D) of the prior's mean.
+    """
+    jacobian = control_jacobian(observation, jacobian)
+    by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
+    covariance = by_pose @ _product(prior.covariance, by_pose.T)
+    covariance += (by_root * np.repeat(np.square(root_sigma), 3)) @ by_root.T
+    _add_to_diagonal(covariance, _EXPECTED_SIGMA_M**2)
+    return _whiten(covariance, -control_residual(observation, markers))
 
 
 @dataclass(frozen=True)
@@ -186,12 +223,12 @@ def fit_to_markers(
     root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
     # the change of root and pose from the prior is the covariance times the dual; their product is the prior's cost
     change, dual = kept = np.zeros((2, 6 + len(mean)))
-    damping, least = 0.0, np.inf
+    root, damping, least = expectation.root, 0.0, np.inf
     taken = 0
     beyond_rad = _beyond_limits(mean, expectation.limits)
     while taken < steps:
         taken += 1
-        residual, jacobian = _linearise(expectation, subject, change, beyond_rad, sigmas_m)
+        residual, jacobian = _linearise(expectation, subject, mean + change[6:], root, beyond_rad, sigmas_m)
         cost = float(residual @ residual) + float(change @ dual)
         if cost > least:
             change, dual = kept
@@ -203,10 +240,11 @@ def fit_to_markers(
             is_within = beyond_rad == 0.0
         share = 1.0 / (1.0 + damping)
         system = share * across
-        system[np.diag_indices_from(system)] += 1.0
+        _add_to_diagonal(system, 1.0)
         forces = share * _solve(system, innovation - (1.0 - share) * (slopes @ change))
         change = (1.0 - share) * change + gains @ forces
         dual = (1.0 - share) * dual + slopes.T @ forces
+        root = moved_root(expectation.root, change)
         beyond_rad = _beyond_limits(mean + change[6:], expectation.limits)
         # limits that were passed before are in the linear model
         passed_rad = np.abs(beyond_rad[is_within]).max(initial=0.0)
@@ -214,30 +252,32 @@ def fit_to_markers(
             break
     else:
         change = kept[0]  # the last step was not tried
-    across[np.diag_indices_from(across)] += 1.0
+        root = moved_root(expectation.root, change)
+    _add_to_diagonal(across, 1.0)
     facts = _facts(taken, covariance, across, gains[6:], innovation)
-    return mean + change[6:], moved_root(expectation.root, change), facts
+    return mean + change[6:], root, facts
 
 
 def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
     """Return the facts of a fit from its last step's system (m, m) and gains (D, m)."""
-    halves, _ = _whiten(system, np.column_stack((gains.T, innovation)))
-    *explained, unlikely = np.einsum("md,md->d", halves, halves)
-    sigmas_rad = np.sqrt(np.maximum(np.diag(covariance) - explained, 0.0))
-    return FitFacts(steps, sigmas_rad, float(np.sqrt(unlikely / max(len(halves), 1))))
+    halves, _ = _whiten(system, np.concatenate((gains.T, innovation[:, None]), axis=1))
+    explained = np.add.reduce(halves * halves)
+    sigmas_rad = np.sqrt(np.maximum(covariance.diagonal() - explained[:-1], 0.0))
+    return FitFacts(steps, sigmas_rad, float(np.sqrt(explained[-1] / max(len(halves), 1))))
 
 
 def _linearise(
-    expectation: Expectation, subject: SubjectModel, change: Array, beyond_rad: Array, sigmas_m: Array
+    expectation: Expectation, subject: SubjectModel, pose: Array, root: RootPose, beyond_rad: Array, sigmas_m: Array
 ) -> tuple[Array, Array]:
     """Return whitened residuals of markers and limits, and their Jacobian."""
-    pose = expectation.prior.mean + change[6:]
-    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), moved_root(expectation.root, change))
-    beyond = np.flatnonzero(beyond_rad)
-    limits = np.zeros((len(beyond), full.shape[-1]))
-    limits[np.arange(len(beyond)), 6 + beyond] = 1.0 / _LIMIT_RAD
+    markers, full = subject.markers_and_jacobian(pose.reshape(-1, 3), root)
     residual = control_residual(expectation.observation, markers) / sigmas_m
     jacobian = control_jacobian(expectation.observation, full) / sigmas_m[:, None]
+    beyond = np.flatnonzero(beyond_rad)
+    if len(beyond) == 0:
+        return residual, jacobian
+    limits = np.zeros((len(beyond), full.shape[-1]))
+    limits[np.arange(len(beyond)), 6 + beyond] = 1.0 / _LIMIT_RAD
     return np.concatenate((residual, beyond_rad[beyond] / _LIMIT_RAD)), np.concatenate((jacobian, limits))
 
 

@@ -64,7 +64,7 @@ class LaggedFrames:
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
         self._lags = np.array([max(1, round(lag * database.fps)) for lag in lags_s], dtype=np.int64)
         ends = np.array([(clip.start, clip.stop - 1) for clip in database.clips])
-        self._ends = ends[database.clip_of_frame].T
+        self._ends = np.ascontiguousarray(ends[database.clip_of_frame].T)  # else each `take` copies all of it
 
     def backwards(self) -> "LaggedFrames":
         """Return the same for time that runs backwards."""
@@ -74,8 +74,8 @@ class LaggedFrames:
 
     def of(self, frames: IntArray) -> IntArray:
         """Return (K, L) frames before those (K,), in a clip's beginning its first."""
-        first, last = self._ends[:, frames, None]
-        return np.asarray(np.clip(frames[:, None] - self._lags, first, last))
+        first, last = self._ends.take(frames, axis=1)[..., None]
+        return np.minimum(np.maximum(frames[:, None] - self._lags, first), last)
 
 
 class LaggedMarkers:
@@ -89,7 +89,7 @@ class LaggedMarkers:
     def __init__(self, database: Database, markers_m: FloatArray, lags_s: tuple[float, ...]) -> None:
         self._markers, self._lags_s = markers_m, lags_s
         self._root_matrices = rot.to_matrix(database.root_rotations).astype(np.float32)
-        self._root_positions_m = database.root_positions_m
+        self._root_positions_m = np.asarray(database.root_positions_m)
         self._earlier = LaggedFrames(database, lags_s)
 
     def backwards(self) -> "LaggedMarkers":
@@ -109,11 +109,13 @@ class LaggedMarkers:
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the same for database frames (K,), (K, L, M, 3)."""
         earlier = self._earlier.of(frames)
-        back = self._root_matrices[frames]
-        # row vectors: p R is R^T p, from the world into the root's frame
-        turns = np.swapaxes(self._root_matrices[earlier], -1, -2) @ back[:, None]
-        shifts = (self._root_positions_m[earlier] - self._root_positions_m[frames][:, None])[:, :, None] @ back[:, None]
-        return np.asarray(self._markers[earlier] @ turns + shifts)
+        # row vectors: p R^T goes to the world's axes, p R from there into the root's
+        away = np.ascontiguousarray(self._root_matrices.take(earlier, axis=0).swapaxes(-1, -2))
+        turned = self._markers.take(earlier, axis=0) @ away
+        shifts = self._root_positions_m.take(earlier, axis=0) - self._root_positions_m.take(frames, axis=0)[:, None]
+        turned += shifts[:, :, None]
+        flat = turned.reshape(len(frames), -1, 3)
+        return np.asarray((flat @ self._root_matrices.take(frames, axis=0)).reshape(turned.shape))
 
 
 class LaggedPoses:
@@ -149,4 +151,4 @@ class LaggedPoses:
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the same for database frames (K,), (K, L, C)."""
-        return np.asarray(self._projected[self._earlier.of(frames)])
+        return np.asarray(self._projected.take(self._earlier.of(frames), axis=0))

@@ -51,7 +51,7 @@ class Locator:
     ) -> None:
         self._subject, self._markers, self._search, self._alpha = subject, markers_m, search, query_alpha
         self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
-        self._poses = database.poses.reshape(database.frames, -1)
+        self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # a mapped array's parts are slow to make
         self._sample = SampleSearch(markers_m, self._poses)
         own = database.own_frames(subject.skeleton, subject.subject.name)
         self._factors: Array | None = None
@@ -107,7 +107,7 @@ class Locator:
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]
-        examples = Examples(chosen, distances[: len(chosen)], self._poses[chosen], self._markers[chosen])
+        examples = Examples(chosen, distances[: len(chosen)], self._poses.take(chosen, axis=0), self._markers.take(chosen, axis=0))
         return Located(root, examples, found)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
@@ -123,4 +123,5 @@ class Locator:
 
 def _closest_mean(markers_m: FloatArray, frames: IntArray) -> Array:
     """Return the mean markers (M, 3) of the closest of ranked frames."""
-    return np.mean(markers_m[frames[:_TORSO_EXAMPLES]], axis=0, dtype=np.float64)
+    closest = markers_m[frames[:_TORSO_EXAMPLES]].astype(np.float64)
+    return np.asarray(np.add.reduce(closest) / len(closest))

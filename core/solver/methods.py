@@ -11,7 +11,7 @@ from ..database.store import Database, same_bones
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
-from .gaussian_conditioning import Expectation, Prior, continue_prior
+from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations
 from .lagged_history import LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, open_network
 from .observation import Observation
@@ -24,6 +24,7 @@ from .subject_model import RootPose, SubjectModel
 _KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
 _HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against the present ones
 _BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
+_NONE = 1e-20  # covariance of joints that do not turn together
 _COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
 _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
 # The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
@@ -222,8 +223,9 @@ class BestMethod:
         """Find those beside the neighbours', and of a pose about the continued motion."""
         settings, history = self._settings, self._history_of(self._broad_frames)
         broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
-        self._floor = settings.broad_share * broad
-        self._floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
+        floor = settings.broad_share * broad
+        floor[np.diag_indices_from(broad)] += settings.pose_floor_rad**2
+        self._floor = np.where(np.abs(floor) > _NONE, floor, 0.0).astype(np.float32)
         size = self._broad_poses.shape[1]
         shares = (settings.change_share, self._settings_without_depth.change_share)
         self._change, self._smaller_change = (
@@ -257,17 +259,13 @@ class BestMethod:
             learned = self._learned.estimate(self._learned.recent(problem.observation, state), root)
             if not self._known:  # a known body's torso shows its root better
                 root, root_sigma = learned.root, learned.root_sigma
-
-        def deviation(of: Prior) -> float:
-            return Expectation(of, problem.observation, root, root_sigma, self._limits).deviation(self._subject)
-
-        off = deviation(prior)
+        priors = [prior, learned.pose] if learned else [prior]
+        off, *learned_off = deviations(priors, problem.observation, root, root_sigma, self._subject)
         widening = max(1.0, (off / _USUAL_DEVIATION) ** 2) if known else 1.0
         if learned:
-            learned_off = deviation(learned.pose)
             # without markers nothing speaks for either
-            ratio = off / (learned_off * self._trusted) if learned_off else 1.0
-            doubt = float(np.clip(ratio**4, 1.0 / _MOST_DOUBT, _MOST_DOUBT))
+            ratio = off / (learned_off[0] * self._trusted) if learned_off[0] else 1.0
+            doubt = min(max(ratio**4, 1.0 / _MOST_DOUBT), _MOST_DOUBT)
             prior = continue_prior(
                 Prior(prior.mean, max(widening, doubt) * prior.covariance),
                 learned.pose.mean,
@@ -294,15 +292,14 @@ class BestMethod:
         known = np.isfinite(observed)
         away = history[:, known] - observed[known]
         distances = np.maximum(examples.distances, 0.0)
-        distances += self._query_alpha * _HISTORY_SHARE * np.einsum("kh,kh->k", away, away)
+        distances += self._query_alpha * _HISTORY_SHARE * np.add.reduce(away * away, axis=1)
         weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))
         weights /= weights.sum()
         samples = np.concatenate((examples.poses, history, pose_history), axis=1)
-        prior = gaussian_conditioning.neighbours_prior(samples, weights, self._floor)
         sigmas = (settings.history_sigma_m, settings.history_sigma_rad)
         variances = np.repeat(np.square(sigmas), (len(observed), len(solved)))
-        prior = gaussian_conditioning.condition(prior, np.concatenate((observed, solved)), variances)
-        return prior, len(weights)
+        past = np.concatenate((observed, solved))
+        return gaussian_conditioning.neighbours_prior(samples, weights, self._floor, past, variances), len(weights)
 
     def _history_of(self, frames: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return earlier markers and earlier poses of database frames (K,), a row each."""

@@ -130,11 +130,15 @@ class MotionPrior:
 
     def __init__(self, network: Network, subject: SubjectModel, common_zero: Array) -> None:
         self._network = network
-        self._zero = subject.mean_rotations
-        self._turn = rot.multiply(rot.conjugate(common_zero), self._zero)
-        self._body = SubjectModel(subject.subject, rot.multiply(network.mean_rotations, self._turn))
+        turn = rot.multiply(rot.conjugate(common_zero), subject.mean_rotations)
+        self._body = SubjectModel(subject.subject, rot.multiply(network.mean_rotations, turn))
         joints = subject.joints
-        self._offsets_m = rot.rotate(self._turn[joints], subject.offsets_m)
+        self._offsets_m = rot.rotate(turn[joints], subject.offsets_m)
+        # from a joint's rotation by the network to that from the subject's zero: one matrix, as both factors are fixed
+        self._back = rot.to_matrix(rot.conjugate(turn[1:]))
+        before = rot.multiply(rot.conjugate(subject.mean_rotations), network.mean_rotations)[1:, None]
+        self._change = rot.multiply(rot.multiply(before, np.eye(4)), turn[1:, None]).swapaxes(-1, -2)
+        self._correlation = np.ascontiguousarray(network.correlation[_ROOT:, _ROOT:])
         self._rest = self._body.markers(np.zeros((len(subject.skeleton) - 1, 3)))
         self._weights, self._biases = network.marker_weights[joints], network.marker_biases[joints]
         lengths = np.linalg.norm(subject.skeleton.offsets_m[1:], axis=-1)
@@ -165,13 +169,12 @@ class MotionPrior:
         frame = root_from_torso(Observation.of_points(points_m[0]), self._rest, self._body, root) or root
         features = marker_features(frame.to_root_frame(points_m), self._rest, self._offsets_m, self._network.lags_s)
         # whatever the markers are, what follows is finite
-        within = np.asarray(np.clip(features, -_FASTEST_M_S, _FASTEST_M_S), dtype=np.float32)
+        within = np.minimum(np.maximum(features, -_FASTEST_M_S), _FASTEST_M_S).astype(np.float32)
         mean, sigma = self._run(within, np.isfinite(points_m[..., 0]).any(axis=0))
         turn = rot.multiply(frame.rotation, rot.from_rotation_vector(mean[:3]))
         root = RootPose(turn, frame.to_world(mean[3:_ROOT]))
         root_sigma = (float(np.sqrt(np.mean(sigma[3:_ROOT] ** 2))), float(np.sqrt(np.mean(sigma[:3] ** 2))))
-        covariance = self._network.correlation[_ROOT:, _ROOT:] * np.outer(sigma[_ROOT:], sigma[_ROOT:])
-        return PriorEstimate(self._from_zero(mean[_ROOT:], covariance), root, root_sigma)
+        return PriorEstimate(self._from_zero(mean[_ROOT:], sigma[_ROOT:]), root, root_sigma)
 
     def _run(self, features: FloatArray, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Return the outputs and their standard deviations."""
@@ -181,22 +184,23 @@ class MotionPrior:
         state = _silu((self._parts @ hidden).ravel() @ self._first + self._first_bias)
         for weights, bias in zip(network.weights, network.biases[1:], strict=True):
             state = state + _silu(state @ weights + bias)
-        mean, log_sigma = np.split(state @ network.output_weights + network.output_biases, 2)
-        mean, log_sigma = np.clip(mean, -FARTHEST, FARTHEST), np.clip(log_sigma, *LOG_SIGMAS)
+        outputs = state @ network.output_weights + network.output_biases
+        count = len(outputs) // 2
+        mean = np.minimum(np.maximum(outputs[:count], -FARTHEST), FARTHEST)
+        log_sigma = np.minimum(np.maximum(outputs[count:], LOG_SIGMAS[0]), LOG_SIGMAS[1])
         offset, scale = network.outputs
         sigma = np.hypot(network.spread[0] * scale * np.exp(log_sigma.astype(np.float64)), network.spread[1])
         return offset + scale * mean.astype(np.float64), sigma
 
-    def _from_zero(self, pose: Array, covariance: Array) -> Prior:
+    def _from_zero(self, pose: Array, sigma: Array) -> Prior:
         """Return a Gaussian of the network's poses relative to the subject's zero."""
-        vectors, turn = pose.reshape(-1, 3), self._turn[1:]
-        turned = rot.multiply(rot.multiply(self._network.mean_rotations[1:], rot.from_rotation_vector(vectors)), turn)
-        moved = rot.to_rotation_vector(rot.multiply(rot.conjugate(self._zero[1:]), turned))
-        before, after = np.split(exponential_and_right_jacobian(np.concatenate((vectors, moved)))[1], 2)
-        slopes = np.linalg.solve(after, rot.to_matrix(rot.conjugate(turn)) @ before)
-        blocks = covariance.reshape(len(vectors), 3, len(vectors), 3).transpose(0, 2, 1, 3)
-        blocks = slopes[:, None] @ blocks @ np.swapaxes(slopes, -1, -2)[None]
-        return Prior(moved.ravel(), blocks.transpose(0, 2, 1, 3).reshape(covariance.shape))
+        vectors = pose.reshape(-1, 3)
+        moved = rot.to_rotation_vector((self._change @ rot.from_rotation_vector(vectors)[..., None])[..., 0])
+        before, after = exponential_and_right_jacobian(np.array((vectors, moved)))[1]
+        slopes = np.linalg.solve(after, self._back @ before) * sigma.reshape(-1, 1, 3)
+        half = slopes @ self._correlation.reshape(len(vectors), 3, -1)
+        covariance = slopes @ half.reshape(pose.size, -1).T.reshape(half.shape)
+        return Prior(moved.ravel(), covariance.reshape(pose.size, -1))
 
 
 def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Array) -> Array:
@@ -207,11 +211,13 @@ def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Ar
         rest_m: (..., M, 3) markers of the mean pose.
         offsets_m: (..., M, 3) of the markers in their joints' axes.
     """
-    points = np.moveaxis(points_m, -3, -2)
+    points = points_m.swapaxes(-3, -2)
     seen = np.isfinite(points[..., 0])
-    latest = np.take_along_axis(points, np.argmax(seen, axis=-1)[..., None, None], axis=-2)
+    latest = points[..., :1, :]
+    if not seen[..., 0].all():
+        latest = np.take_along_axis(points, np.argmax(seen, axis=-1)[..., None, None], axis=-2)
     moved = (points[..., 1:, :] - latest) / (_LAG_FLOOR_S + lags_s[1:, None])
-    seen[..., 1:] &= np.linalg.norm(np.nan_to_num(moved), axis=-1) < _FASTEST_M_S
+    seen[..., 1:] &= np.add.reduce(moved * moved, axis=-1) < _FASTEST_M_S**2
     moved = np.where(seen[..., 1:, None], moved, 0.0)
     parts = (
         np.where(seen.any(axis=-1)[..., None], latest[..., 0, :] - rest_m, 0.0),

@@ -68,6 +68,8 @@ def control_residual(observation: Observation, markers_m: Array) -> Array:
     """
     located, single = observation.located, observation.single
     parts = [(markers_m[located] - observation.points_m[located]).ravel()]
+    if not single.any():
+        return np.asarray(parts[0])
     for marker in np.flatnonzero(single):
         camera = observation.rig[observation.cameras[marker]]
         x, y, z = camera.to_camera(markers_m[marker])
@@ -80,6 +82,8 @@ def control_jacobian(observation: Observation, jacobian: Array) -> Array:
     """Return d `control_residual` from d markers (M, 3, n): its twin."""
     located, single = observation.located, observation.single
     parts = [jacobian[located].reshape(-1, jacobian.shape[-1])]
+    if not single.any():
+        return np.asarray(parts[0])
     for marker in np.flatnonzero(single):
         camera = observation.rig[observation.cameras[marker]]
         u, v = observation.image_points[marker]

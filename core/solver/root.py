@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from ..geometry import rotations as rot
 from ..geometry.arrays import Array
-from ..geometry.rigid_transform import kabsch
+from ..geometry.rigid_transform import fit_rigid
 from .observation import Observation
 from .subject_model import RootPose, SubjectModel
 
@@ -28,8 +27,7 @@ def root_from_torso(
     seen = subject.torso & observation.located
     if seen.sum() >= 3:
         weights = np.where(subject.joints[seen] == 0, _CARRIED_BY_ROOT, 1.0)
-        matrix, translation = kabsch(local_markers_m[seen], observation.points_m[seen], weights)
-        return RootPose(rot.from_matrix(matrix), translation)
+        return RootPose(*fit_rigid(local_markers_m[seen], observation.points_m[seen], weights))
     if previous is None:
         return None
     return _moved(previous, observation, local_markers_m)

@@ -37,6 +37,8 @@ class RootPose:
         return rot.to_matrix(self.rotation)
 
 
+_UNIT = np.eye(3)
+_SMALLEST_RAD = 1e-5  # of smaller angles the divisions below are as of this: none of them changes by more than 1e-11
 ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
 
 
@@ -54,10 +56,10 @@ class SubjectModel:
         self.joints = subject.marker_set.joint_indices(self.skeleton)
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
-
-    @cached_property
-    def _mean_matrices(self) -> Array:
-        return rot.to_matrix(self.mean_rotations)
+        self._body, self._carrying = self.skeleton.carrying(self.joints)  # other joints move no marker
+        self._carriers = np.argmax(self._carrying == self.joints[:, None], axis=1)
+        self._columns = np.concatenate(([0], 1 + self._carrying))
+        self._mean_matrices = rot.to_matrix(mean_rotations)[self._carrying[1:]]
 
     def rotations(self, pose: Array, root: RootPose) -> Array:
         """Return local rotations (J, 4), the root's included."""
@@ -66,7 +68,7 @@ class SubjectModel:
     def markers(self, pose: Array, root: RootPose = ROOT_AT_REST) -> Array:
         """Return marker positions (..., M, 3) of poses (..., J - 1, 3)."""
         if pose.ndim == 2:
-            return self._posed(exponential_and_right_jacobian(pose)[0], root)[0]
+            return self._posed(exponential_and_right_jacobian(pose[self._carrying[1:] - 1])[0], root)[0]
         local = rotations_from_pose(pose, self.mean_rotations, root.rotation)
         return marker_positions(self.skeleton, self.joints, self.offsets_m, local, root.position_m)
 
@@ -77,21 +79,22 @@ class SubjectModel:
 
         The root's rotation is varied on its right, R exp(d); the pose is varied as the rotation vectors it is.
         """
-        turn, right_jacobian = exponential_and_right_jacobian(pose)
-        markers, positions, world = self._posed(turn, root)
-        axes = world.copy()
-        axes[..., 1:, :, :] = world[..., 1:, :, :] @ right_jacobian
-        return markers, marker_jacobian(self.skeleton, self.joints, markers, positions, axes)
+        turns, right_jacobians = exponential_and_right_jacobian(pose.take(self._carrying[1:] - 1, axis=-2))
+        markers, positions, axes = self._posed(turns, root)
+        axes[..., 1:, :, :] = axes[..., 1:, :, :] @ right_jacobians
+        moved = marker_jacobian(self._body, self._carriers, markers, positions, axes)
+        jacobian = np.zeros((*markers.shape, 1 + len(self.skeleton), 3))
+        jacobian[..., self._columns, :] = moved.reshape(*markers.shape, -1, 3)
+        return markers, jacobian.reshape(*markers.shape, -1)
 
     def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
-        """Return markers, joint positions and world matrices of poses (..., J - 1, 3, 3)."""
-        local = np.empty((*turns.shape[:-3], len(self.skeleton), 3, 3))
+        """Return markers, joint positions and world matrices of carrying joints (..., C - 1, 3, 3)."""
+        local = np.empty((*turns.shape[:-3], len(self._body), 3, 3))
         local[..., 0, :, :] = root.matrix
-        local[..., 1:, :, :] = self._mean_matrices[1:] @ turns
-        positions, world = forward_kinematics_matrices(self.skeleton, local, root.position_m)
-        markers = positions[..., self.joints, :]
-        markers = markers + (world[..., self.joints, :, :] @ self.offsets_m[:, :, None])[..., 0]
-        return markers, positions, world
+        local[..., 1:, :, :] = self._mean_matrices @ turns
+        positions, world = forward_kinematics_matrices(self._body, local, root.position_m)
+        turned = world.take(self._carriers, axis=-3) @ self.offsets_m[:, :, None]
+        return positions.take(self._carriers, axis=-2) + turned[..., 0], positions, world
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
         """Return c_n (F, M, 3) float32 of Eq. 1, with the root at rest."""
@@ -100,19 +103,19 @@ class SubjectModel:
 
 
 def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
-    """Return exp(v) (..., 3, 3) and its right Jacobian (Sola 2018, Eq. 143)."""
-    angle2 = np.sum(vectors**2, axis=-1)
-    angle = np.sqrt(angle2)
-    small = angle < 1e-4
-    safe = np.where(small, 1.0, angle)
-    sine = np.where(small, 1.0 - angle2 / 6.0, np.sin(safe) / safe)
-    versine = np.where(small, 0.5 - angle2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
-    rest = np.where(small, 1.0 / 6.0 - angle2 / 120.0, (safe - np.sin(safe)) / safe**3)
-    cross = np.zeros((*vectors.shape, 3))
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -z, y, -x
-    cross[..., 1, 0], cross[..., 2, 0], cross[..., 2, 1] = z, -y, x
-    square = cross @ cross
-    unit = np.eye(3)
-    turn = unit + sine[..., None, None] * cross + versine[..., None, None] * square
-    return turn, unit - versine[..., None, None] * cross + rest[..., None, None] * square
+    """Return exp(v) (..., 3, 3) and its right Jacobian (Sola 2018, Eq. 143).
+
+    Both are sums of the unit matrix, of that of the cross product with v, and of v v'.
+    """
+    angle2 = np.add.reduce(vectors * vectors, axis=-1)[..., None, None]
+    angle = np.maximum(np.sqrt(angle2), _SMALLEST_RAD)
+    sine = np.sin(angle) / angle
+    versine = (1.0 - np.cos(angle)) / (angle * angle)
+    cross, square = rot.cross_matrices(vectors), vectors[..., :, None] * vectors[..., None, :]
+    turn = sine * cross
+    turn += versine * square
+    turn += (1.0 - versine * angle2) * _UNIT
+    jacobian = ((1.0 - sine) / (angle * angle)) * square
+    jacobian -= versine * cross
+    jacobian += sine * _UNIT
+    return turn, jacobian

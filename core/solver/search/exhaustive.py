@@ -94,9 +94,12 @@ class ExhaustiveSearch:
         weights = seen * np.float32(query.marker_weight)
         pose = query.pose.astype(np.float32) if query.pose is not None and query.pose_weight > 0.0 else None
         if not isinstance(frames, slice):
-            result = _weighted(self._markers[frames] - target, weights)
+            away = self._markers.take(frames, axis=0)
+            away -= target
+            result = _weighted(away, weights)
             if pose is not None:
-                away = self._poses[frames] - pose
+                away = self._poses.take(frames, axis=0)
+                away -= pose
                 result += np.float32(query.pose_weight) * np.einsum("fd,fd->f", away, away)
             return result
         result = times(self.marker_norms[frames], weights)
