@@ -129,7 +129,9 @@ class _Follower:
         flat, shape = (len(shares), models, -1), self._states.shape
         together = self._covariances + self._states @ self._states.swapaxes(-1, -2) / 3.0
         columns = np.concatenate((self._states.reshape(flat), together.reshape(flat)), axis=2)
-        mixed, covariances = (shares.swapaxes(1, 2) @ columns).reshape(*shape[:2], 2, 3, 3).swapaxes(0, 2).swapaxes(1, 2)
+        mixed, covariances = (
+            (shares.swapaxes(1, 2) @ columns).reshape(*shape[:2], 2, 3, 3).swapaxes(0, 2).swapaxes(1, 2)
+        )
         covariances = covariances - mixed @ mixed.swapaxes(-1, -2) / 3.0
         moved = np.array([[1.0, elapsed_s, elapsed_s**2 / 2.0], [0.0, 1.0, elapsed_s], [0.0, 0.0, 1.0]])
         self._states = moved @ mixed

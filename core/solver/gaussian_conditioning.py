@@ -69,7 +69,9 @@ def neighbours_prior(
     (syrk,) = get_blas_funcs(("syrk",), (samples,))
     covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, as all that follows needs no more
     # from here on in full: half of it would slow down by numbers that are almost zero
-    across, own = (np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:]))
+    across, own = (
+        np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:])
+    )
     _add_to_diagonal(own, variances)
     across, moved = _regress(across, own, observed - mean[kept:])
     given = covariance[:kept, :kept].astype(np.float64)
@@ -165,7 +167,11 @@ class Expectation:
 
 
 def deviations(
-    priors: Sequence[Prior], observation: Observation, root: RootPose, root_sigma: tuple[float, float], subject: SubjectModel
+    priors: Sequence[Prior],
+    observation: Observation,
+    root: RootPose,
+    root_sigma: tuple[float, float],
+    subject: SubjectModel,
 ) -> list[float]:
     """Return the RMS of the markers' distances from each prior, in its deviations."""
     poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])

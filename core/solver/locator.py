@@ -107,7 +107,8 @@ class Locator:
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]
-        examples = Examples(chosen, distances[: len(chosen)], self._poses.take(chosen, axis=0), self._markers.take(chosen, axis=0))
+        poses, markers = (rows.take(chosen, axis=0) for rows in (self._poses, self._markers))
+        examples = Examples(chosen, distances[: len(chosen)], poses, markers)
         return Located(root, examples, found)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:

@@ -5,7 +5,6 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.solver.gaussian_conditioning import (
     Expectation,
     Prior,
-    condition,
     continue_prior,
     fit_to_markers,
     neighbours_prior,
@@ -15,6 +14,7 @@ from perfanim.core.solver.subject_model import RootPose
 
 NOISE_M = 0.002
 FLOOR = 0.03**2 * np.eye(84)
+NO_PAST = (np.empty(0), np.empty(0))
 
 
 def gaussian(seed, size=7):
@@ -27,14 +27,14 @@ def gaussian(seed, size=7):
 def test_prior_is_the_weighted_mean_and_covariance():
     poses, weights = gaussian(0)
     floor = np.diag(np.linspace(0.01, 0.02, 7))
-    prior = neighbours_prior(poses, weights, floor)
+    prior = neighbours_prior(poses, weights, floor, *NO_PAST)
     np.testing.assert_allclose(prior.mean, np.average(poses, axis=0, weights=weights))
     expected = np.cov(poses.T, aweights=weights, ddof=0) + floor
     np.testing.assert_allclose(prior.covariance, expected, atol=1e-12)
 
 
 def test_continued_prior_is_the_product_of_gaussians():
-    prior = neighbours_prior(*gaussian(1), 0.01 * np.eye(7))
+    prior = neighbours_prior(*gaussian(1), 0.01 * np.eye(7), *NO_PAST)
     generator = np.random.default_rng(2)
     expected, factor = generator.normal(size=7), generator.normal(size=(7, 7))
     change = factor @ factor.T + 0.1 * np.eye(7)
@@ -47,10 +47,10 @@ def test_continued_prior_is_the_product_of_gaussians():
 
 def test_what_was_observed_is_regressed_on():
     samples, weights = gaussian(3)
-    prior = neighbours_prior(samples, weights, 0.01 * np.eye(7))
+    prior = neighbours_prior(samples, weights, 0.01 * np.eye(7), *NO_PAST)
     observed = np.array([0.5, np.nan, -0.2])  # the last three entries, one of them unknown
     variances = np.array([0.05, 0.3, 0.01])
-    result = condition(prior, observed, variances)
+    result = neighbours_prior(samples, weights, 0.01 * np.eye(7), observed, variances)
     seen, joint = [4, 6], prior.covariance
     gain = joint[:4, seen] @ np.linalg.inv(joint[np.ix_(seen, seen)] + np.diag(variances[[0, 2]]))
     np.testing.assert_allclose(result.mean, prior.mean[:4] + gain @ (observed[[0, 2]] - prior.mean[seen]), atol=1e-10)
@@ -58,10 +58,10 @@ def test_what_was_observed_is_regressed_on():
 
 
 def test_observing_nothing_changes_nothing():
-    prior = neighbours_prior(*gaussian(4), 0.01 * np.eye(7))
-    result = condition(prior, np.full(3, np.nan), np.full(3, 0.05))
-    np.testing.assert_array_equal(result.mean, prior.mean[:4])
-    np.testing.assert_array_equal(result.covariance, prior.covariance[:4, :4])
+    prior = neighbours_prior(*gaussian(4), 0.01 * np.eye(7), *NO_PAST)
+    result = neighbours_prior(*gaussian(4), 0.01 * np.eye(7), np.full(3, np.nan), np.full(3, 0.05))
+    np.testing.assert_allclose(result.mean, prior.mean[:4], atol=1e-12)
+    np.testing.assert_allclose(result.covariance, prior.covariance[:4, :4], atol=1e-12)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def frame(model, database, truth, true_markers):
     poses = np.asarray(database.poses, dtype=np.float64).reshape(database.frames, -1)
     pose = pose_from_rotations(truth.rotations[25], database.mean_rotations).ravel()
     near = poses[np.argsort(np.linalg.norm(poses - pose, axis=1))[:100]]
-    prior = neighbours_prior(near, np.full(100, 0.01), FLOOR)
+    prior = neighbours_prior(near, np.full(100, 0.01), FLOOR, *NO_PAST)
     root = RootPose(
         rot.multiply(truth.rotations[25, 0], rot.from_rotation_vector([0.03, -0.04, 0.02])),
         truth.root_positions_m[25] + np.array([0.01, -0.02, 0.01]),
@@ -103,7 +103,9 @@ def test_fit_brings_the_markers_to_within_their_noise(model, frame):
 def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database):
     _, true_pose, root, points = frame
     poses = np.asarray(database.poses[::10], dtype=np.float64).reshape(-1, 84)
-    prior = neighbours_prior(poses, np.full(len(poses), 1.0 / len(poses)), FLOOR)  # knows nothing of this moment
+    prior = neighbours_prior(
+        poses, np.full(len(poses), 1.0 / len(poses)), FLOOR, *NO_PAST
+    )  # knows nothing of this moment
     expectation = Expectation(prior, Observation.of_points(points), root, (0.03, 0.1), UNLIMITED)
     pose, _, _ = fit_to_markers(expectation, model, NOISE_M, 5)
     assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
