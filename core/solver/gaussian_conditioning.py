@@ -89,12 +89,12 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
 
 
 def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tuple[NDArray[Any], Array]:
-    """Return what observations (m,) tell of other entries (D,).
+    """Regress other entries (D,) on observations (m,).
 
     Args:
         across: (D, m) covariance of the entries and the observations.
         own: (m, m) covariance of the observations, its upper triangle.
-        innovation: (m,) how far they are from what was expected.
+        innovation: (m,) their distances from the expected ones.
 
     Returns:
         The root (D, m) of the covariance that is explained, and the change of the entries' mean.

@@ -88,7 +88,7 @@ class SubjectModel:
         return markers, jacobian.reshape(*markers.shape, -1)
 
     def _posed(self, turns: Array, root: RootPose) -> tuple[Array, Array, Array]:
-        """Return markers, joint positions and world matrices of carrying joints (..., C - 1, 3, 3)."""
+        """Return markers, and positions and world matrices of the joints that carry them."""
         local = np.empty((*turns.shape[:-3], len(self._body), 3, 3))
         local[..., 0, :, :] = root.matrix
         local[..., 1:, :, :] = self._mean_matrices @ turns

@@ -15,7 +15,7 @@ from .addon_steps import ADDON, ADDON_STEPS, is_on, part
 from .scene_steps import SCENE_STEPS
 
 _TESTS = Path(__file__).resolve().parents[2] / "tests"
-_STEPS = {**SCENE_STEPS, **ADDON_STEPS}
+_STEPS: dict[Callable[..., Any], int] = {**SCENE_STEPS, **ADDON_STEPS}
 _MOST_STEPS = 14
 _ENDING_S = 5.0  # in which processes and threads that were ended are gone
 
