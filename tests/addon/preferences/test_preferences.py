@@ -85,7 +85,7 @@ def test_motion_is_imported_by_as_many_processes_as_the_preferences_say(
 ) -> None:
     operator = part("operators.database").PERFANIM_OT_build_database
     played = SimpleNamespace(files=[], directory="", filepath=str(tmp_path), mirror=False, cull=False)
-    played.options = partial(operator.options, played)
+    played.build_options = partial(operator.build_options, played)
     assert "--workers" not in operator.arguments(played, bpy.context)
     preferences.workers = 3
     assert operator.arguments(played, bpy.context)[-2:] == ["--workers", "3"]
