@@ -37,6 +37,7 @@ class TestTake:
 
 
 WALKING = TestTake("walking (16_16)", "16_16")
+UNLIKE = TestTake("jumps, kicks and punches (86_01)", "86_01")  # of a performer without other takes
 BOXING = TestTake("boxing (14_02, last third)", SPLIT, SPLIT_AT)
 
 

@@ -8,34 +8,38 @@ import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.build import BuildSettings, build_database
-from perfanim.core.database.store import Clip, Database, open_database
+from perfanim.core.database.store import Database, open_database
+from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import motion_of
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import Progress
 
-from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, data_folders, read_take
+from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, UNLIKE, WALKING, data_folders, read_take
 from .figure6 import true_subject
+from .frame_stages import without_labels
 from .methods import WITHOUT_PRIOR
 from .plots import Line, Panel, check_plots, write_plot
 from .report import write_figures
 from .speed import reference_ms
 from .subset import write_subset
-from .table1 import SEARCHES, search_times
 
-_SHARES = (1 / 64, 1 / 16, 1 / 4, 1.0)  # of the clips, spread evenly
-_FRAMES = 240  # solved
-_TIMED = ("exhaustive", *SEARCHES, "solve")
+_SIZES = (10_000, 86_000, 172_000, 400_000, 1_050_000)  # frames; the last is all there are, mirrored ones included
+_FRAMES = 240  # solved, of each take
+_FIRST_FRAMES = 20  # that a session begins in
+_TAKES = {"known": WALKING, "unlike": UNLIKE}  # motion that the database has much of, and none
+_TIMED = ("known", "unlike")
 
 
 def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Solve a walk with ever larger databases, and write the figures.
+    """Solve two takes with ever larger databases, and write the figures.
 
-    The largest database holds everything and mirrored copies.
+    Times are the processor's; for those of one core run this with OPENBLAS_NUM_THREADS=1.
 
     Returns:
-        rows (frames, clips, size, times, error), reference (milliseconds of one exhaustive search in NumPy), outputs.
+        rows (frames, clips, size, times and their shares of one exhaustive search in NumPy, error), outputs.
     """
     check_plots()
     path = out / "databases" / "scale-mirrored.pfdb"
@@ -47,57 +51,68 @@ def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
             progress=lambda fraction, text: progress(0.3 * fraction, text),
         )
     mirrored = open_database(path)
-    truth = sliced(read_take(data, WALKING), 0, _FRAMES)
-    reference, _ = reference_ms()
+    takes = {name: sliced(read_take(data, take), 0, _FRAMES) for name, take in _TAKES.items()}
     rows = []
-    originals = [clip for clip in mirrored.clips if not clip.mirrored]
-    for number, share in enumerate((*_SHARES, None)):
-        progress(
-            0.3 + 0.7 * number / (len(_SHARES) + 1), "everything, mirrored too" if share is None else f"{share:.1%}"
-        )
-        database = mirrored if share is None else _part(mirrored, originals, share, out / "databases")
-        rows.append(_row(truth, database, reference))
-    figures = {"rows": rows, "reference_ms": round(reference, 3)}
+    for number, size in enumerate(_SIZES):
+        progress(0.3 + 0.7 * number / len(_SIZES), f"{size:,} frames")
+        rows.append(_row(takes, _part(mirrored, size, out / "databases")))
+    figures: dict[str, Any] = {"rows": rows}
     sizes = np.array([row["frames"] for row in rows])
     lines = [Line(name, sizes, np.array([row[f"{name}_ms_median"] for row in rows])) for name in _TIMED]
-    plots = write_plot(out / "scale", [Panel("best, a walk", lines)], "frames in the database", "median (ms)")
+    plots = write_plot(out / "scale", [Panel("best, one frame", lines)], "frames in the database", "median (ms)")
     return write_figures(out, "scale", figures, {"": rows}, plots)
 
 
-def _part(whole: Database, clips: list[Clip], share: float, folder: Path) -> Database:
-    """Return a database of every so many clips."""
-    chosen = clips[:: round(1.0 / share)]
-    path = folder / f"scale-{len(chosen)}-clips.pfdb"
+def _part(whole: Database, size: int, folder: Path) -> Database:
+    """Return a database of clips from everywhere, with so many frames or all there are."""
+    if size >= whole.frames:
+        return whole
+    path = folder / f"scale-{size}.pfdb"
     if path.exists():
         return open_database(path)
-    return write_subset(whole, path, [(clip, 0, clip.stop - clip.start) for clip in chosen])
+    recorded = [clip for clip in whole.clips if not clip.mirrored]
+    order = np.random.default_rng(0).permutation(len(recorded))
+    kept, left = [], size
+    for clip in (recorded[index] for index in order):
+        count = min(clip.stop - clip.start, left)
+        if count > 1:
+            kept.append((clip, 0, count))
+            left -= count
+    return write_subset(whole, path, sorted(kept, key=lambda part: part[0].start))
 
 
-def _row(truth: Motion, database: Database, reference_ms: float) -> dict[str, Any]:
+def _row(takes: dict[str, Motion], database: Database) -> dict[str, Any]:
     started_s = time.perf_counter()
     open_database(database.path)
     opened_s = time.perf_counter()
-    subject = true_subject(truth)
-    session = Session(subject, database, settings=WITHOUT_PRIOR)
+    subject = true_subject(takes["known"])
+    Session(subject, database)
     ready_s = time.perf_counter()
-    taken, poses = [], []
-    for frame in take_frames(simulate_markers(truth, subject)[0], subject.marker_set):
-        before_s = time.perf_counter()
-        poses.append(session.step(frame))
-        taken.append(1e3 * (time.perf_counter() - before_s))
-    errors = evaluate(motion_of(poses, subject, truth.name, truth.fps), truth)
     row: dict[str, Any] = {
         "frames": database.frames,
         "clips": len(database.clips),
         "bytes": database.path.stat().st_size,
         "open_ms": round(1e3 * (opened_s - started_s), 2),
         "ready_s": round(ready_s - opened_s, 3),
-        "solve_ms_median": round(float(np.median(taken)), 3),
-        "solve_ms_p99": round(float(np.percentile(taken, 99)), 3),
-        "deg_per_joint": round(errors["deg_per_joint"], 4),
     }
-    for times in search_times(truth, database):
-        name = times["search"]
-        row |= {f"{name}_ms_median": times["median_ms"], f"{name}_ms_p99": times["p99_ms"]}
-        row[f"{name}_of_reference"] = round(times["median_ms"] / reference_ms, 4)
-    return row
+    _, reference = reference_ms()
+    for name, truth in takes.items():
+        milliseconds, _ = _solve(truth, database, SolveSettings())
+        median, p99 = float(np.median(milliseconds)), float(np.percentile(milliseconds, 99))
+        row |= {f"{name}_ms_median": round(median, 3), f"{name}_ms_p99": round(p99, 3)}
+        row |= {f"{name}_median_of_reference": round(median / reference, 4)}
+        row |= {f"{name}_p99_of_reference": round(p99 / reference, 4)}
+        errors = evaluate(_solve(truth, database, WITHOUT_PRIOR)[1], truth)
+        row[f"{name}_deg_per_joint"] = round(errors["deg_per_joint"], 4)
+    return row | {"reference_ms": round(reference, 3)}
+
+
+def _solve(truth: Motion, database: Database, settings: SolveSettings) -> tuple[Array, Motion]:
+    """Return the milliseconds of each frame after the first, and the motion solved."""
+    subject = true_subject(truth)
+    session, taken, poses = Session(subject, database, settings=settings), [], []
+    for number, frame in enumerate(take_frames(simulate_markers(truth, subject)[0], subject.marker_set)):
+        unlabelled, before_s = without_labels(frame, number), time.process_time()
+        poses.append(session.step(unlabelled))
+        taken.append(1e3 * (time.process_time() - before_s))
+    return np.array(taken[_FIRST_FRAMES:]), motion_of(poses, subject, truth.name, truth.fps)

@@ -30,8 +30,9 @@ from perfanim.core.system.progress import Progress
 from perfanim.core.vision.detection.background import learn_backgrounds
 from perfanim.core.vision.detection.blob_detector import Detector
 
-from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, WALKING, TestTake, data_folders, read_take
+from .data import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, UNLIKE, WALKING, data_folders, read_take
 from .figure6 import true_subject
+from .frame_stages import frame_stages
 from .report import write_figures
 from .streams import Streams, render_streams, stage_times, throughput
 from .subset import write_subset
@@ -42,7 +43,6 @@ Row = dict[str, Any]
 _REFERENCE = (433_000, 60, 32)  # rows, columns, nearest
 _REFERENCE_RUNS = 15
 _DATABASE_FRAMES, _SMALLER_FRAMES = 395_399, 80_000
-_UNLIKE = TestTake("jumps, kicks and punches (86_01)", "86_01")  # of a performer without other takes
 _FIRST_FRAMES = 20  # that a session begins in
 _PAIRS, _PASSES, _RUNS = 480, 2, 3
 _MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL, _NOISE = 12, 3.0, 220.0, 16.0, 2.0
@@ -56,8 +56,9 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
     Processor time counts all threads of a process; for figures of one core run this with OPENBLAS_NUM_THREADS=1.
 
     Returns:
-        rows (work, value, unit, goal or "", ratio to the reference search or ""), searches (database, search, times,
-        frames visited, error), machine (processors, load), outputs.
+        rows (work, value, unit, goal or "", ratio to the reference search or ""), stages (take, database, stage of a
+        frame, its time, and that as a share of the reference search's), searches (database, search, times, frames
+        visited, error), machine (processors, load), outputs.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the cameras' process, as in live capture
     cv2.setNumThreads(1)  # as there
@@ -79,16 +80,21 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
     progress(0.7, "solving")
     rows += _solving(truth, database)
     smaller = part_of(whole, out / "databases" / "speed-smaller.pfdb", _SMALLER_FRAMES)
-    for take in (WALKING, _UNLIKE):
-        rows += compare_searches(take.title, read_take(data, take), smaller)
+    stages: list[Row] = []
+    for take in (WALKING, UNLIKE):
+        motion = read_take(data, take)
+        rows += compare_searches(take.title, motion, smaller)
+        for used in (smaller, database):
+            stages += frame_stages(take.title, motion, used, reference_ms()[1])
     progress(0.8, "searching")
     searches = _searches(truth, database)
     figures: dict[str, Any] = {
         "rows": rows,
+        "stages": stages,
         "searches": searches,
         "machine": {"processors": os.cpu_count(), "load_before": load_before, "load_after": _load()},
     }
-    return write_figures(out, "speed", figures, {"": rows, "searches": searches})
+    return write_figures(out, "speed", figures, {"": rows, "stages": stages, "searches": searches})
 
 
 def _load() -> list[float]:

@@ -177,21 +177,27 @@ def test_a_prior_is_compared_on_people_that_it_has_not_seen(tmp_path, database):
 
 def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.speed._REFERENCE", (3000, 60, 32))
-    monkeypatch.setattr("bench.scale._SHARES", (1 / 2, 1.0))
+    monkeypatch.setattr("bench.scale._SIZES", (90, 100_000))
+    monkeypatch.setattr("bench.scale._TAKES", {"known": WALKING, "unlike": replace(WALKING, trial="16_02")})
+    monkeypatch.setattr("bench.scale._FIRST_FRAMES", 0)
     figures = scale(data, tmp_path, 1, silent)
-    half, whole, mirrored = figures["rows"]
-    assert half["frames"] < whole["frames"] == mirrored["frames"] / 2
+    some, mirrored = figures["rows"]
+    assert some["frames"] == 90 < mirrored["frames"] / 2
     names = {clip.name for clip in open_database(tmp_path / "databases/scale-mirrored.pfdb").clips}
     assert not {"16_16", "09_03", "16_02", "14_02"} & names
-    assert all(row["solve_ms_p99"] >= row["solve_ms_median"] > 0.0 for row in figures["rows"])
+    for row in figures["rows"]:
+        for take in ("known", "unlike"):
+            assert row[f"{take}_ms_p99"] >= row[f"{take}_ms_median"] > 0.0
+            assert row[f"{take}_p99_of_reference"] >= row[f"{take}_median_of_reference"] > 0.0
     assert (tmp_path / "scale.svg").stat().st_size > 5_000
 
 
 def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeypatch):
     small = {"_PAIRS": 6, "_PASSES": 1, "_RUNS": 1, "_REFERENCE": (3000, 60, 32), "_IMAGES": 3, "_DATABASE_FRAMES": 100}
-    small |= {"_SMALLER_FRAMES": 90, "_UNLIKE": replace(WALKING, title="jumping", trial="16_02"), "_FIRST_FRAMES": 0}
+    small |= {"_SMALLER_FRAMES": 90, "UNLIKE": replace(WALKING, title="jumping", trial="16_02"), "_FIRST_FRAMES": 0}
     for name, value in small.items():
         monkeypatch.setattr(f"bench.speed.{name}", value)
+    monkeypatch.setattr("bench.frame_stages._FIRST_FRAMES", 0)
     figures = speed(data, tmp_path, 1, silent)
     rows = {(row["work"], row["clock"]): row for row in figures["rows"]}
     apart = [row["value"] for row in rows.values() if row["unit"] == "deg/joint"]
@@ -209,6 +215,10 @@ def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeyp
     searches = {row["search"]: row for row in figures["searches"]}
     assert searches["exhaustive"]["median_of_exhaustive"] == 1.0
     assert all(row["deg_per_joint"] < 3.0 for row in searches.values())
+    stages = [row for row in figures["stages"] if row["take"] == "jumping" and row["database_frames"] == 100]
+    *parts, frame = (row["mean_ms"] for row in stages)
+    assert frame == pytest.approx(sum(parts), abs=0.01) and min(parts) >= 0.0
+    assert {"label", "search", "fit", "checks"} < {row["stage"] for row in stages if row["mean_ms"] > 0.0}
     assert (tmp_path / "speed.csv").read_text().startswith("work,value,unit,clock,goal,ratio")
 
 
