@@ -64,7 +64,7 @@ def scale(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
 
 
 def _part(whole: Database, size: int, folder: Path) -> Database:
-    """Return a database of clips from everywhere, with so many frames or all there are."""
+    """Return a database of clips from everywhere, of so many frames at most."""
     if size >= whole.frames:
         return whole
     path = folder / f"scale-{size}.pfdb"
