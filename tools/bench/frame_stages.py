@@ -76,7 +76,7 @@ class _Stopwatch:
 
 
 def frame_stages(take: str, truth: Motion, database: Database, reference_ms: float) -> list[dict[str, Any]]:
-    """Return the processor time of each stage of a take's frames, not labelled, on one core.
+    """Return the processor time of each stage of unlabelled frames, on one core.
 
     Args:
         take: its name in the rows.
