@@ -104,7 +104,6 @@ def noisy_row(
     known = np.isfinite(solved.expected_deg)
     within = (part_errors(solved, truth) <= 2.0 * solved.expected_deg)[known]
     jumps = _changes_deg(solved.motion) - _changes_deg(truth)
-    jumps[: int(np.argmax(np.isfinite(solved.rms_m)))] = 0.0  # before the first pose a T pose is shown
     over = error / np.maximum(nearest, 1e-6)
     late = round(_WORSE_S * FPS)
     too_long = sum(max(stop - begin - late, 0) for begin, stop in runs(over > _WORSE))
