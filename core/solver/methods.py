@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..database.store import Database, same_bones
+from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
@@ -203,8 +203,7 @@ class BestMethod:
         self.query_pose_m_per_rad, self.longest_s = settings.query_pose_m_per_rad, settings.history_s[-1]
         network = open_network(Path(settings.prior_file or MOTION_PRIOR)) if settings.prior_share else None
         self._learned = MotionPrior(network, subject, database.mean_rotations) if network else None
-        bodies = (database.skeletons[index].offsets_m for index in {clip.skeleton for clip in database.clips})
-        self._known = any(same_bones(body_m, subject.skeleton.offsets_m) for body_m in bodies)
+        self._known = bool(database.own_frames(subject.skeleton).any())
         self._settings = settings.for_known_body() if self._known else settings
         self._settings_without_depth = settings
         self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if self._known else (_TRUSTED, _SHARE)
