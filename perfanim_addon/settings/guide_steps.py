@@ -59,6 +59,10 @@ class _Seen:
     space: str = ""
     skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
+    def clear(self) -> None:
+        """Forget all of it."""
+        vars(self).update(vars(_Seen()))
+
 
 _seen = _Seen()
 
@@ -72,7 +76,7 @@ def keep_check(settings: Any, summary: Mapping[str, Any]) -> None:
 
 def forget() -> None:
     """Forget the last check and the skipped steps."""
-    _seen.__init__()  # type: ignore[misc]
+    _seen.clear()
 
 
 def skip(settings: Any) -> None:
