@@ -125,7 +125,7 @@ check: $(STAMP)
 
 # Needs BLENDER: a command that runs its arguments where a Blender with a window can be started.
 window-test: $(STAMP)
-	$(BIN)/python -m pytest tests/window -m 'not benchmark and not walkthrough and not pictures'
+	$(BIN)/python -m pytest tests/window -m 'not benchmark and not walkthrough'
 
 # The same window, by mouse and keyboard: a take on all kinds of characters, a sword, and three cameras calibrated with a
 # ChArUco board and markers on the floor. The pictures are in out/window.
@@ -212,6 +212,7 @@ drawings: $(STAMP)
 
 # The pictures of the README: a moving one, and the sidebar and the guide in a real window, with BLENDER as for window-test.
 pictures: export OPENBLAS_NUM_THREADS := 1
+pictures: export PERFANIM_KEEP_PICTURES := 1
 pictures: $(STAMP)
 	$(BIN)/python tools/moving_picture.py --out docs/pictures/live.webp
 	$(BIN)/python -m pytest tests/window -m pictures
