@@ -21,6 +21,9 @@ _GATE_UNKNOWN_M_S = 6.0  # of a marker with a movement not known yet
 _GATE_LOST_M_S = 2.0  # growth of the gate with the time that a marker has been lost
 _GATE_MAX_M = 0.35
 _GATE_TORSO_MAX_M = 0.12
+# A limb's marker that was hidden may be further from where it is thought to be: it takes a point that is no other
+# marker's choice, once this has been there for some frames; points that two cameras match wrongly come and go.
+_REACH_M, _LONE_FRAMES, _LONE_M = 1.0, 3, 0.1
 _PIXEL_SIGMA = 0.5
 _MEETING_PX = 3.0  # reprojection error above which two rays do not belong to one marker
 _MEMORY_S = 0.1  # a velocity older than this is not used
@@ -34,6 +37,7 @@ class _Seen:
     Args:
         is_steady: (M,) whether it was where it was going.
         is_sure: (M,) whether it was followed without a doubt since all were known.
+        lone_m, lone_frames: (M, 3), (M,) the point without a name that only this marker can be, and for how long.
     """
 
     positions_m: Array
@@ -41,6 +45,8 @@ class _Seen:
     lost_s: Array
     is_steady: Mask
     is_sure: Mask
+    lone_m: Array
+    lone_frames: IntArray
 
 
 @dataclass(frozen=True)
@@ -80,8 +86,9 @@ class Labeller:
         self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
         count = len(self.names)
         unknown = np.full((count, 3), np.nan)
-        never = np.zeros(count, dtype=bool)
-        self._seen = _Seen(unknown, unknown.copy(), np.full(count, np.inf), never, never.copy())
+        never, none = np.zeros(count, dtype=bool), np.zeros(count, dtype=np.int64)
+        lost_s = np.full(count, np.inf)
+        self._seen = _Seen(unknown, unknown.copy(), lost_s, never, never.copy(), unknown.copy(), none)
 
     def begin(self, points_m: Array, labels: IntArray, is_sure: Mask | None = None) -> None:
         """Start from labels (N,) of points (N, 3), -1 for none; `is_sure` (M,): no marker."""
@@ -107,7 +114,10 @@ class Labeller:
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
         lately = self._seen.lost_s == 0.0
-        rows, columns = assign_points(points_m, covariances_m2, *self.expected(predicted_m, elapsed_s), lately)
+        expected, gates = self.expected(predicted_m, elapsed_s)
+        rows, columns = assign_points(points_m, covariances_m2, expected, gates, lately)
+        labels[rows] = columns
+        rows, columns = self._lone_points(points_m, np.flatnonzero(labels < 0), expected, columns)
         labels[rows] = columns
         self._remember(points_m, labels, elapsed_s)
         return labels
@@ -141,11 +151,51 @@ class Labeller:
             rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, lately)
             blobs[columns, index] = rows
             strangeness[columns, index] = shares
-            normalised[columns, index] = frame.normalised[index][rows]
+        gates[self._take_lone_points(frame, blobs, expected)] = _REACH_M
+        for index in range(len(cameras)):
+            shown = blobs[:, index] >= 0
+            normalised[shown, index] = frame.normalised[index][blobs[shown, index]]
         known = _known_points(frame, blobs)
         points, covariances = _join_cameras(cameras, blobs, normalised, strangeness, expected, gates, known)
         self._remember(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
         return LabelledBlobs(blobs, normalised, points, covariances)
+
+    def _take_lone_points(self, frame: MarkerFrame, blobs: IntArray, expected_m: Array) -> IntArray:
+        """Give the blobs of lone points to hidden markers (M, C), in place; return these markers."""
+        if len(frame.points_m) == 0 or frame.point_blobs.shape[1] != blobs.shape[1]:
+            return np.empty(0, dtype=np.int64)
+        shown = frame.point_blobs >= 0
+        is_taken = np.any((blobs[:, None] == frame.point_blobs) & shown, axis=(0, 2))
+        labelled = np.flatnonzero(np.any(blobs >= 0, axis=1))
+        points, markers = self._lone_points(frame.points_m, np.flatnonzero(~is_taken), expected_m, labelled)
+        blobs[markers] = frame.point_blobs[points]
+        return markers
+
+    def _lone_points(
+        self, points_m: Array, points: IntArray, expected_m: Array, labelled: IntArray
+    ) -> tuple[IntArray, IntArray]:
+        """Return (points, markers) that have been each other's only choice for some frames.
+
+        Args:
+            points: indices of the points (N, 3) without a name.
+            expected_m: (M, 3) where each marker should be.
+            labelled: markers that have a point.
+        """
+        seen, free = self._seen, np.setdiff1d(np.flatnonzero(~self._torso), labelled)
+        if len(points) == 0 or len(free) == 0:
+            seen.lone_frames[:] = 0
+            return points[:0], free[:0]
+        near = np.linalg.norm(points_m[points][:, None] - expected_m[free], axis=-1) < _REACH_M
+        near &= near.sum(axis=0) == 1
+        rows, columns = np.nonzero(near & (near.sum(axis=1, keepdims=True) == 1))
+        hidden = (seen.lost_s[free[columns]] >= _MEMORY_S) | (seen.lone_frames[free[columns]] > 0)
+        points, markers = points[rows[hidden]], free[columns[hidden]]
+        stays = np.linalg.norm(points_m[points] - seen.lone_m[markers], axis=-1) < _LONE_M
+        frames = np.where(stays, seen.lone_frames[markers] + 1, 1)
+        seen.lone_m[:], seen.lone_frames[:] = np.nan, 0
+        seen.lone_m[markers], seen.lone_frames[markers] = points_m[points], frames
+        stayed = frames > _LONE_FRAMES
+        return points[stayed], markers[stayed]
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return expected markers (M, 3) and their gates (M,), metres; see `label`.

@@ -30,7 +30,7 @@ _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is 
 # The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
 # from it, each in its own deviations: for bodies that the database lacks, and for those it knows. By the fourth power:
 # each decides alone where it is surely better.
-_TRUSTED, _TRUSTED_KNOWN = 2.0, 3.0
+_TRUSTED, _TRUSTED_KNOWN = 2.0, 5.0
 _MOST_DOUBT = 100.0
 # where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
 # widened by as much: it moves as they do not

@@ -86,21 +86,19 @@ def test_markers_keep_their_labels_with_occlusion_and_ghosts():
     assert late <= 0.005 * labelled
 
 
+def two_cameras() -> list[Camera]:
+    matrix = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
+    places_m = [[-0.5, 0.9, 0.0], [0.5, 0.9, 0.0]]
+    return [
+        Camera(f"{place}", (640, 480), matrix, rotation=WORLD_FROM_CAMERA, translation_m=-WORLD_FROM_CAMERA @ place)
+        for place in places_m
+    ]
+
+
 def test_blobs_are_labelled_in_each_image_and_single_ones_stay_rays():
     marker_set = load_marker_set("boxing")
     template = markers_of(marker_set)
-    matrix = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
-    cameras = []
-    for x_m in (-0.5, 0.5):
-        cameras.append(
-            Camera(
-                f"{x_m}",
-                (640, 480),
-                matrix,
-                rotation=WORLD_FROM_CAMERA,
-                translation_m=-WORLD_FROM_CAMERA @ [x_m, 0.9, 0],
-            )
-        )
+    cameras = two_cameras()
     points = template + np.array([0.0, 0.9, -4.0])
     blobs = []
     for camera, shown in zip(cameras, (np.arange(9), np.arange(1, 9)[::-1]), strict=True):
@@ -200,3 +198,45 @@ def test_a_lost_marker_pushes_no_other_aside() -> None:
     points = np.concatenate((body[:3], body[1:2] - [0.0, 0.072, 0.0]))
     before[3] = body[1] + [0.0, 0.295, 0.0]
     assert labeller.label(points, spread(4), before, 1 / 60).tolist() == [0, 1, 2, -1]
+
+
+def frames_until_named(away_m: list[list[float]], thought_m: np.ndarray, blobs: bool = False) -> list[list[int]]:
+    """Return the labels of four markers' points, then of further points, in frames after two were hidden for long.
+
+    Args:
+        away_m: places of the points that are there in all frames that follow.
+        thought_m: (4, 3) where the markers should be.
+    """
+    labeller, cameras = Labeller(["a", "b", "c", "d"], np.array([True, False, False, False])), two_cameras()
+    labeller.begin(thought_m, np.arange(4))
+    for _ in range(12):
+        labeller.label(thought_m[:2], spread(2), thought_m, 1 / 60)
+    points = np.concatenate((thought_m[:2], np.array(away_m)))
+    found = []
+    for _ in range(5):
+        if blobs:
+            rows = np.tile(np.float32([0.0, 0.0, 4.0, 200.0, 0.0]), (2, len(points), 1))
+            for row, camera in zip(rows, cameras, strict=True):
+                row[:, :2] = camera.project(points)
+            both = np.tile(np.arange(len(points))[:, None], (1, 2))
+            frame = MarkerFrame(0, 0.0, points, spread(len(points)), blobs=tuple(rows), point_blobs=both)
+            named = labeller.label_blobs(frame, cameras, thought_m, 1 / 60).blobs
+            assert np.array_equal(named[:, 0], named[:, 1])
+            found.append(
+                [named[:, 0].tolist().index(point) if point in named[:, 0] else -1 for point in range(len(points))]
+            )
+        else:
+            found.append(labeller.label(points, spread(len(points)), thought_m, 1 / 60).tolist())
+    return found
+
+
+@pytest.mark.parametrize("blobs", [False, True])
+def test_a_hidden_marker_takes_a_point_far_away_that_stays_and_is_nobody_elses(blobs) -> None:
+    """The body that hid it moved on without it."""
+    thought_m = np.array([[0.0, 1.0, -4.0], [0.5, 1.0, -4.0], [0.0, 1.5, -4.0], [1.0, 2.4, -4.0]])
+    near = [0.1, 0.9, -4.2]  # of the third: 0.64 m; it is 1.8 m from the fourth
+    assert frames_until_named([near], thought_m, blobs) == [[0, 1, -1]] * 3 + [[0, 1, 2]] * 2
+    either = thought_m.copy()
+    either[3] = [0.2, 1.5, -4.0]
+    assert frames_until_named([near], either, blobs) == [[0, 1, -1]] * 5  # the third's or the fourth's
+    assert frames_until_named([near, [-0.1, 0.9, -4.0]], thought_m, blobs) == [[0, 1, -1, -1]] * 5  # which of the two?
