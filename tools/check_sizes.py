@@ -18,7 +18,7 @@ CLASS_LINES = 200
 # their panel: 4,000 and a package; the guide for cameras, with its check of the pictures, recordings of one's own that
 # count before those of others, refusals of inputs that fuzzers
 # found, and fewer and larger steps of a frame: 900).
-TOTAL_LINES = 51_900
+TOTAL_LINES = 52_400
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
 ALLOWED: dict[str, str] = {}

@@ -161,7 +161,7 @@ class Labeller:
         return LabelledBlobs(blobs, normalised, points, covariances)
 
     def _take_lone_points(self, frame: MarkerFrame, blobs: IntArray, expected_m: Array) -> IntArray:
-        """Give the blobs of lone points to hidden markers (M, C), in place; return these markers."""
+        """Give blobs (M, C) of lone points to hidden markers, in place; return these."""
         if len(frame.points_m) == 0 or frame.point_blobs.shape[1] != blobs.shape[1]:
             return np.empty(0, dtype=np.int64)
         shown = frame.point_blobs >= 0
@@ -174,7 +174,7 @@ class Labeller:
     def _lone_points(
         self, points_m: Array, points: IntArray, expected_m: Array, labelled: IntArray
     ) -> tuple[IntArray, IntArray]:
-        """Return (points, markers) that have been each other's only choice for some frames.
+        """Return (points, markers) that are each other's only choice for some frames.
 
         Args:
             points: indices of the points (N, 3) without a name.

@@ -22,6 +22,7 @@ from ..solver.subject_model import SubjectModel
 from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
+from .pose_noise_filter import PoseNoiseFilter
 from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
 
 _WORSE_M = 0.004  # RMS by which right labels may fit the body worse than others
@@ -30,14 +31,22 @@ _WORSE_M = 0.004  # RMS by which right labels may fit the body worse than others
 class Session:
     """Labels and solves the frames of one subject; single-camera markers need `rig`.
 
+    Args:
+        smooth: whether what noise of the markers leaves in a pose is taken out; a fit of bones needs it as it is.
+
     Attributes:
         labeller, solver: of its frames.
     """
 
     def __init__(
-        self, subject: Subject, database: Database, rig: CameraRig | None = None, settings: SolveSettings | None = None
+        self,
+        subject: Subject,
+        database: Database,
+        rig: CameraRig | None = None,
+        settings: SolveSettings | None = None,
+        smooth: bool = True,
     ) -> None:
-        self.subject = subject
+        self.subject, self._smooth = subject, smooth
         self.settings = settings or SolveSettings()
         self.rig = rig
         cameras = rig.cameras if rig else ()
@@ -46,9 +55,8 @@ class Session:
         self.solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
         self.labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)
-        self._hypotheses: HypothesisTracker | None = None
-        if self._has_one_camera:
-            self._hypotheses = HypothesisTracker(cameras[0], self.solver, examples.start_poses_m, examples.markers_m)
+        poses_m = examples.start_poses_m, examples.markers_m
+        self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera)
         self._part_errors = PartErrors(self._model)
         self.reset()
@@ -58,6 +66,7 @@ class Session:
         self._last: PerformerPose | None = None
         self._times = FrameTimes()
         self._easer = PoseEaser(self._model.skeleton, self._model.joints, self._model.offsets_m)
+        self._pose_noise = PoseNoiseFilter(len(self._model.skeleton))
         self.restart()
 
     def step(self, frame: MarkerFrame, doubts: bool = True) -> PerformerPose:
@@ -193,6 +202,8 @@ class Session:
         errors_deg = self._part_errors.expected_deg(solution)
         doubtful, known, root_m = doubtful_joints(errors_deg), is_labelled(frame), solution.root.position_m
         rotations = self._easer.step(frame.time_s, rotations, root_m, shown.points_m, held, known, doubtful)
+        if self._smooth:
+            rotations, root_m = self._pose_noise.step(frame.time_s, rotations, root_m)
         is_sure = self._has_one_camera or known
         pose = PerformerPose(
             number=frame.number,
@@ -216,17 +227,24 @@ class Session:
     ) -> PerformerPose:
         """Return the last pose, or the T pose at the origin, for a frame that gives none."""
         seen = observation or Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan))
-        return replace(
-            self._last or _first_pose(self._model),
-            number=frame.number,
-            time_s=time_s,
-            confidence=0.0,
-            observed_m=seen.points_m,
-            single_cameras=seen.cameras,
-            marker_rms_m=float("nan"),
-            notes=(*frame.notes, note.value),
-            single_points=seen.image_points,
-        )
+        return _kept_pose(self._last or _first_pose(self._model), frame, time_s, note, seen)
+
+
+def _kept_pose(
+    pose: PerformerPose, frame: MarkerFrame, time_s: float, note: TrackingNote, seen: Observation
+) -> PerformerPose:
+    """Return a pose kept for a frame that gives none."""
+    return replace(
+        pose,
+        number=frame.number,
+        time_s=time_s,
+        confidence=0.0,
+        observed_m=seen.points_m,
+        single_cameras=seen.cameras,
+        marker_rms_m=float("nan"),
+        notes=(*frame.notes, note.value),
+        single_points=seen.image_points,
+    )
 
 
 def _first_pose(model: SubjectModel) -> PerformerPose:

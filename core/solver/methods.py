@@ -206,7 +206,7 @@ class BestMethod:
         self._known = bool(database.own_frames(subject.skeleton).any())
         self._settings = settings.for_known_body() if self._known else settings
         self._settings_without_depth = settings
-        self._trusted, self._widened = (_TRUSTED_KNOWN, _KNOWN_SHARE) if self._known else (_TRUSTED, _SHARE)
+        self._widened = _KNOWN_SHARE if self._known else _SHARE
         if self._learned:
             self.longest_s = max(self.longest_s, self._learned.lags_s[-1])
         poses = database.poses.reshape(database.frames, -1)
@@ -263,7 +263,8 @@ class BestMethod:
         widening = max(1.0, (off / _USUAL_DEVIATION) ** 2) if known else 1.0
         if learned:
             # without markers nothing speaks for either
-            ratio = off / (learned_off[0] * self._trusted) if learned_off[0] else 1.0
+            trusted = _TRUSTED_KNOWN if known else _TRUSTED
+            ratio = off / (learned_off[0] * trusted) if learned_off[0] else 1.0
             doubt = min(max(ratio**4, 1.0 / _MOST_DOUBT), _MOST_DOUBT)
             prior = continue_prior(
                 Prior(prior.mean, max(widening, doubt) * prior.covariance),

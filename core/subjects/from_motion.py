@@ -19,7 +19,6 @@ from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..session.session import Session
-from ..solver.settings import SolveSettings
 from ..system.progress import Progress, no_progress
 from .body_change import OFFSET_SIGMA_M, PART_SIGMA, SIZE_SIGMA, linear_model, observed_positions, sized
 from .refine_body import refine_body
@@ -88,7 +87,7 @@ def frames_of(take: MarkerTake, frames: slice) -> MarkerTake:
 
 def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Mask]:
     """Return joint rotations (F, J, 4) and a mask of well solved frames."""
-    session = Session(subject, database, settings=SolveSettings())
+    session = Session(subject, database, smooth=False)
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
     # the median: a marker on a wand is as far from its usual place as no body explains, and just that is to be found
     good = np.array([_median_m(pose) < _LARGE_M and pose.confidence > 0.0 for pose in poses])

@@ -1,0 +1,35 @@
+import numpy as np
+from perfanim.core.geometry.multiple_model_filter import MotionModels, MultipleModelFilter
+
+SLOW = MotionModels((0.01, 1.0), 0.1, 50.0, 2000.0, 20000.0)
+QUICK = MotionModels((1.0, 100.0), 0.1, 0.5, 2000.0, 20000.0)
+FRAME_S, NOISE = 1.0 / 60.0, 3.0
+
+
+def test_points_of_two_kinds_move_and_start_over_by_their_own_models() -> None:
+    chance = np.random.default_rng(1)
+    follower = MultipleModelFilter((SLOW, 2), (QUICK, 1))
+    errors = []
+    for frame in range(120):
+        points = np.zeros((3, 3))
+        points[1, 0] = 2.0 * frame
+        follower.predict(frame * FRAME_S)
+        follower.observe(points + chance.normal(0.0, NOISE, points.shape), np.full(3, NOISE))
+        errors.append(np.linalg.norm(follower.means()[0] - points, axis=1))
+    slow, moving, quick = np.mean(errors[60:], axis=0)
+    assert max(slow, moving) < 0.85 * quick  # of which sudden changes are expected
+    assert quick < NOISE * np.sqrt(3.0)
+
+
+def test_an_unseen_point_goes_on_and_one_that_jumps_starts_over() -> None:
+    follower = MultipleModelFilter((SLOW, 1))
+    for frame in range(60):
+        follower.predict(frame * FRAME_S)
+        continued = follower.observe(np.array([[frame, 0.0, 0.0]]), np.zeros(1))
+    assert continued.all()
+    follower.predict(60 * FRAME_S)
+    assert not follower.observe(np.full((1, 3), np.nan), np.zeros(1)).any()
+    np.testing.assert_allclose(follower.means()[0], [[60.0, 0.0, 0.0]], atol=0.1)
+    follower.predict(61 * FRAME_S)
+    assert not follower.observe(np.array([[300.0, 0.0, 0.0]]), np.zeros(1)).any()
+    np.testing.assert_allclose(follower.means()[0], [[300.0, 0.0, 0.0]])
