@@ -20,9 +20,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"
 from extension_folder import use_user_folder
 from remains import remains
 
+from .errors import errors_in
 from .sequence import begin, end, left_over, steps_of, take_step
-
-_WORDS = ("Traceback", "Exception ignored", "ResourceWarning")
 
 
 def main() -> None:
@@ -75,11 +74,6 @@ def _run(seed: int, number: int, before: dict[str, Any], folder: Path) -> dict[s
     faults += errors_in(text)
     faults += left_over(before, folder)
     return {"faults": faults, "steps": lines if faults else len(lines)}
-
-
-def errors_in(text: str) -> list[str]:
-    """Return printed errors of Python."""
-    return [text[max(text.find(word) - 200, 0) :][:1500] for word in _WORDS if word in text]
 
 
 def _note(journal: TextIO, line: str) -> None:

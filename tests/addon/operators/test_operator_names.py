@@ -34,3 +34,13 @@ def test_motion_is_imported_at_a_click(part: Any, tmp_path: Any) -> None:
     assert ended == {"RUNNING_MODAL"}
     assert part("jobs.activity").current().title == "Importing motion"
     bpy.ops.perfanim.cancel_job("EXEC_DEFAULT")
+
+
+def test_an_object_without_bones_is_no_character(part: Any) -> None:
+    """Blender asks `poll` for choices by hand only, not for those of a script."""
+    mesh = bpy.data.objects.new("Mesh", bpy.data.meshes.new("Mesh"))
+    bpy.context.scene.collection.objects.link(mesh)
+    bpy.ops.perfanim.add_target("EXEC_DEFAULT")
+    for chosen in (bpy.context.scene.perfanim, bpy.context.scene.perfanim_targets.entries[0]):
+        chosen.armature = mesh
+        assert chosen.armature is None
