@@ -27,7 +27,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz operator-fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -175,6 +175,12 @@ SEQUENCES ?= 10000
 operator-fuzz: export OPENBLAS_NUM_THREADS := 1
 operator-fuzz: $(STAMP)
 	cd tools && ../$(BIN)/python -m operator_fuzz --sequences $(SEQUENCES) --seed $(SEED)
+
+# The same in a window, each while a capture is live, with BLENDER as for window-test; 300 take an hour. Linux only.
+WINDOW_SEQUENCES ?= 300
+operator-fuzz-window: export OPENBLAS_NUM_THREADS := 1
+operator-fuzz-window: $(STAMP)
+	cd tools && ../$(BIN)/python -m operator_fuzz --window --sequences $(WINDOW_SEQUENCES) --seed $(SEED)
 
 # 200 takes with faults through perfanim batch in all ways; takes a quarter of an hour. DATA holds cmu/ (ASF/AMC).
 batch-bench: $(STAMP)

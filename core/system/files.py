@@ -96,6 +96,11 @@ def is_folder(path: Path | str) -> bool:
     return os.path.isdir(path)  # noqa: PTH112 - as above
 
 
+def exists(path: Path | str) -> bool:
+    """Return whether there is a file or a folder; False for names that none can have."""
+    return os.path.exists(path)  # noqa: PTH110 - as above
+
+
 def open_foreign(path: Path | str, kind: type[PerfanimError] = FormatError) -> BinaryIO:
     """Open a file for reading; `kind` is raised for folders, pipes and devices, too."""
     try:

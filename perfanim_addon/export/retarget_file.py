@@ -26,7 +26,7 @@ from ...core.geometry.arrays import Array
 from ...core.retarget.bone_map import BoneMap, MatchState, checked_map, identity_bone_map
 from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
-from ...core.system.files import atomic_path
+from ...core.system.files import atomic_path, is_file
 from ..animation.actions import scene_frames, write_with_plan
 from ..character.create_character import create_character, find_armature
 from ..character.posing import find_map, plan_for, plan_with_map
@@ -153,7 +153,7 @@ def open_file(character: Path | None) -> None:
     if character is None:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         return
-    if not character.is_file():
+    if not is_file(character):
         raise FormatError("cannot be read (no such file)", where=str(character), advice="check the path")
     kind = character.suffix.lower()
     if kind == ".blend":

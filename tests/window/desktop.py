@@ -18,7 +18,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 OBSERVER = Path(__file__).with_name("observer.py")
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 DRAWING_S = 30.0  # in which a busy machine has drawn the sidebar again
 
 

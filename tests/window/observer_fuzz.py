@@ -16,12 +16,14 @@ running = {}
 def order_fuzz_begin(order):
     """Begin a sequence; tell how many steps it has."""
     folder = Path(order["folder"])
+    running["folder"] = folder
     if "before" not in running:
         _in_window(sequence.end)
         running["before"] = remains()
-    _in_window(sequence.begin, folder)
-    chance, steps = sequence.steps_of(order["seed"], order["number"])
-    running.update(chance=chance, steps=list(steps), folder=folder)
+    _in_window(sequence.clear)
+    _in_window(sequence.begin, folder)  # in the window that the file has brought
+    chance, steps = sequence.steps_of(order["seed"], order["sequence"])
+    running.update(chance=chance, steps=list(steps))
     return {"steps": len(steps)}
 
 

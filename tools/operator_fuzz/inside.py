@@ -13,15 +13,13 @@ import traceback
 from pathlib import Path
 from typing import Any, TextIO
 
-import bpy
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
 
 from extension_folder import use_user_folder
 from remains import remains
 
 from .errors import errors_in
-from .sequence import begin, end, left_over, steps_of, take_step
+from .sequence import begin, clear, end, left_over, steps_of, take_step
 
 
 def main() -> None:
@@ -37,10 +35,10 @@ def main() -> None:
     (folder / "tmp").mkdir()
     os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "tmp")
     use_user_folder(folder / "user")
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with (folder / "said").open("w+b") as said, (folder / "results").open("w") as results:
         for number in (1, 2):
             os.dup2(said.fileno(), number)
+        clear()
         begin(folder)
         end()
         before = remains()
@@ -57,6 +55,7 @@ def _run(seed: int, number: int, before: dict[str, Any], folder: Path) -> dict[s
     faults, lines = [], []
     with (folder / "steps").open("w") as journal:
         try:
+            clear()
             begin(folder)
             chance, steps = steps_of(seed, number)
             for step in steps:

@@ -1,5 +1,6 @@
 """Sequences in a window, while a capture is live."""
 
+import contextlib
 import json
 import os
 import shutil
@@ -10,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_TESTS = Path(__file__).resolve().parents[2] / "tests"
-sys.path[:0] = [str(_TESTS / "window"), str(_TESTS / "helpers")]
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "window"))
 
 from desktop import BlenderWindow, Desktop, blender_python, build_archive, install
 
@@ -33,18 +34,23 @@ def run_window(seed: int, first: int, stop: int, until_s: float) -> Iterator[dic
             while at < stop and time.time() < until_s:
                 folder = Path(name) / str(at)
                 shutil.copytree(installed, folder / "user", symlinks=True)
-                for result in _one_window(desktop, folder, seed, range(at, stop), until_s):
+                for result in run_in(desktop, folder, seed, range(at, stop), until_s):
                     at = result["number"] + 1
                     yield result
         finally:
             desktop.close()
 
 
-def _one_window(
-    desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: float
-) -> Iterator[dict[str, Any]]:
-    """Yield results until Blender ends, or all are done."""
-    window = BlenderWindow(desktop, folder / "user", folder / "observer")
+def run_in(desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: float) -> Iterator[dict[str, Any]]:
+    """Yield results until Blender ends, or all are done.
+
+    Args:
+        folder: an own one, with Blender's user folder as `user` in it.
+    """
+    (folder / "tmp").mkdir()
+    desktop.environment["TMPDIR"] = str(folder / "tmp")
+    with contextlib.chdir(folder):  # for relative paths
+        window = BlenderWindow(desktop, folder / "user", folder / "observer")
     try:
         for number in numbers:
             if time.time() > until_s:
@@ -61,13 +67,13 @@ def _sequence(window: BlenderWindow, folder: Path, seed: int, number: int) -> di
     """Start a capture, take the steps of a sequence, and end it."""
     said, lines, faults, ended = len(window.log()), [], [], False
     try:
-        steps = _order(window, "fuzz_begin", faults, seed=seed, number=number, folder=str(folder))["steps"]
+        begun = _order(window, "fuzz_begin", faults, seed=seed, sequence=number, folder=str(folder))
         started = _order(window, "call", faults, operator="start_capture")
         lines.append(f"start_capture {json.dumps(started)}")
         limit_s = time.monotonic() + _START_S
         while time.monotonic() < limit_s and _is_starting(window.state()):
             time.sleep(0.05)
-        for _ in range(steps):
+        for _ in range(begun.get("steps", 0)):
             lines.append(_order(window, "fuzz_step", faults).get("line", ""))
             time.sleep(_BETWEEN_S)
         left = _order(window, "fuzz_end", faults).get("left", [])
