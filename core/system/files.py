@@ -36,8 +36,11 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        remove_left_behind(target.parent, f".{target.stem}.", target.suffix)
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
+        start, end = f".{target.stem}.", target.suffix
+        if not end and target.name.startswith("."):  # ".glb": writers go by the temporary file's ending, or add theirs
+            start, end = ".", target.name
+        remove_left_behind(target.parent, start, end)
+        handle, name = tempfile.mkstemp(prefix=start, suffix=end, dir=target.parent)
     os.close(handle)
     temporary = Path(name)
     try:

@@ -139,7 +139,10 @@ CASES = [
     ("calibrate cameras --left left --right right --board 9x6 --out out/a.toml", "is not a board"),
     ("calibrate cameras --left left --right right --board chessboard:9x6:25mm --out out/a.toml", "found in 0 of 6"),
     ("calibrate cameras --left left --board chessboard:9x6:25mm --out out/a.toml", "--left and --right go together"),
-    (f"calibrate cameras --left {LONG} --right left --board chessboard:9x6:25mm --out out/a.toml", "no image files found"),
+    (
+        f"calibrate cameras --left {LONG} --right left --board chessboard:9x6:25mm --out out/a.toml",
+        "no image files found",
+    ),
     # names that no file can have
     (f"take recover {LONG}.perftake", "cannot be read .File name too long"),
     # simulate, evaluate
