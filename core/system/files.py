@@ -61,9 +61,9 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def remove_left_behind(folder: Path, start: str, end: str = "") -> None:
+def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _LEFT_BEHIND_S) -> None:
     """Remove temporary files and folders that nobody has written for long."""
-    oldest_s = time.time() - _LEFT_BEHIND_S
+    oldest_s = time.time() - age_s
     with os.scandir(folder) as entries:
         for entry in entries:
             random = entry.name[len(start) : len(entry.name) - len(end)]

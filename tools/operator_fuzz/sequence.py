@@ -89,7 +89,10 @@ def left_over(before: dict[str, Any], folder: Path) -> list[str]:
         if after.get(key) != before.get(key)
     ]
     temporary = [*folder.glob("user/**/.*.*"), *folder.glob("tmp/*"), *folder.glob("chosen/.*")]
-    return found + [f"file: {path}" for path in temporary if not path.is_symlink() and not _is_blenders(path)]
+    ours = [path for path in temporary if not path.is_symlink() and not _is_blenders(path)]
+    for path in ours:  # told once
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return found + [f"file: {path}" for path in ours]
 
 
 def _is_blenders(path: Path) -> bool:
