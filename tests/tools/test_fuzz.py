@@ -5,11 +5,13 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from fuzz.doors import Door, all_doors
 from fuzz.guard import changed_input, run_door
+from fuzz.guided import further
 from fuzz.mutations import change_text
 from perfanim.core.errors import FormatError
 
@@ -37,9 +39,17 @@ def test_no_door_lets_damaged_input_do_harm(doors):
 
 
 def test_every_file_that_did_harm_is_thrown_again(doors):
-    found = {path.read_bytes() for path in (Path(__file__).parents[1] / "fuzz" / "found").iterdir()}
+    folder = Path(__file__).parents[1] / "fuzz"
+    found = {path.read_bytes() for name in ("found", "guided") for path in (folder / name).iterdir()}
     assert found
     assert found <= {data for door in doors.values() for data in door.corpus}
+
+
+def test_an_input_that_goes_further_than_the_corpus_is_kept(doors):
+    door = replace(doors["BVH"], corpus=(b"HIERARCHY\n",))
+    whole = doors["BVH"].corpus[0][:1500]
+    assert further(door, [b"HIERARCHY\n", b"HIERARCHY \n", whole]) == [whole]
+    assert further(door, [doors["BVH"].corpus[0]]) == [], "it is not tiny"
 
 
 def harmful(data: bytes) -> None:

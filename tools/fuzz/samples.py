@@ -20,7 +20,7 @@ from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, enc
 
 _TESTS = Path(__file__).resolve().parents[2] / "tests"
 _FOLDERS = (_TESTS / "compatibility" / "files", _TESTS / "fuzz" / "corpus")
-_FOUND = _TESTS / "fuzz" / "found"
+_FOUND = (_TESTS / "fuzz" / "found", _TESTS / "fuzz" / "guided")
 _FPS = 30.0
 
 
@@ -40,9 +40,9 @@ class Samples:
         self._database = cache(lambda: open_database(_FOLDERS[0] / "motion.pfdb"))
 
     def files(self, pattern: str, ending: str = "") -> tuple[bytes, ...]:
-        """Return the contents of the corpus' files, and of those that did harm once."""
+        """Return the contents of the corpus' files, of those that did harm once, and of those that went far."""
         paths = [path for folder in _FOLDERS for path in sorted(folder.glob(pattern))]
-        paths += [path for path in sorted(_FOUND.glob("*" + ending)) if ending]
+        paths += [path for folder in _FOUND for path in sorted(folder.glob("*" + ending)) if ending]
         return tuple(path.read_bytes() for path in paths)
 
     def frame(self, number: int, labelled: bool = True) -> MarkerFrame:

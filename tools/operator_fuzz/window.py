@@ -65,7 +65,9 @@ def run_in(desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: f
 
 def _sequence(window: BlenderWindow, folder: Path, seed: int, number: int) -> dict[str, Any]:
     """Start a capture, take the steps of a sequence, and end it."""
-    said, lines, faults, ended = len(window.log()), [], [], False
+    said, ended = len(window.log()), False
+    lines: list[str] = []
+    faults: list[str] = []
     try:
         begun = _order(window, "fuzz_begin", faults, seed=seed, sequence=number, folder=str(folder))
         started = _order(window, "call", faults, operator="start_capture")
