@@ -13,6 +13,8 @@ import traceback
 from pathlib import Path
 from typing import Any, TextIO
 
+import bpy  # noqa: F401 - before `addon_utils`, which it brings
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
 
 from extension_folder import use_user_folder
