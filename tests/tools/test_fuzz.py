@@ -53,8 +53,15 @@ def test_an_input_that_goes_further_than_the_corpus_is_kept(doors):
     assert further(door, [doors["BVH"].corpus[0]]) == [], "it is not tiny"
 
 
+class TwoLines(FormatError):
+    """An error past the rules of its base."""
+
+    def __str__(self) -> str:
+        return "in\ntwo lines"
+
+
 def harmful(data: bytes) -> None:
-    kinds = {b"a": FormatError("is damaged"), b"b": KeyError("b"), b"c": FormatError("in\ntwo lines")}
+    kinds = {b"a": FormatError("is damaged"), b"b": KeyError("b"), b"c": TwoLines("")}
     if data in kinds:
         raise kinds[data]
     if data == b"d":
