@@ -8,7 +8,7 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # new lines, and wha
 
 
 def printable(text: str) -> str:
-    """Return a text on one line with control characters, and what UTF-8 lacks, escaped."""
+    """Return a text on one line; control characters and surrogates are escaped."""
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 

@@ -77,8 +77,8 @@ def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, s
 
 
 def find_bones(self: Any, _context: object) -> None:
-    """Map the bones of a newly chosen armature to joints; a script may choose another object."""
-    if self.armature is not None and self.armature.type != "ARMATURE":
+    """Map the bones of a newly chosen armature to joints."""
+    if self.armature is not None and self.armature.type != "ARMATURE":  # a script may choose any object
         self.armature = None
     elif self.armature is not None:
         fill_map(self.armature)

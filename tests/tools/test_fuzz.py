@@ -53,7 +53,7 @@ def test_an_input_that_goes_further_than_the_corpus_is_kept(doors):
     assert further(door, [doors["BVH"].corpus[0]]) == [], "it is not tiny"
 
 
-class TwoLines(FormatError):
+class TwoLineError(FormatError):
     """An error past the rules of its base."""
 
     def __str__(self) -> str:
@@ -61,7 +61,7 @@ class TwoLines(FormatError):
 
 
 def harmful(data: bytes) -> None:
-    kinds = {b"a": FormatError("is damaged"), b"b": KeyError("b"), b"c": TwoLines("")}
+    kinds = {b"a": FormatError("is damaged"), b"b": KeyError("b"), b"c": TwoLineError("")}
     if data in kinds:
         raise kinds[data]
     if data == b"d":

@@ -68,7 +68,7 @@ def change_take(chance: random.Random, data: bytes) -> bytes:
 
 
 def _chunks(data: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """Yield kind, sequence number and payload of each chunk of a take file, up to its damaged rest."""
+    """Yield kind, sequence number and payload of the intact chunks of a take."""
     at = _TAKE_PREAMBLE
     while at + _CHUNK.size < len(data) and data.startswith(_CHUNK_MAGIC, at):
         _, kind, _, sequence, size, _ = _CHUNK.unpack_from(data, at)

@@ -1,4 +1,4 @@
-"""`python -m fuzz.guided`: inputs that reach new branches of the readers are changed further.
+"""`python -m fuzz.guided`: changes of inputs that reach new branches.
 
     cd tools && python -m fuzz.guided --seconds 600 --seed 1 --out ../out/fuzz
 
@@ -109,7 +109,10 @@ def run_guided(door: Door, seconds: int, inputs: int, seed: int, out: Path) -> G
 
 
 def further(door: Door, found: Iterable[bytes]) -> list[bytes]:
-    """Return tiny inputs that reach steps from line to line which the corpus does not, the furthest first."""
+    """Return tiny inputs that go beyond the corpus, the furthest first.
+
+    What counts are steps from line to line.
+    """
     known = set().union(*(steps_of(door, data) for data in door.corpus))
     reached = {data: steps_of(door, data) for data in found if len(data) <= _TINY}
     kept: list[bytes] = []
@@ -123,7 +126,7 @@ def further(door: Door, found: Iterable[bytes]) -> list[bytes]:
 
 
 def steps_of(door: Door, data: bytes) -> set[tuple[str, int, int]]:
-    """Return the steps (file, line, next line) inside the project's functions while an input is read."""
+    """Return the steps (file, line, next line) of the project that read an input."""
     steps: set[tuple[str, int, int]] = set()
 
     def enter(frame: FrameType, _event: str, _argument: object) -> Any:

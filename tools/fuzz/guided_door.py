@@ -1,6 +1,7 @@
-"""`python -m fuzz.guided_door DOOR RESULTS FAULTS [...]`: one door, with libFuzzer.
+"""`python -m fuzz.guided_door`: one door, with libFuzzer.
 
-The rest of the arguments is libFuzzer's. It ends the process, so the figures are written after each input.
+Arguments: door, file for results, folder for inputs of faults; the rest is libFuzzer's. It ends the process, so the
+figures are written after each input.
 """
 
 import dataclasses

@@ -40,7 +40,7 @@ class Samples:
         self._database = cache(lambda: open_database(_FOLDERS[0] / "motion.pfdb"))
 
     def files(self, pattern: str, ending: str = "") -> tuple[bytes, ...]:
-        """Return the contents of the corpus' files, of those that did harm once, and of those that went far."""
+        """Return the contents of files: corpus, those that did harm, those that went far."""
         paths = [path for folder in _FOLDERS for path in sorted(folder.glob(pattern))]
         paths += [path for folder in _FOUND for path in sorted(folder.glob("*" + ending)) if ending]
         return tuple(path.read_bytes() for path in paths)

@@ -90,7 +90,7 @@ def left_over(before: dict[str, Any], folder: Path) -> list[str]:
     ]
     temporary = [*folder.glob("user/**/.*.*"), *folder.glob("tmp/*"), *folder.glob("chosen/.*")]
     ours = [path for path in temporary if not path.is_symlink() and not _is_blenders(path)]
-    for path in ours:  # told once
+    for path in ours:  # reported once
         shutil.rmtree(path) if path.is_dir() else path.unlink()
     return found + [f"file: {path}" for path in ours]
 

@@ -23,7 +23,7 @@ _START_S = 30.0  # until the first pose; another step may have ended the capture
 
 
 def run_window(seed: int, first: int, stop: int, until_s: float) -> Iterator[dict[str, Any]]:
-    """Yield the result of each sequence; a Blender that ends is a fault, and another one begins."""
+    """Yield the result of each sequence; a Blender that ends is followed by another."""
     wrapper = os.environ["BLENDER"]
     with tempfile.TemporaryDirectory(prefix="operator-fuzz-") as name:
         installed = Path(name) / "installed"
