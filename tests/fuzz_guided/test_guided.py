@@ -24,7 +24,7 @@ def test_a_short_guided_run_finds_new_branches_and_no_fault(doors, tmp_path, nam
 
 
 def test_it_goes_on_from_inputs_that_reach_new_branches(doors, tmp_path):
-    poor = replace(doors["BVH"], corpus=(b"HIERARCHY\nROOT a\n{\n",))
+    poor = replace(doors["BVH"], corpus=(b"HIERARCHY\nROOT a\n{\n",), guided=())
     guided = run_guided(poor, SECONDS, 3000, SEED, tmp_path)
     assert guided.reached[1] > guided.reached[0]
     assert guided.found

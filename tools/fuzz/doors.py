@@ -46,6 +46,7 @@ class Door:
 
     Args:
         corpus: well-formed inputs, and those that did harm once.
+        guided: inputs that go further in the code; too broken to be changed at random.
         change: makes damaged ones of them.
         read: what the project does with an input.
         ending: of the files that hold its inputs.
@@ -59,6 +60,7 @@ class Door:
     change: Mutation
     read: Callable[[bytes], None]
     ending: str = ""
+    guided: tuple[bytes, ...] = ()
     slack_bytes: int = 64 << 20
     longest_s: float = 2.0
     share: float = 1.0
@@ -119,6 +121,7 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
             change,
             _reader(read, folder / f"input{ending}"),
             ending,
+            samples.guided(ending),
             share=_share(name),
         )
         for name, pattern, ending, change, read in rows

@@ -59,9 +59,9 @@ class Row:
 
 
 def changed_input(door: Door, seed: int, number: int) -> bytes:
-    """Return the input of this number; the corpus itself comes first."""
-    if number < len(door.corpus):
-        return door.corpus[number]
+    """Return the input of this number; the corpus itself and what guided fuzzing found come first."""
+    if number < len(door.corpus) + len(door.guided):
+        return (*door.corpus, *door.guided)[number]
     chance = random.Random(f"{seed}/{door.name}/{number}")  # noqa: S311 - repeatable, no secret
     return door.change(chance, chance.choice(door.corpus))
 

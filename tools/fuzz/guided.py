@@ -86,7 +86,7 @@ def run_guided(door: Door, seconds: int, inputs: int, seed: int, out: Path) -> G
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         corpus, results = Path(name) / "corpus", Path(name) / "results"
         corpus.mkdir()
-        for number, data in enumerate(door.corpus):
+        for number, data in enumerate((*door.corpus, *door.guided)):
             (corpus / f"{number}").write_bytes(data)
         limits = [f"-max_total_time={seconds}", f"-runs={inputs}", f"-max_len={_LARGEST}", f"-timeout={_HUNG_S}"]
         rest = [f"-seed={seed}", "-rss_limit_mb=0", "-detect_leaks=0", f"-artifact_prefix={out.absolute()}/"]
@@ -104,7 +104,7 @@ def run_guided(door: Door, seconds: int, inputs: int, seed: int, out: Path) -> G
         if done.returncode:
             row.faults[f"the process ended with {done.returncode}: {done.stderr[-1000:]}"] = [row.inputs]
         reached = [int(count) for count in re.findall(r"cov: (\d+)", done.stderr)] or [0]
-        found = {path.read_bytes() for path in corpus.iterdir()} - set(door.corpus)
+        found = {path.read_bytes() for path in corpus.iterdir()} - {*door.corpus, *door.guided}
         return Guided(row, (reached[0], reached[-1]), tuple(sorted(found)))
 
 
@@ -113,7 +113,7 @@ def further(door: Door, found: Iterable[bytes]) -> list[bytes]:
 
     What counts are steps from line to line.
     """
-    known = set().union(*(steps_of(door, data) for data in door.corpus))
+    known = set().union(*(steps_of(door, data) for data in (*door.corpus, *door.guided)))
     reached = {data: steps_of(door, data) for data in found if len(data) <= _TINY}
     kept: list[bytes] = []
     while reached and len(kept) < _MOST_KEPT:

@@ -26,7 +26,7 @@ def main() -> None:
     folder = Path(tempfile.mkdtemp(dir=Path(results).parent))
     with atheris.instrument_imports(include=["perfanim"]):
         door = next(door for door in all_doors(folder) if door.name == name)
-        for data in door.corpus:  # readers import what they need when they need it
+        for data in (*door.corpus, *door.guided):  # readers import what they need when they need it
             result_of(door, data)
     limit_memory()
     row = Row(name)

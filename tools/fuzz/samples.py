@@ -20,7 +20,7 @@ from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, enc
 
 _TESTS = Path(__file__).resolve().parents[2] / "tests"
 _FOLDERS = (_TESTS / "compatibility" / "files", _TESTS / "fuzz" / "corpus")
-_FOUND = (_TESTS / "fuzz" / "found", _TESTS / "fuzz" / "guided")
+_FOUND, _GUIDED = _TESTS / "fuzz" / "found", _TESTS / "fuzz" / "guided"
 _FPS = 30.0
 
 
@@ -40,10 +40,14 @@ class Samples:
         self._database = cache(lambda: open_database(_FOLDERS[0] / "motion.pfdb"))
 
     def files(self, pattern: str, ending: str = "") -> tuple[bytes, ...]:
-        """Return the contents of files: corpus, those that did harm, those that went far."""
+        """Return the contents of the corpus' files, and of those that did harm once."""
         paths = [path for folder in _FOLDERS for path in sorted(folder.glob(pattern))]
-        paths += [path for folder in _FOUND for path in sorted(folder.glob("*" + ending)) if ending]
+        paths += [path for path in sorted(_FOUND.glob("*" + ending)) if ending]
         return tuple(path.read_bytes() for path in paths)
+
+    def guided(self, ending: str) -> tuple[bytes, ...]:
+        """Return the contents of tiny files that guided fuzzing found."""
+        return tuple(path.read_bytes() for path in sorted(_GUIDED.glob("*" + ending)))
 
     def frame(self, number: int, labelled: bool = True) -> MarkerFrame:
         """Return a frame of the T pose."""
