@@ -59,7 +59,7 @@ class Row:
 
 
 def changed_input(door: Door, seed: int, number: int) -> bytes:
-    """Return the input of this number; the corpus itself and what guided fuzzing found come first."""
+    """Return the input of this number; corpus and guided inputs come first."""
     if number < len(door.corpus) + len(door.guided):
         return (*door.corpus, *door.guided)[number]
     chance = random.Random(f"{seed}/{door.name}/{number}")  # noqa: S311 - repeatable, no secret
