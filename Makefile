@@ -6,9 +6,11 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 GPLVM_VENV := .venv-gplvm
 PRIOR_VENV := .venv-prior
+FUZZ_VENV := .venv-fuzz
 DOCS_VENV := .venv-docs
 GPLVM_STAMP := $(GPLVM_VENV)/.installed
 PRIOR_STAMP := $(PRIOR_VENV)/.installed
+FUZZ_STAMP := $(FUZZ_VENV)/.installed
 DOCS_STAMP := $(DOCS_VENV)/.installed
 QUALITY_VENV := .venv-quality
 QUALITY_STAMP := $(QUALITY_VENV)/.installed
@@ -27,7 +29,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz operator-fuzz take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -43,7 +45,7 @@ demo: $(STAMP)
 # One thread a process for linear algebra: the processes share the cores already.
 test: export OPENBLAS_NUM_THREADS := 1
 test: $(STAMP)
-	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm -n auto --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm --ignore tests/fuzz_guided -n auto --dist loadfile --no-loadscope-reorder
 
 # The add-on's tests on each supported Blender as a module, with the wheels of the extension, one environment each. The
 # project itself is there without its requirements: its numpy would be newer than that of Blender 4.2.
@@ -170,11 +172,32 @@ fuzz: export OPENBLAS_NUM_THREADS := 1
 fuzz: $(STAMP)
 	cd tools && ../$(BIN)/python -m fuzz --seconds $(SECONDS) --seed $(SEED) --out ../out/fuzz
 
+# Inputs that reach new branches of BVH, C3D, recorded takes and all TOML files are changed further, by libFuzzer; seconds
+# for all together. The tiny ones that go furthest are left in out/fuzz/guided. Linux only.
+$(FUZZ_STAMP): pyproject.toml
+	$(PYTHON) -m venv $(FUZZ_VENV)
+	$(FUZZ_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[fuzz]' pytest
+	touch $@
+
+fuzz-guided: export OPENBLAS_NUM_THREADS := 1
+fuzz-guided: $(FUZZ_STAMP)
+	cd tools && ../$(FUZZ_VENV)/bin/python -m fuzz.guided --seconds $(SECONDS) --seed $(SEED) --out ../out/fuzz --keep ../out/fuzz/guided
+
+fuzz-guided-test: export OPENBLAS_NUM_THREADS := 1
+fuzz-guided-test: $(FUZZ_STAMP)
+	$(FUZZ_VENV)/bin/python -m pytest tests/fuzz_guided
+
 # Random sequences of the extension's buttons, settings, undo, files, deleting: what is raised, or left. Linux only; needs bpy.
 SEQUENCES ?= 10000
 operator-fuzz: export OPENBLAS_NUM_THREADS := 1
 operator-fuzz: $(STAMP)
 	cd tools && ../$(BIN)/python -m operator_fuzz --sequences $(SEQUENCES) --seed $(SEED)
+
+# The same in a window, each while a capture is live, with BLENDER as for window-test; 300 take an hour. Linux only.
+WINDOW_SEQUENCES ?= 300
+operator-fuzz-window: export OPENBLAS_NUM_THREADS := 1
+operator-fuzz-window: $(STAMP)
+	cd tools && ../$(BIN)/python -m operator_fuzz --window --sequences $(WINDOW_SEQUENCES) --seed $(SEED)
 
 # 200 takes with faults through perfanim batch in all ways; takes a quarter of an hour. DATA holds cmu/ (ASF/AMC).
 batch-bench: $(STAMP)

@@ -1,12 +1,16 @@
 """Error tree: each error has a fact, a place and an advice."""
 
+import re
+
 MOST_TEXT = 300  # characters of a message
 _SHARES = (90, 115, 90)  # of place, fact and advice, where they are too long together
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # new lines, and what a terminal obeys
 
 
 def printable(text: str) -> str:
-    """Return a text with all that UTF-8 lacks escaped, as in names of files."""
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+    """Return a text on one line; control characters and surrogates are escaped."""
+    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def shorten(text: str, most: int) -> str:
@@ -26,6 +30,7 @@ class PerfanimError(Exception):
     """
 
     def __init__(self, what: str, *, where: str = "", advice: str = "") -> None:
+        where, what, advice = map(printable, (where, what, advice))
         whole = len(where) + len(what) + len(advice) + 4 <= MOST_TEXT
         parts = zip((where, what, advice), _SHARES, strict=True)
         where, what, advice = (shorten(part, MOST_TEXT if whole else share) for part, share in parts)

@@ -1,5 +1,6 @@
 """Frames on disk while a database is built, so that memory does not grow."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +35,11 @@ class FrameFile:
         """Add frames (n, ...); FormatError when the disk is full."""
         with writing(self._path.parent.parent, "free some space"):
             self._stream.write(np.ascontiguousarray(frames, dtype=np.float32).data)
+            self._stream.flush()
         self._frames += len(frames)
 
     def __getitem__(self, wanted: slice) -> FloatArray:
         """Read a slice with a positive step."""
-        self._stream.flush()
         start, stop, step = wanted.indices(self._frames)
         parts = [np.empty((0, *self._frame), dtype=np.float32)]
         rows = _CHUNK - _CHUNK % step or step
@@ -54,4 +55,5 @@ class FrameFile:
 
     def close(self) -> None:
         """Close the file; the owner of its folder removes it."""
-        self._stream.close()
+        with suppress(OSError):  # on a full disk it tries once more to write
+            self._stream.close()

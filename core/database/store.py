@@ -385,6 +385,7 @@ def identity(database: Database) -> dict[str, Any]:
 
 
 def _map_array(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
-    if not row["offset"] >= 0:
-        raise ValueError("an array lies before the others")
-    return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + row["offset"], shape=tuple(row["shape"]))
+    offset, shape = row["offset"], tuple(row["shape"])
+    if not all(isinstance(number, int) and number >= 0 for number in (offset, *shape)):
+        raise ValueError("an array lies before the others, or has no whole number of rows")
+    return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + offset, shape=shape)

@@ -33,6 +33,7 @@ from ..markers.take_frames import is_unnamed
 from ..retarget.joint_naming import OWN
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import SolveSettings
+from ..system.files import exists
 from ..system.progress import Progress
 from .capture_setup import CaptureSetup
 from .save_solved_take import save_resolved_take
@@ -256,7 +257,7 @@ class SolveRecorded:
             raise TakeError("names no motion database", where=self.take, advice="give --database")
         database = cache.database(path)
         out = Path(self.output.path)
-        if self.output.is_take and out.exists() and out.samefile(self.take):
+        if self.output.is_take and exists(out) and out.samefile(self.take):
             raise TakeError("would be overwritten", where=str(out), advice="give another name")
         props = tuple(load_prop(prop) for prop in self.props) if self.props else take.setup.carried_props()
         if self.performers:

@@ -36,8 +36,11 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        remove_left_behind(target.parent, f".{target.stem}.", target.suffix)
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent)
+        start, end = f".{target.stem}.", target.suffix
+        if not end and target.name.startswith("."):  # ".glb": writers go by the temporary file's ending, or add theirs
+            start, end = ".", target.name
+        remove_left_behind(target.parent, start, end)
+        handle, name = tempfile.mkstemp(prefix=start, suffix=end, dir=target.parent)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -58,9 +61,9 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def remove_left_behind(folder: Path, start: str, end: str = "") -> None:
+def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _LEFT_BEHIND_S) -> None:
     """Remove temporary files and folders that nobody has written for long."""
-    oldest_s = time.time() - _LEFT_BEHIND_S
+    oldest_s = time.time() - age_s
     with os.scandir(folder) as entries:
         for entry in entries:
             random = entry.name[len(start) : len(entry.name) - len(end)]
@@ -94,6 +97,11 @@ def is_file(path: Path | str) -> bool:
 def is_folder(path: Path | str) -> bool:
     """Return whether there is a folder; False for names that none can have."""
     return os.path.isdir(path)  # noqa: PTH112 - as above
+
+
+def exists(path: Path | str) -> bool:
+    """Return whether there is a file or a folder; False for names that none can have."""
+    return os.path.exists(path)  # noqa: PTH110 - as above
 
 
 def open_foreign(path: Path | str, kind: type[PerfanimError] = FormatError) -> BinaryIO:

@@ -1,8 +1,9 @@
 """Traits of an image source, known without opening it."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
+
+from ..system.files import exists
 
 
 def _kind(request: Mapping[str, Any]) -> str:
@@ -31,4 +32,4 @@ def is_repeatable(request: Mapping[str, Any]) -> bool:
     """
     if is_simulated(request):
         return not request["source"].get("live")
-    return not is_live(request) and all(Path(path).exists() or "*" in path for path in request["source"]["paths"])
+    return not is_live(request) and all(exists(path) or "*" in path for path in request["source"]["paths"])

@@ -3,8 +3,10 @@
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 from ...core.body.scene_pose import ScenePose
@@ -64,9 +66,16 @@ class Statistics:
 
 
 class CaptureRun:
-    """One capture; a worker that dies or hangs is replaced, and the capture continues."""
+    """One capture; a worker that dies or hangs is replaced, and the capture continues.
 
-    def __init__(self, client: WorkerClient, clock: Callable[[], float] = time.perf_counter) -> None:
+    Args:
+        temporary: file of the workers, removed at the end: they may be killed.
+    """
+
+    def __init__(
+        self, client: WorkerClient, clock: Callable[[], float] = time.perf_counter, temporary: str = ""
+    ) -> None:
+        self._temporary = temporary
         self.phase = Phase.STARTING
         self.activity = "starting the worker"
         self.fraction: float | None = None
@@ -155,6 +164,9 @@ class CaptureRun:
         """End the worker process; `poses` keeps the solved ones."""
         self.phase = Phase.DONE
         self._client.close()
+        if self._temporary:
+            with suppress(OSError):
+                Path(self._temporary).unlink(missing_ok=True)
 
     def _stop_overdue(self) -> bool:
         last_sign = max(self._stop_asked, self._last_arrival)

@@ -14,6 +14,7 @@ from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import rig_tables
 from ...core.markers.prop import Prop, check_distinct, prop_tables
 from ...core.markers.subject import Subject, subject_tables
+from ...core.system.files import exists, remove_left_behind
 from ...core.worker.client import WorkerClient
 from .. import take_library
 from ..preferences import preferences
@@ -22,6 +23,8 @@ from ..settings import readiness, target_settings, vmc_input, vmc_output
 from ..settings.target_settings import SIMULATED_HEIGHT_M
 from .capture_run import CaptureRun
 
+_TEMPORARY = "perfanim-"
+_DAY_S = 86_400.0
 _PARTNERS = ("boxing", "kendo")  # who do it on the spot
 
 
@@ -39,7 +42,7 @@ class Setup:
 
     def start(self, python: str | None) -> CaptureRun:
         """Start the worker; `python` is its interpreter, None for Blender's own."""
-        return CaptureRun(WorkerClient(self.request, python))
+        return CaptureRun(WorkerClient(self.request, python), temporary=self.request["cameras"]["background_file"])
 
 
 def make(settings: Any) -> Setup:
@@ -64,7 +67,7 @@ def make(settings: Any) -> Setup:
             **cameras(settings),
             "source": _with_targets(source(settings), settings, len(performers) - 1),
             "preview": bool(settings.capture_preview),
-            "background_file": str(Path(tempfile.gettempdir()) / f"perfanim-{secrets.token_hex(8)}.npz"),
+            "background_file": _background_file(),
         },
         "performers": [subject_tables(performer) for performer in performers],
         "props": [prop_tables(prop) for prop in props],
@@ -76,6 +79,12 @@ def make(settings: Any) -> Setup:
         "character": settings.armature.name if settings.armature else "",
     }
     return Setup(request, performers, props)
+
+
+def _background_file() -> str:
+    folder = Path(tempfile.gettempdir())
+    remove_left_behind(folder, _TEMPORARY, ".npz", _DAY_S)  # of a Blender that was killed
+    return str(folder / f"{_TEMPORARY}{secrets.token_hex(4)}.npz")
 
 
 def _with_targets(source: dict[str, Any], settings: Any, partners: int) -> dict[str, Any]:
@@ -150,7 +159,7 @@ def source(settings: Any) -> dict[str, Any]:
         return vmc_input.source(settings.id_data)
     paths = [absolute(getattr(settings, name)) for name in readiness.source_paths(settings)]
     for path in paths:
-        if not Path(path).exists():
+        if not exists(path):
             raise CaptureError("not found", where=path, advice="choose another under Cameras")
     kind = "videos" if settings.source == "VIDEOS" else "images"
     return {"kind": kind, "paths": paths, "fps": settings.files_fps}

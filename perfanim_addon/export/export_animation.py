@@ -129,7 +129,7 @@ def _places(context: bpy.types.Context, armature_object: bpy.types.Object) -> Ar
 
 def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
     first, last = frames
-    writers: dict[str, Callable[[], object]] = {
+    writers: dict[str, Callable[[], set[str]]] = {
         "BVH": lambda: bpy.ops.export_anim.bvh(
             filepath=str(path), check_existing=False, frame_start=first, frame_end=last, root_transform_only=False
         ),
@@ -156,7 +156,8 @@ def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
         ),
     }
     try:
-        writers[kind]()
+        if "FINISHED" not in writers[kind]():
+            raise RuntimeError("cancelled")
     except (RuntimeError, AttributeError, TypeError, OSError) as error:
         line = (str(error).strip().splitlines() or ["unknown error"])[-1]
         advice = f"see that Blender's own {kind} exporter is switched on, under Preferences > Add-ons"

@@ -26,7 +26,7 @@ from ...core.geometry.arrays import Array
 from ...core.retarget.bone_map import BoneMap, MatchState, checked_map, identity_bone_map
 from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
-from ...core.system.files import atomic_path
+from ...core.system.files import atomic_path, is_file
 from ..animation.actions import scene_frames, write_with_plan
 from ..character.create_character import create_character, find_armature
 from ..character.posing import find_map, plan_for, plan_with_map
@@ -36,7 +36,6 @@ from .stage import add_stage, floor_below, render, set_up_rendering, write_scene
 
 _SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
 _GLTF = (".glb", ".gltf", ".vrm")
-_KINDS = {ending: kind for kind, ending in ENDINGS.items()}
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def retarget_file(
     armature_object, bone_map = _humanoid(character, preset) if character is not None else _new_humanoid(motion)
     plan, frames = _performed(armature_object, bone_map, motion, root_motion, is_new=character is None)
     floor = float(armature_object.matrix_world.translation.z) if character is not None else floor_below(motion)
-    kind = _KINDS.get(target.suffix.lower())
+    kind = next((kind for kind, ending in ENDINGS.items() if target.name.lower().endswith(ending)), None)
     if kind is not None:
         write_played(bpy.context, armature_object, target, kind, bone_map.bones, form or Form())
     with atomic_path(target) if kind is None else nullcontext() as temporary:
@@ -153,7 +152,7 @@ def open_file(character: Path | None) -> None:
     if character is None:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         return
-    if not character.is_file():
+    if not is_file(character):
         raise FormatError("cannot be read (no such file)", where=str(character), advice="check the path")
     kind = character.suffix.lower()
     if kind == ".blend":

@@ -116,6 +116,5 @@ def render(scene: bpy.types.Scene, target: Path) -> None:
     """Render the current frame to a .png file."""
     scene.render.image_settings.file_format = "PNG"
     with atomic_path(target.with_suffix(".png")) as temporary:
-        scene.render.filepath = str(temporary)
-        bpy.ops.render.render(write_still=True)
-    scene.render.filepath = "//render/"
+        bpy.ops.render.render()  # writing on its own it takes braces in a name for variables
+        bpy.data.images["Render Result"].save_render(str(temporary), scene=scene)

@@ -8,6 +8,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ...core.errors import CalibrationError
 from ...core.geometry.rig_file import rig_from, save_rig
+from ...core.system.files import is_folder
 from ..capture import request, sound
 from ..preferences.paths import absolute, user_folder
 from ..settings import readiness
@@ -47,7 +48,7 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
         arguments = ["calibrate", "cameras", "--board", board_spec(chosen), "--out", self._target]
         for side in ("left", "right"):
             folder = absolute(getattr(chosen, f"board_{side}"))
-            if not Path(folder).is_dir():
+            if not is_folder(folder):
                 raise CalibrationError("is not a folder", where=folder, advice=f"choose the {side} camera's images")
             arguments += [f"--{side}", folder]
         return arguments

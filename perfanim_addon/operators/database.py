@@ -12,6 +12,7 @@ from ...core.database.store import DATABASE_SUFFIX
 from ...core.errors import DatabaseError, DownloadError
 from ...core.system.assets import MOTION
 from ...core.system.download import check_address
+from ...core.system.files import exists
 from ..jobs.job import Job, command
 from ..preferences import preferences
 from ..preferences.online import is_online_allowed, is_this_computer
@@ -98,7 +99,7 @@ class PERFANIM_OT_build_database(_BuildingOperator, bpy.types.Operator, ImportHe
         if not sources:
             sources = [self.filepath or self.directory]
         for source in sources:
-            if not source or not Path(source).exists():
+            if not exists(source):
                 raise DatabaseError("not found", where=source or "import", advice="choose motion files or a folder")
         folder = Path(sources[0]) if len(sources) == 1 else Path(self.directory)
         return ["database", "build", *sources, *self.build_options(context, folder.stem)]

@@ -11,6 +11,7 @@ from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.take_file.reading import summarise, unused_path
 from ...core.labelling.take_import import UPS
 from ...core.solver.settings import METHODS
+from ...core.system.files import is_file
 from .. import take_library
 from ..panels import takes
 from ..preferences.paths import absolute
@@ -105,7 +106,7 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
         chosen = settings(context)
         files = [str(Path(self.directory) / item.name) for item in self.files if item.name] or [self.filepath]
         for file in files:
-            if not Path(file).is_file():
+            if not is_file(file):
                 raise TakeError("not found", where=file or "import", advice="choose marker takes")
         subject = absolute(chosen.subject)
         performer = ["--subject", subject] if subject else ["--height", str(chosen.subject_height)]

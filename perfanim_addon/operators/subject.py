@@ -9,6 +9,7 @@ from ...core.body.calibration_poses import CALIBRATION
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
+from ...core.system.files import is_file
 from ..capture import request, sound
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import choice
@@ -37,7 +38,7 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen = settings(context)
         take = absolute(chosen.subject_take)
-        if not Path(take).is_file():
+        if not is_file(take):
             raise SubjectError("not found", where=take, advice="choose a marker take")
         marker_set, target = readiness.marker_set_source(chosen), str(profile(chosen))
         command = ["calibrate", "subject", take, "--marker-set", marker_set, "--out", target]

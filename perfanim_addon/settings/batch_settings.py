@@ -8,7 +8,7 @@ import bpy
 from ...core.cli.batch.plan import plan_of
 from ...core.errors import SettingsError
 from ...core.formats.markers.marker_files import is_recorded
-from ...core.system.files import write_toml
+from ...core.system.files import is_file, is_folder, write_toml
 from .. import take_library
 from ..preferences import preferences
 from ..preferences.attach_settings import attach_property_group
@@ -54,10 +54,10 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
 def problem(chosen: Any) -> str:
     """Return the missing input of a batch, "" for none."""
     if chosen.plan:
-        return "" if Path(absolute(chosen.plan)).is_file() else "plan file not found"
-    if chosen.takes and not Path(absolute(chosen.takes)).is_dir():
+        return "" if is_file(absolute(chosen.plan)) else "plan file not found"
+    if chosen.takes and not is_folder(absolute(chosen.takes)):
         return "folder of takes not found"
-    if chosen.character and not Path(absolute(chosen.character)).is_file():
+    if chosen.character and not is_file(absolute(chosen.character)):
         return "file of the character not found"
     return "" if chosen.out else "choose a folder for the results"
 

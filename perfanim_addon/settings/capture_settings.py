@@ -78,7 +78,9 @@ def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, s
 
 def find_bones(self: Any, _context: object) -> None:
     """Map the bones of a newly chosen armature to joints."""
-    if self.armature is not None:
+    if self.armature is not None and self.armature.type != "ARMATURE":  # a script may choose any object
+        self.armature = None
+    elif self.armature is not None:
         fill_map(self.armature)
 
 

@@ -13,6 +13,7 @@ from ...core.geometry.rig_file import load_rig
 from ...core.markers.marker_set import MarkerSet, load_marker_set
 from ...core.markers.prop import Prop, load_prop
 from ...core.markers.subject import Subject, load_subject
+from ...core.system.files import exists
 from ..character.posing import map_problem
 from ..preferences.paths import absolute, user_folder
 from . import vmc_input
@@ -134,7 +135,7 @@ def pictures(settings: Any) -> StepStatus:
         side = name.partition("_")[0]
         if not path:
             return StepStatus(False, f"{side} missing", f"choose the file of the {side} camera under Cameras")
-        if not Path(path).exists():
+        if not exists(path):
             return StepStatus(False, f"{side} not found", f"{path}: not found; choose another under Cameras")
     if settings.source == "CAMERAS":
         try:
@@ -247,7 +248,7 @@ def performer_text(path: str) -> str:
 def motion(settings: Any) -> StepStatus:
     """StepStatus of the Motion database panel."""
     path = database_path(settings)
-    if not settings.database and not path.exists():
+    if not settings.database and not exists(path):
         return StepStatus(True, "starter")
     frames = database_frames(str(path))
     if isinstance(frames, PerfanimError):

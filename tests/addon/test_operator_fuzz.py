@@ -13,7 +13,7 @@ if sys.platform != "linux":
 
 from operator_fuzz import sequence
 from operator_fuzz.__main__ import run_headless
-from operator_fuzz.inside import errors_in
+from operator_fuzz.errors import errors_in
 
 SEED, SEQUENCES = 1, 25
 

@@ -2,7 +2,7 @@ import inspect
 
 import pytest
 from perfanim.core import errors
-from perfanim.core.errors import FormatError, PerfanimError
+from perfanim.core.errors import MOST_TEXT, FormatError, PerfanimError
 
 SUBCLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if kind is not PerfanimError]
 
@@ -12,6 +12,13 @@ def test_message_says_where_what_and_what_to_do() -> None:
     assert str(error) == "walk.bvh: is cut off; export it again"
     assert (error.what, error.where, error.advice) == ("is cut off", "walk.bvh", "export it again")
     assert str(FormatError("is cut off")) == "is cut off"
+
+
+def test_a_message_is_one_line_whatever_a_file_holds() -> None:
+    error = FormatError("holds\x1b[2J NUL\x85\u2028", where="a\nb\r\x7f.toml", advice="check\tit")
+    assert str(error) == r"a\nb\r\x7f.toml: holds\x1b[2J NUL\x85\u2028; check\tit"
+    for text in ("\n" * 200, "\ud800" * 200):  # longer when they are escaped
+        assert len(str(FormatError(text, where=text, advice=text))) <= MOST_TEXT
 
 
 @pytest.mark.parametrize("kind", SUBCLASSES)

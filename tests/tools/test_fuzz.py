@@ -5,11 +5,13 @@ import os
 import signal
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from fuzz.doors import Door, all_doors
 from fuzz.guard import changed_input, run_door
+from fuzz.guided import further
 from fuzz.mutations import change_text
 from perfanim.core.errors import FormatError
 
@@ -27,7 +29,7 @@ def doors(tmp_path_factory):
 
 def test_no_door_lets_damaged_input_do_harm(doors):
     for door in doors.values():
-        inputs = max(INPUTS.get(door.name, USUAL_INPUTS), len(door.corpus))
+        inputs = max(INPUTS.get(door.name, USUAL_INPUTS), len(door.corpus) + len(door.guided))
         row = run_door(door, SEED, range(inputs), math.inf)
         assert row.faults == {}, f"{door.name}: python -m fuzz --door '{door.name}' --seed {SEED} --inputs {inputs}"
         assert row.inputs == row.refused + row.accepted == inputs
@@ -37,13 +39,29 @@ def test_no_door_lets_damaged_input_do_harm(doors):
 
 
 def test_every_file_that_did_harm_is_thrown_again(doors):
-    found = {path.read_bytes() for path in (Path(__file__).parents[1] / "fuzz" / "found").iterdir()}
+    folder = Path(__file__).parents[1] / "fuzz"
+    found = {path.read_bytes() for name in ("found", "guided") for path in (folder / name).iterdir()}
     assert found
-    assert found <= {data for door in doors.values() for data in door.corpus}
+    assert found <= {data for door in doors.values() for data in (*door.corpus, *door.guided)}
+
+
+def test_an_input_that_goes_further_than_the_corpus_is_kept(doors):
+    door = replace(doors["BVH"], corpus=(b"HIERARCHY\n",), guided=())
+    joint = b"ROOT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nEnd Site\n{\nOFFSET 0 1 0\n}\n}\n"
+    whole = b"HIERARCHY\n" + joint + b"MOTION\nFrames: 1\nFrame Time: 0.1\n0 0 0\n"
+    assert further(door, [b"HIERARCHY\n", b"HIERARCHY \n", whole]) == [whole]
+    assert further(door, [doors["BVH"].corpus[0]]) == [], "it is not tiny"
+
+
+class TwoLineError(FormatError):
+    """An error past the rules of its base."""
+
+    def __str__(self) -> str:
+        return "in\ntwo lines"
 
 
 def harmful(data: bytes) -> None:
-    kinds = {b"a": FormatError("is damaged"), b"b": KeyError("b"), b"c": FormatError("in\ntwo lines")}
+    kinds = {b"a": FormatError("is damaged"), b"b": KeyError("b"), b"c": TwoLineError("")}
     if data in kinds:
         raise kinds[data]
     if data == b"d":

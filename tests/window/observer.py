@@ -14,6 +14,7 @@ import bpy
 sys.path.append(str(Path(__file__).resolve().parent))
 sys.path.append(str(Path(__file__).resolve().parents[1] / "helpers"))
 
+import observer_fuzz
 import observer_orders
 import observer_rates
 import observer_state
@@ -61,7 +62,7 @@ def follow_orders():
     if order["number"] <= orders:
         return
     try:
-        result = observer_orders.ORDERS[order["what"]](order)
+        result = (observer_orders.ORDERS | observer_fuzz.ORDERS)[order["what"]](order)
     except Exception as error:  # the test reads it
         traceback.print_exc()
         result = {"error": f"{type(error).__name__}: {error}"}

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from .mutations import LARGEST, change_bytes, change_json, change_text
 
 _CHUNK = struct.Struct("<4sHHIII")  # of a take file: magic, kind, 0, sequence number, bytes and CRC-32 of the payload
+_CHUNK_MAGIC = b"\x89PFC"
 _TAKE_PREAMBLE = 20
 _DATABASE = struct.Struct("<12sIQQ32s")  # magic, version, bytes of header and file, SHA-256 of the header
 _JSON_CHUNKS = (1, 4, 5)  # set-up, event, notes
@@ -47,9 +48,9 @@ def change_zip(chance: random.Random, data: bytes) -> bytes:
 
 def change_take(chance: random.Random, data: bytes) -> bytes:
     """Change, remove and swap chunks of a take file; sometimes its bytes."""
-    if chance.random() < 0.2:
-        return change_bytes(chance, data)
     chunks = list(_chunks(data))
+    if not chunks or chance.random() < 0.2:
+        return change_bytes(chance, data)
     at, other = (chance.randrange(len(chunks)) for _ in range(2))
     number, sequence, payload = chunks[at]
     kind = chance.randrange(7)
@@ -67,9 +68,9 @@ def change_take(chance: random.Random, data: bytes) -> bytes:
 
 
 def _chunks(data: bytes) -> Iterator[tuple[int, int, bytes]]:
-    """Yield kind, sequence number and payload of each chunk of an intact take file."""
+    """Yield kind, sequence number and payload of the intact chunks of a take."""
     at = _TAKE_PREAMBLE
-    while at < len(data):
+    while at + _CHUNK.size < len(data) and data.startswith(_CHUNK_MAGIC, at):
         _, kind, _, sequence, size, _ = _CHUNK.unpack_from(data, at)
         at += _CHUNK.size + 4
         yield kind, sequence, data[at : at + size]
@@ -77,7 +78,7 @@ def _chunks(data: bytes) -> Iterator[tuple[int, int, bytes]]:
 
 
 def _chunk(kind: int, sequence: int, payload: bytes) -> bytes:
-    head = _CHUNK.pack(b"\x89PFC", kind, 0, sequence, len(payload), zlib.crc32(payload))
+    head = _CHUNK.pack(_CHUNK_MAGIC, kind, 0, sequence, len(payload), zlib.crc32(payload))
     return head + zlib.crc32(head).to_bytes(4, "little") + payload
 
 

@@ -46,8 +46,10 @@ class Door:
 
     Args:
         corpus: well-formed inputs, and those that did harm once.
+        guided: inputs that go further in the code; too broken to be changed at random.
         change: makes damaged ones of them.
         read: what the project does with an input.
+        ending: of the files that hold its inputs.
         slack_bytes: memory that it may take beside four times the input's bytes.
         longest_s: of the processor's time, that an input of any kind may take.
         share: of the inputs that each door gets; less where one takes long.
@@ -57,6 +59,8 @@ class Door:
     corpus: tuple[bytes, ...]
     change: Mutation
     read: Callable[[bytes], None]
+    ending: str = ""
+    guided: tuple[bytes, ...] = ()
     slack_bytes: int = 64 << 20
     longest_s: float = 2.0
     share: float = 1.0
@@ -111,7 +115,15 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         ("plan", "plan*.toml", ".toml", change_toml, lambda path: read_plan(path, {})),
     )
     return [
-        Door(name, samples.files(pattern, ending), change, _reader(read, folder / f"input{ending}"), share=_share(name))
+        Door(
+            name,
+            samples.files(pattern, ending),
+            change,
+            _reader(read, folder / f"input{ending}"),
+            ending,
+            samples.guided(ending),
+            share=_share(name),
+        )
         for name, pattern, ending, change, read in rows
     ]
 
@@ -190,7 +202,7 @@ def _description_door() -> Door:
             open_source(spec).close()
 
     # the simulated performer moves for up to 83 minutes before cameras that see a furnished room
-    return Door("image sources", corpus, change_json, read, 2 << 30, 15.0, share=0.05)
+    return Door("image sources", corpus, change_json, read, slack_bytes=2 << 30, longest_s=15.0, share=0.05)
 
 
 def _is_json(data: bytes) -> bool:

@@ -59,9 +59,9 @@ class Row:
 
 
 def changed_input(door: Door, seed: int, number: int) -> bytes:
-    """Return the input of this number; the corpus itself comes first."""
-    if number < len(door.corpus):
-        return door.corpus[number]
+    """Return the input of this number; corpus and guided inputs come first."""
+    if number < len(door.corpus) + len(door.guided):
+        return (*door.corpus, *door.guided)[number]
     chance = random.Random(f"{seed}/{door.name}/{number}")  # noqa: S311 - repeatable, no secret
     return door.change(chance, chance.choice(door.corpus))
 
@@ -93,14 +93,13 @@ def _run_child(door: Door, seed: int, numbers: range, until_s: float) -> Iterato
         for number in (1, 2):  # libraries in C write there what they think of the files
             os.dup2(os.open(os.devnull, os.O_WRONLY), number)
         status = 1
-        most = _memory("VmSize:") + _MORE_BYTES
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+        limit_memory()
         try:
             with os.fdopen(writing, "wb") as output:
                 for number in numbers:
                     if time.monotonic() > until_s:
                         break
-                    output.write(json.dumps(_result(door, changed_input(door, seed, number))).encode() + b"\n")
+                    output.write(json.dumps(result_of(door, changed_input(door, seed, number))).encode() + b"\n")
                     output.flush()
             status = 0
         finally:
@@ -121,7 +120,13 @@ def _run_child(door: Door, seed: int, numbers: range, until_s: float) -> Iterato
     os.waitpid(child, 0)
 
 
-def _result(door: Door, data: bytes) -> dict[str, Any]:
+def limit_memory() -> None:
+    """Let this process have no more than some memory beyond its present use."""
+    most = _memory("VmSize:") + _MORE_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def result_of(door: Door, data: bytes) -> dict[str, Any]:
     """Read an input in this process; return how it ended, with time and memory."""
     Path("/proc/self/clear_refs").write_text("5")  # the peak begins at the present use
     before = _memory("VmRSS:")

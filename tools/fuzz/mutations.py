@@ -123,11 +123,11 @@ def change_json(chance: random.Random, data: bytes) -> bytes:
         return change_text(chance, data)
     try:
         value = json.loads(data)
-    except ValueError:  # a corpus may hold other text
+        for _ in range(chance.choice((1, 1, 2, 4))):
+            value = change_value(chance, value)
+        return json.dumps(value).encode()[:LARGEST]
+    except (ValueError, RecursionError):  # a corpus may hold other text
         return change_text(chance, data)
-    for _ in range(chance.choice((1, 1, 2, 4))):
-        value = change_value(chance, value)
-    return json.dumps(value).encode()[:LARGEST]
 
 
 def change_toml(chance: random.Random, data: bytes) -> bytes:

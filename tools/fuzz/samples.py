@@ -20,7 +20,7 @@ from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, enc
 
 _TESTS = Path(__file__).resolve().parents[2] / "tests"
 _FOLDERS = (_TESTS / "compatibility" / "files", _TESTS / "fuzz" / "corpus")
-_FOUND = _TESTS / "fuzz" / "found"
+_FOUND, _GUIDED = _TESTS / "fuzz" / "found", _TESTS / "fuzz" / "guided"
 _FPS = 30.0
 
 
@@ -44,6 +44,10 @@ class Samples:
         paths = [path for folder in _FOLDERS for path in sorted(folder.glob(pattern))]
         paths += [path for path in sorted(_FOUND.glob("*" + ending)) if ending]
         return tuple(path.read_bytes() for path in paths)
+
+    def guided(self, ending: str) -> tuple[bytes, ...]:
+        """Return the contents of tiny files that guided fuzzing found."""
+        return tuple(path.read_bytes() for path in sorted(_GUIDED.glob("*" + ending)))
 
     def frame(self, number: int, labelled: bool = True) -> MarkerFrame:
         """Return a frame of the T pose."""

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -21,10 +22,15 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first one, to repeat it (default 0)")
     parser.add_argument("--seconds", type=float, default=1e9, help="end after this time (default: all sequences)")
     parser.add_argument("--seed", type=int, default=1, help="of the steps (default 1)")
+    parser.add_argument("--window", action="store_true", help="in a window, while a capture is live; needs BLENDER")
     options = parser.parse_args()
     stop, until_s = options.first + options.sequences, time.time() + options.seconds
     count = steps = faulty = 0
-    for result in run_headless(options.seed, options.first, stop, until_s):
+    if options.window:
+        from .window import run_window as run
+    else:
+        run = run_headless
+    for result in run(options.seed, options.first, stop, until_s):
         count += 1
         if result["faults"]:
             faulty += 1
@@ -49,7 +55,12 @@ def run_headless(seed: int, first: int, stop: int, until_s: float) -> Iterator[d
             with (folder / "output").open("wb") as output:
                 try:
                     status: object = subprocess.run(
-                        command, cwd=Path(__file__).parents[1], timeout=_HUNG_S, stdout=output, stderr=output
+                        command,
+                        cwd=folder,  # for relative paths
+                        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
+                        timeout=_HUNG_S,
+                        stdout=output,
+                        stderr=output,
                     ).returncode
                 except subprocess.TimeoutExpired:
                     status = "hangs"

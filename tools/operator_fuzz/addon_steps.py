@@ -23,7 +23,7 @@ _WORKERS = {
     *("solve_take", "start_capture"),
 }
 _NEVER = {"get_motion"}  # it asks a server
-_SCENE_GROUPS = ("perfanim", "perfanim_targets", "perfanim_result", "perfanim_sending", "perfanim_receiving")
+_SCENE_GROUPS = tuple(f"perfanim{name}" for name in ("", "_targets", "_batch", "_result", "_sending", "_receiving"))
 _TICK_S = 0.02
 
 

@@ -13,16 +13,15 @@ import traceback
 from pathlib import Path
 from typing import Any, TextIO
 
-import bpy
+import bpy  # noqa: F401 - before `addon_utils`, which it brings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
 
 from extension_folder import use_user_folder
 from remains import remains
 
-from .sequence import begin, end, left_over, steps_of, take_step
-
-_WORDS = ("Traceback", "Exception ignored", "ResourceWarning")
+from .errors import errors_in
+from .sequence import begin, clear, end, left_over, steps_of, take_step
 
 
 def main() -> None:
@@ -38,10 +37,10 @@ def main() -> None:
     (folder / "tmp").mkdir()
     os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "tmp")
     use_user_folder(folder / "user")
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with (folder / "said").open("w+b") as said, (folder / "results").open("w") as results:
         for number in (1, 2):
             os.dup2(said.fileno(), number)
+        clear()
         begin(folder)
         end()
         before = remains()
@@ -58,6 +57,7 @@ def _run(seed: int, number: int, before: dict[str, Any], folder: Path) -> dict[s
     faults, lines = [], []
     with (folder / "steps").open("w") as journal:
         try:
+            clear()
             begin(folder)
             chance, steps = steps_of(seed, number)
             for step in steps:
@@ -75,11 +75,6 @@ def _run(seed: int, number: int, before: dict[str, Any], folder: Path) -> dict[s
     faults += errors_in(text)
     faults += left_over(before, folder)
     return {"faults": faults, "steps": lines if faults else len(lines)}
-
-
-def errors_in(text: str) -> list[str]:
-    """Return printed errors of Python."""
-    return [text[max(text.find(word) - 200, 0) :][:1500] for word in _WORDS if word in text]
 
 
 def _note(journal: TextIO, line: str) -> None:

@@ -20,9 +20,13 @@ _MOST_STEPS = 14
 _ENDING_S = 5.0  # in which processes and threads that were ended are gone
 
 
-def begin(folder: Path) -> None:
-    """Begin with an empty scene, fresh settings, and the same files and takes."""
+def clear() -> None:
+    """Load an empty scene and fresh settings."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+def begin(folder: Path) -> None:
+    """Begin in an empty scene with the same files and takes."""
     addon_utils.enable(ADDON, default_set=True)
     takes = part("take_library").folder()
     for each in (folder / "samples", folder / "chosen", takes):
@@ -68,7 +72,7 @@ def take_step(step: Callable[..., Any], chance: random.Random, folder: Path) -> 
 
 def end() -> None:
     """End as another file and the add-on's switch do."""
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    clear()
     if is_on():
         addon_utils.disable(ADDON, default_set=True)
 
@@ -85,4 +89,11 @@ def left_over(before: dict[str, Any], folder: Path) -> list[str]:
         if after.get(key) != before.get(key)
     ]
     temporary = [*folder.glob("user/**/.*.*"), *folder.glob("tmp/*"), *folder.glob("chosen/.*")]
-    return found + [f"file: {path}" for path in temporary if not path.is_symlink()]
+    ours = [path for path in temporary if not path.is_symlink() and not _is_blenders(path)]
+    for path in ours:  # reported once
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return found + [f"file: {path}" for path in ours]
+
+
+def _is_blenders(path: Path) -> bool:
+    return path.parent.name == "tmp" and (path.name.startswith("blender_") or path.suffix == ".blend")

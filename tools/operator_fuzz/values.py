@@ -35,7 +35,8 @@ def arguments_for(chance: random.Random, operator: Any, paths: Sequence[str]) ->
 
 
 def _can_be_set(each: Any) -> bool:
-    return not each.is_readonly and each.identifier != "rna_type" and each.type != "COLLECTION"
+    # bl_idname and its like are Blender's own
+    return not each.is_readonly and not each.identifier.startswith(("rna_", "bl_")) and each.type != "COLLECTION"
 
 
 def value_for(chance: random.Random, each: Any, paths: Sequence[str]) -> Any:

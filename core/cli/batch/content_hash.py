@@ -9,7 +9,7 @@ from ... import __version__
 from ...errors import PerfanimError
 from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.reading import read_take_file
-from ...system.files import is_file, open_foreign
+from ...system.files import is_file, is_folder, open_foreign
 from .plan import KEYS, Kind, TakePlan
 
 _VERSION = 1  # of what a batch makes of a take
@@ -33,7 +33,7 @@ class ContentDigests:
         path = Path(source)
         if is_file(path):
             return [["", self.of_file(path)]]
-        folder, pattern = (path, "*") if path.is_dir() else (path.parent, path.name)
+        folder, pattern = (path, "*") if is_folder(path) else (path.parent, path.name)
         files = sorted(file for file in folder.glob(pattern) if is_file(file))
         return [[file.name, self.of_file(file)] for file in files]
 

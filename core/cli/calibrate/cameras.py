@@ -1,10 +1,10 @@
 """`perfanim calibrate cameras`: intrinsics, distortion and poses from a board."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from ...errors import SettingsError
+from ...system.files import is_file
 from ...system.progress import Progress
 from ..options import add_repeated, add_text
 
@@ -59,7 +59,7 @@ def _from_files(patterns: dict[str, str], board: Any, progress: Progress, *, lef
     from ...vision.calibration.calibrate_videos import calibrate_videos
     from ...vision.sources.images import is_image_pattern
 
-    videos = [name for name, pattern in patterns.items() if Path(pattern).is_file() and not is_image_pattern(pattern)]
+    videos = [name for name, pattern in patterns.items() if is_file(pattern) and not is_image_pattern(pattern)]
     if videos and len(videos) < len(patterns):
         still = next(name for name in patterns if name not in videos)
         raise SettingsError(

@@ -8,6 +8,7 @@ from ...errors import FormatError, SettingsError
 from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.edit import recover
 from ...formats.take_file.reading import ENDING, read_take_file, take_name
+from ...system.files import exists
 from ...system.progress import Progress
 from ..options import add_text
 
@@ -25,7 +26,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
     if not is_recorded(out):
         raise SettingsError(f"{out} does not end in {ENDING}", advice="or it would not be known as a take")
-    if out.exists() and not args.out:
+    if exists(out) and not args.out:
         raise FormatError("is there already", where=str(out), advice="give another name with --out")
     progress(0.0, "reading")
     take = read_take_file(path)

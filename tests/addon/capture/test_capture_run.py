@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -277,3 +278,13 @@ def test_the_newest_picture_is_handed_out_once() -> None:
     assert picture is not None
     np.testing.assert_array_equal(picture, new)
     assert run.take_preview() is None
+
+
+def test_the_file_of_a_killed_worker_is_removed(tmp_path: Path) -> None:
+    kept = tmp_path / "backgrounds.npz"
+    kept.touch()
+    run = CaptureRun(PlayedWorker(), temporary=str(kept))
+    assert kept.exists()
+    for _ in range(2):
+        run.close()
+        assert not kept.exists()

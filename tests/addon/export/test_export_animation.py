@@ -158,3 +158,13 @@ def test_what_cannot_be_exported_says_why_and_leaves_nothing(performer, motion, 
     assert bpy.data.objects[performer].animation_data is None
     assert len(bpy.data.actions) == 0
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ENDINGS)
+@pytest.mark.parametrize("name", ["{}", ".{}", "%s{{}}{}", "walk.{}", "walk.2{}", " {}", "#{}", "{}{}"])
+def test_any_name_becomes_one_whole_file(performer: str, motion: Motion, tmp_path: Path, kind: str, name: str) -> None:
+    """Blender's exporters add their ending to a name without it, and write elsewhere than they were told."""
+    target = tmp_path / name.format(*2 * (ENDINGS[kind],))
+    assert export(performer, target, kind, sliced(motion, 0, 2)) == 2
+    assert [path.name for path in tmp_path.iterdir()] == [target.name]
+    assert target.stat().st_size > 1000

@@ -1,9 +1,12 @@
-"""Characters of others: a `.blend` that holds programs is opened without running them."""
+"""A motion on the character of a file: programs in it are not run, and each output is one file of its kind."""
 
 from pathlib import Path
 
 import bpy
 import pytest
+from perfanim.core.body.motion import sliced
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.export import retarget_file
 
 
@@ -28,3 +31,15 @@ def test_a_characters_programs_are_not_run(tmp_path: Path, trusting: bool) -> No
         assert not ran.exists()
     finally:
         bpy.context.preferences.filepaths.use_scripts_auto_execute = False
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"), [(".glb", b"glTF"), ("{walk}#.glb", b"glTF"), (".blend", b"\x28\xb5\x2f\xfd")]
+)
+def test_outputs_have_the_names_that_are_asked_for(tmp_path: Path, name: str, begins: bytes) -> None:
+    motion = sliced(read_motion(next(MOTION.glob("running-01*.bvh"))), 0, 4)
+    picture = retarget_file.Picture(tmp_path / "{walk}#.png", 2)
+    retarget_file.retarget_file(motion, None, tmp_path / name, picture=picture)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted((name, "{walk}#.png"))
+    assert (tmp_path / name).read_bytes()[:4] == begins
+    assert (tmp_path / "{walk}#.png").read_bytes()[:4] == b"\x89PNG"

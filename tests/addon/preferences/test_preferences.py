@@ -1,5 +1,7 @@
 """What the preferences change, and that everything explains itself."""
 
+import os
+import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -78,6 +80,21 @@ def test_a_capture_is_asked_for_with_the_method_of_the_preferences(
     assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "best"}
     preferences.method = "lwr"
     assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "lwr"}
+
+
+def test_what_a_killed_blender_has_left_is_removed_before_a_capture(
+    part: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(part("settings.readiness"), "database_frames", lambda path: 1)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    make = part("capture.request").make
+    kept = Path(make(bpy.context.scene.perfanim).request["cameras"]["background_file"])
+    for age_s, is_kept in ((7200, True), (90_000, False)):
+        kept.touch()
+        os.utime(kept, (time.time() - age_s,) * 2)
+        again = Path(make(bpy.context.scene.perfanim).request["cameras"]["background_file"])
+        assert again.parent == kept.parent == tmp_path and again != kept
+        assert kept.exists() == is_kept
 
 
 def test_motion_is_imported_by_as_many_processes_as_the_preferences_say(

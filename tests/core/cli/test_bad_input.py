@@ -18,6 +18,7 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.files import write_toml
 
 SIZE = (64, 48)
+LONG = "x" * 300
 MATRIX = np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
 
 
@@ -138,6 +139,12 @@ CASES = [
     ("calibrate cameras --left left --right right --board 9x6 --out out/a.toml", "is not a board"),
     ("calibrate cameras --left left --right right --board chessboard:9x6:25mm --out out/a.toml", "found in 0 of 6"),
     ("calibrate cameras --left left --board chessboard:9x6:25mm --out out/a.toml", "--left and --right go together"),
+    (
+        f"calibrate cameras --left {LONG} --right left --board chessboard:9x6:25mm --out out/a.toml",
+        "no image files found",
+    ),
+    # names that no file can have
+    (f"take recover {LONG}.perftake", "cannot be read .File name too long"),
     # simulate, evaluate
     ("simulate markers words.bvh --marker-set boxing --out out/a.take.npz", "words.bvh: is not a BVH file"),
     ("simulate markers words.bvh --marker-set boxing --out out/a.doc", "a.doc: has an ending that cannot be written"),

@@ -1,6 +1,7 @@
 import hashlib
 import json
 import os
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -204,6 +205,18 @@ def test_facts_of_wrong_type_are_refused(written: Path, value) -> None:
         except DatabaseError as error:
             assert len(str(error)) <= 300
     assert harmless <= 3  # a rate of 3, of the database or of a file, and -1 or 3 for a body that there is
+
+
+def test_a_list_as_a_number_of_rows_takes_no_memory(written: Path) -> None:
+    """numpy multiplies it, which repeats it."""
+    _with_facts(written, lambda facts: facts["arrays"]["poses"].update(shape=[[0] * 1000, 3000, 3]))
+    tracemalloc.start()
+    try:
+        with pytest.raises(DatabaseError, match="no whole number of rows"):
+            open_database(written)
+        assert tracemalloc.get_traced_memory()[1] < 8 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_arrays_elsewhere_or_of_other_types_are_refused(written: Path) -> None:

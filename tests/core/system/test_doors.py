@@ -21,7 +21,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import load_subject
 from perfanim.core.retarget.bone_map_files import load_bone_map, read_bone_map
-from perfanim.core.system.files import is_file, is_folder, open_foreign, read_bytes, read_toml, reading
+from perfanim.core.system.files import exists, is_file, is_folder, open_foreign, read_bytes, read_toml, reading
 from perfanim.core.vision.sources.files import read_image
 from perfanim.core.vision.sources.source_kinds import open_image_source
 
@@ -93,7 +93,8 @@ def test_only_regular_files_and_folders_count(tmp_path: Path) -> None:
     assert is_file(tmp_path / "file")
     assert not is_folder(tmp_path / "file")
     assert is_folder(tmp_path)
-    assert not any(check(name) for check in (is_file, is_folder) for name in ("a\0b", "\ud800", "x" * 300))
+    assert exists(tmp_path) and exists(tmp_path / "file") and not exists(tmp_path / "gone")
+    assert not any(check(name) for check in (exists, is_file, is_folder) for name in ("a\0b", "\ud800", "x" * 300))
     with open_foreign(tmp_path / "file") as file:
         assert file.read() == b"12345"
     assert read_bytes(tmp_path / "file", most=5) == b"12345"

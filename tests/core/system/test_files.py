@@ -22,6 +22,16 @@ def test_a_file_appears_whole_in_a_new_folder(tmp_path: Path) -> None:
     assert [path.name for path in target.parent.iterdir()] == ["a.txt"]
 
 
+def test_the_temporary_file_of_a_name_without_a_stem_has_its_ending(tmp_path: Path) -> None:
+    """Blender's glTF exporter adds its ending to other names, so it wrote beside the temporary file."""
+    for name in (".glb", "..glb", ".a.glb"):
+        with atomic_path(tmp_path / name) as temporary:
+            assert temporary.name.startswith(".") and temporary.suffix == ".glb"
+            temporary.write_text("whole")
+        assert [path.name for path in tmp_path.iterdir()] == [name]
+        (tmp_path / name).unlink()
+
+
 def test_an_error_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
     target.write_text("old")

@@ -1,0 +1,97 @@
+"""Sequences in a window, while a capture is live."""
+
+import contextlib
+import json
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "window"))
+
+from desktop import BlenderWindow, Desktop, blender_python, build_archive, install
+
+from .errors import errors_in
+
+_BETWEEN_S = 0.1  # steps, in which the capture goes on
+_START_S = 30.0  # until the first pose; another step may have ended the capture before
+
+
+def run_window(seed: int, first: int, stop: int, until_s: float) -> Iterator[dict[str, Any]]:
+    """Yield the result of each sequence; a Blender that ends is followed by another."""
+    wrapper = os.environ["BLENDER"]
+    with tempfile.TemporaryDirectory(prefix="operator-fuzz-") as name:
+        installed = Path(name) / "installed"
+        install(wrapper, build_archive(blender_python(wrapper)), installed)
+        desktop = Desktop(wrapper, Path(name) / "pictures")
+        try:
+            at = first
+            while at < stop and time.time() < until_s:
+                folder = Path(name) / str(at)
+                shutil.copytree(installed, folder / "user", symlinks=True)
+                for result in run_in(desktop, folder, seed, range(at, stop), until_s):
+                    at = result["number"] + 1
+                    yield result
+        finally:
+            desktop.close()
+
+
+def run_in(desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: float) -> Iterator[dict[str, Any]]:
+    """Yield results until Blender ends, or all are done.
+
+    Args:
+        folder: an own one, with Blender's user folder as `user` in it.
+    """
+    (folder / "tmp").mkdir()
+    desktop.environment["TMPDIR"] = str(folder / "tmp")
+    with contextlib.chdir(folder):  # for relative paths
+        window = BlenderWindow(desktop, folder / "user", folder / "observer")
+    try:
+        for number in numbers:
+            if time.time() > until_s:
+                return
+            result = {"number": number, **_sequence(window, folder, seed, number)}
+            yield result
+            if result["ended"]:
+                return
+    finally:
+        window.close()
+
+
+def _sequence(window: BlenderWindow, folder: Path, seed: int, number: int) -> dict[str, Any]:
+    """Start a capture, take the steps of a sequence, and end it."""
+    said, ended = len(window.log()), False
+    lines: list[str] = []
+    faults: list[str] = []
+    try:
+        begun = _order(window, "fuzz_begin", faults, seed=seed, sequence=number, folder=str(folder))
+        started = _order(window, "call", faults, operator="start_capture")
+        lines.append(f"start_capture {json.dumps(started)}")
+        limit_s = time.monotonic() + _START_S
+        while time.monotonic() < limit_s and _is_starting(window.state()):
+            time.sleep(0.05)
+        for _ in range(begun.get("steps", 0)):
+            lines.append(_order(window, "fuzz_step", faults).get("line", ""))
+            time.sleep(_BETWEEN_S)
+        left = _order(window, "fuzz_end", faults).get("left", [])
+    except AssertionError as error:  # Blender ended, or does not answer
+        ended, left = True, [str(error)[:2000]]
+    faults += errors_in(window.log()[said:]) + left
+    return {"faults": faults, "steps": lines if faults else len(lines), "ended": ended}
+
+
+def _order(window: BlenderWindow, what: str, faults: list[str], **details: Any) -> dict[str, Any]:
+    answer = window.order(what, **details)
+    if what.startswith("fuzz") and "error" in answer:
+        faults.append(f"{what}: {answer['error']}")
+    return answer
+
+
+def _is_starting(state: dict[str, Any]) -> bool:
+    capture = state["capture"]
+    return capture.get("activity") == "LiveCapture" and not capture.get("statistics", {}).get("received")
