@@ -5,7 +5,6 @@ predicts decides how much it counts (interacting multiple models, Blom and Bar-S
 still and a fast one is not late.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -134,33 +133,3 @@ class MultipleModelFilter:
         self._covariances[new, :, 1, 1] = self._first[new, :1]
         self._covariances[new, :, 2, 2] = self._first[new, 1:]
         self._weights[new] = 1.0 / self._weights.shape[1]
-
-
-def smooth_paths(
-    times_s: Array, points: Array, noise: Array, make_filter: Callable[[], MultipleModelFilter]
-) -> tuple[Array, Array]:
-    """Smooth points (F, N, 3) of known noise (N,) by earlier and later ones.
-
-    Two filters, one of them backwards (Fraser and Potter 1969).
-
-    Args:
-        times_s: (F,) ascending.
-        points: NaN where unseen.
-
-    Returns:
-        Points, wherever they are continued, and the deviations (F, N) of their coordinates.
-    """
-    smoothed, deviations = np.full(points.shape, np.nan), np.zeros(points.shape[:2])
-    forwards, backwards = make_filter(), make_filter()
-    for index, time_s in enumerate(times_s):
-        forwards.predict(time_s)
-        forwards.observe(points[index], noise)
-        smoothed[index], deviations[index] = forwards.means()
-    for index in reversed(range(len(times_s))):
-        backwards.predict(-times_s[index])
-        later, later_deviations = backwards.means()
-        continued = backwards.observe(points[index], noise)
-        own, other = deviations[index] ** -2.0, np.where(continued, later_deviations, np.inf) ** -2.0
-        smoothed[index] = (own[:, None] * smoothed[index] + other[:, None] * later) / (own + other)[:, None]
-        deviations[index] = (own + other) ** -0.5
-    return smoothed, deviations

@@ -7,7 +7,7 @@ Exact markers pass as they are.
 import numpy as np
 
 from ..geometry.arrays import Array
-from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter, smooth_paths
+from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
 from .marker_noise import MarkerNoise, marker_noise
 
 _MODELS = MotionModels(
@@ -49,14 +49,24 @@ class MarkerSmoother:
 def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
     """Return a take's markers (F, M, 3) smoothed, and their deviations (F, M).
 
-    By earlier and later ones.
+    By earlier and later ones: two filters, one of them backwards (Fraser and Potter 1969).
 
     Args:
         times_s: (F,) ascending.
         points_m: metres, NaN where a marker was not located; stays so.
     """
     noise_m = np.minimum(marker_noise(times_s, points_m), _MOST_SIGMA_M)
-    smoothed, deviations = smooth_paths(
-        times_s, points_m, noise_m, lambda: MultipleModelFilter((_MODELS, points_m.shape[1]))
-    )
+    smoothed, deviations = np.full(points_m.shape, np.nan), np.zeros(points_m.shape[:2])
+    forwards, backwards = (MultipleModelFilter((_MODELS, points_m.shape[1])) for _ in range(2))
+    for index, time_s in enumerate(times_s):
+        forwards.predict(time_s)
+        forwards.observe(points_m[index], noise_m)
+        smoothed[index], deviations[index] = forwards.means()
+    for index in reversed(range(len(times_s))):
+        backwards.predict(-times_s[index])
+        later, later_deviations = backwards.means()
+        continued = backwards.observe(points_m[index], noise_m)
+        own, other = deviations[index] ** -2.0, np.where(continued, later_deviations, np.inf) ** -2.0
+        smoothed[index] = (own[:, None] * smoothed[index] + other[:, None] * later) / (own + other)[:, None]
+        deviations[index] = (own + other) ** -0.5
     return np.where(np.isfinite(points_m), smoothed, np.nan), deviations

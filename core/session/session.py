@@ -66,7 +66,7 @@ class Session:
         self._last: PerformerPose | None = None
         self._times = FrameTimes()
         self._easer = PoseEaser(self._model.skeleton, self._model.joints, self._model.offsets_m)
-        self._pose_noise = PoseNoiseFilter(len(self._model.skeleton))
+        self._pose_noise = PoseNoiseFilter()
         self.restart()
 
     def step(self, frame: MarkerFrame, doubts: bool = True) -> PerformerPose:

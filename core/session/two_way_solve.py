@@ -29,7 +29,6 @@ from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
 from .part_errors import PartErrors
-from .pose_noise_filter import without_noise
 from .tracking_quality import TrackingNote
 
 _SHORTEST = 12  # frames in a row that are solved again
@@ -76,7 +75,7 @@ class TwoWaySolver:
         observations = _smoothed(poses, [self._observation(pose) for pose in poses])
         courses = (_live_course(poses), _backward_course(self._backward, poses, observations, progress))
         fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
-        return _without_noise(self._fitted(poses, _blended(courses, fps), fps, observations))
+        return self._fitted(poses, _blended(courses, fps), fps, observations)
 
     def _observation(self, pose: PerformerPose) -> Observation:
         """Return the markers of a pose, none where they do not fit the body."""
@@ -116,17 +115,6 @@ class TwoWaySolver:
                 )
             )
         return fitted
-
-
-def _without_noise(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
-    """Return the poses of a stretch without the trembling that noise left."""
-    times_s = np.array([pose.time_s for pose in poses])
-    rotations, roots_m = without_noise(
-        times_s, np.array([pose.rotations for pose in poses]), np.array([pose.root_position_m for pose in poses])
-    )
-    return [
-        replace(pose, rotations=rotations[index], root_position_m=roots_m[index]) for index, pose in enumerate(poses)
-    ]
 
 
 def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation]) -> list[Observation]:

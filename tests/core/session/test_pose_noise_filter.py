@@ -1,23 +1,25 @@
 import numpy as np
+from perfanim.core.body.standard_skeleton import JOINT_NAMES
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.session.pose_noise_filter import PoseNoiseFilter, without_noise
+from perfanim.core.session.pose_noise_filter import PoseNoiseFilter
 
 FPS = 60.0
 TIMES_S = np.arange(240) / FPS
 NOISE_RAD, NOISE_M = 0.01, 0.003
+ARM, SHIN = JOINT_NAMES.index("lhumerus"), JOINT_NAMES.index("ltibia")
 SETTLED = 60  # frames after which the noise is known
 
 
 def filtered(rotations: np.ndarray, root_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    pose_filter = PoseNoiseFilter(rotations.shape[1])
+    pose_filter = PoseNoiseFilter()
     found = [pose_filter.step(time_s, *pose) for time_s, *pose in zip(TIMES_S, rotations, root_m, strict=True)]
     return np.array([pose[0] for pose in found]), np.array([pose[1] for pose in found])
 
 
 def turning(angles_rad: np.ndarray) -> np.ndarray:
-    """Return rotations (F, 2, 4) of a joint that turns about y, and one that stays."""
-    vectors = np.zeros((len(angles_rad), 2, 3))
-    vectors[:, 0, 1] = angles_rad
+    """Return rotations (F, J, 4) of a body with one arm that turns about y."""
+    vectors = np.zeros((len(angles_rad), len(JOINT_NAMES), 3))
+    vectors[:, ARM, 1] = angles_rad
     return rot.from_rotation_vector(vectors)
 
 
@@ -33,21 +35,11 @@ def test_noise_of_a_still_body_is_taken_away() -> None:
     noisy = rot.multiply(still, rot.from_rotation_vector(chance.normal(0.0, NOISE_RAD, (*still.shape[:2], 3))))
     places_m = chance.normal(0.0, NOISE_M, (len(TIMES_S), 3))
     shown, shown_m = filtered(noisy, places_m)
-    assert trembling(shown[SETTLED:, 0]) < 0.3 * trembling(noisy[SETTLED:, 0])
-    assert rot.angle_between(shown, still)[SETTLED:].mean() < 0.6 * rot.angle_between(noisy, still)[SETTLED:].mean()
-    assert np.linalg.norm(shown_m[SETTLED:], axis=1).mean() < 0.6 * np.linalg.norm(places_m[SETTLED:], axis=1).mean()
-
-
-def test_a_take_is_calmer_and_nearer_to_the_truth_than_live() -> None:
-    chance = np.random.default_rng(1)
-    truth = turning(np.sin(2.0 * np.pi * TIMES_S))
-    place_m = 0.3 * np.sin(np.pi * TIMES_S)[:, None] * np.ones(3)
-    noisy = rot.multiply(truth, rot.from_rotation_vector(chance.normal(0.0, NOISE_RAD, (*truth.shape[:2], 3))))
-    noisy_m = place_m + chance.normal(0.0, NOISE_M, place_m.shape)
-    (live, live_m), (shown, shown_m) = filtered(noisy, noisy_m), without_noise(TIMES_S, noisy, noisy_m)
-    assert trembling(shown[SETTLED:, 0]) < 0.5 * trembling(live[SETTLED:, 0])
-    assert rot.angle_between(shown, truth)[SETTLED:].mean() < 0.8 * rot.angle_between(live, truth)[SETTLED:].mean()
-    assert np.linalg.norm((shown_m - place_m)[SETTLED:]) < 0.8 * np.linalg.norm((live_m - place_m)[SETTLED:])
+    arm, shin = (trembling(shown[SETTLED:, joint]) / trembling(noisy[SETTLED:, joint]) for joint in (ARM, SHIN))
+    assert arm < 0.3
+    assert arm < shin < 0.6  # a leg that is held as closely slides where it lands
+    assert rot.angle_between(shown, still)[SETTLED:].mean() < 0.7 * rot.angle_between(noisy, still)[SETTLED:].mean()
+    assert np.linalg.norm(shown_m[SETTLED:], axis=1).mean() < 0.7 * np.linalg.norm(places_m[SETTLED:], axis=1).mean()
 
 
 def test_a_fast_motion_without_noise_is_not_late() -> None:
@@ -69,9 +61,9 @@ def test_a_sudden_turn_is_shown_at_once_and_not_overshot() -> None:
 
 
 def test_after_a_pause_it_starts_over() -> None:
-    pose_filter, root_m = PoseNoiseFilter(1), np.zeros(3)
-    for time_s, angle_rad in zip(TIMES_S, 2.0 * TIMES_S, strict=True):
-        pose_filter.step(time_s, rot.from_rotation_vector(np.array([[0.0, angle_rad, 0.0]])), root_m)
-    back = rot.from_rotation_vector(np.array([[0.0, 0.1 + 2.0 * TIMES_S[-1], 0.0]]))
+    pose_filter, root_m = PoseNoiseFilter(), np.zeros(3)
+    for time_s, rotations in zip(TIMES_S, turning(2.0 * TIMES_S), strict=True):
+        pose_filter.step(time_s, rotations, root_m)
+    back = turning(np.array([0.1 + 2.0 * TIMES_S[-1]]))[0]
     shown, _ = pose_filter.step(TIMES_S[-1] + 2.0, back, root_m)
-    np.testing.assert_allclose(np.abs(np.sum(shown * back)), 1.0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(np.sum(shown * back, axis=-1)), 1.0, atol=1e-9)
