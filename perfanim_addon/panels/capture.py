@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..capture.capture_run import Statistics
 from ..capture.live_capture import LiveCapture
 from ..character.body_parts import PARTS
 from ..jobs import activity
@@ -49,28 +50,27 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
 
     def _draw_statistics(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: LiveCapture) -> None:
         run = capture.run
-        if run is None:
-            draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
-            return
-        figures = run.statistics
-        if figures.received == 0 and run.fraction is not None:
-            draw_progress(layout, run.fraction, run.activity)
+        figures = run.statistics if run else Statistics()
         grid = layout.grid_flow(columns=2, even_columns=True, row_major=True)
         grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
         grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
         grid.label(text=f"{figures.received} frames")
         grid.label(text=f"{figures.solve_s * 1000:.0f} ms solver")
-        if figures.skew_s is not None:
-            grid.label(text=f"Cameras {figures.skew_s * 1000:+.1f} ms")
-            grid.label(text=f"{figures.blind} bad images")
+        grid.label(text="Cameras" if figures.skew_s is None else f"Cameras {figures.skew_s * 1000:+.1f} ms")
+        grid.label(text=f"{figures.blind} bad images")
         grid.label(text=f"{figures.lost} dropped")
         grid.label(text=f"{figures.not_shown} not drawn")
-        draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
+        if run is None:
+            draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
+        elif figures.received == 0:
+            draw_progress(layout, run.fraction or 0.0, run.activity)
+        else:
+            draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
         for name, confidence in capture.further_performers:
             draw_progress(layout, confidence, f"{name} {confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
-        draw_text(context, layout, run.notice, "ERROR")
+        draw_text(context, layout, run.notice if run else "", "ERROR")
 
 
 class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
