@@ -7,7 +7,7 @@ import bpy
 from ...core.subjects.setup_check.finding import Fault
 from ..capture import request
 from ..jobs import activity
-from ..settings import guide_steps, readiness
+from ..settings import guide_steps, ignored_places, readiness
 from ..settings.capture_settings import settings
 from ..viewport import camera_preview
 from .common import PanelOperator
@@ -68,6 +68,7 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
             "countdown_s": float(chosen.countdown_s),
             "marker_set": readiness.marker_set_source(chosen),
             "fault": str(Fault[chosen.practise_fault]) if is_practice else "",
+            "ignored": ignored_places.ignored(chosen),
         }
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
@@ -81,6 +82,44 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         if space:
             self.keep_picture(space)
         return "; ".join(filter(None, ("no fault was found", space)))
+
+
+class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
+    """Take nothing at the ringed places for a marker from now on,
+    live and in films tracked with this calibration. The price: a marker that passes through such a place is not seen
+    there. Covering what reflects is better"""
+
+    bl_label = "Ignore These Places"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return "" if guide_steps.reflections(settings(context)) else "Check Setup has found no reflection"
+
+    def run(self, context: bpy.types.Context) -> str:
+        chosen = settings(context)
+        ignored_places.keep(chosen, [*ignored_places.ignored(chosen), *guide_steps.reflections(chosen)])
+        guide_steps.forgive_reflections()
+        camera_preview.hide()
+        return ""
+
+
+class PERFANIM_OT_forget_ignored(PanelOperator, bpy.types.Operator):
+    """Look for markers at these places again"""
+
+    bl_label = "Ignore No Longer"
+    panel = PANEL
+    camera: bpy.props.IntProperty(name="Camera", description="Number of the camera, from 0", min=0, options={"HIDDEN"})
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return "" if ignored_places.ignored(settings(context)) else "No place is ignored"
+
+    def run(self, context: bpy.types.Context) -> str:
+        chosen = settings(context)
+        ignored_places.keep(chosen, [place for place in ignored_places.ignored(chosen) if place[0] != self.camera])
+        guide_steps.forget_pictures()
+        return ""
 
 
 class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):

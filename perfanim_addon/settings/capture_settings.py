@@ -120,6 +120,7 @@ class CameraSettings:
     right_folder: folder_path("Right", "Folder with the right camera's numbered images; empty for one camera only")
     files_fps: number("Rate (Hz)", "Frame rate at which the images were taken", 60, 1, 500)
     calibration: file_path("Calibration", "Calibration file of the two cameras (TOML)")
+    ignored_places: string("Ignored Places", "Reflections that are no markers, until a calibration file holds them")
 
 
 class CalibrationSettings:
