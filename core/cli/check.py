@@ -59,7 +59,9 @@ def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, An
         most = max(int(_LONGEST_S * source.fps), 1)
         moments = _first(source, most, progress)
         findings = check_setup(rig, backgrounds, moments, marker_set, args.height)
-    places = [*rig.ignored.tolist(), *(place for finding in findings for place in finding.places if args.ignore)]
+    places = rig.ignored.tolist()
+    if args.ignore == "reflections":
+        places += [place for finding in findings for place in finding.places]
     if args.ignore:
         save_ignored(args.cameras, places)
     return _summary(findings) | {"ignored_places": len(places), "space": common_space(rig, args.height or 1.8).text}

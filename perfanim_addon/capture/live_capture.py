@@ -7,6 +7,7 @@ import bpy
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
+from ...core.worker.source_traits import is_simulated
 from .. import take_library
 from ..jobs import activity
 from ..jobs.job import Job, command
@@ -110,8 +111,10 @@ class LiveCapture:
     def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
         parts = frozenset(settings(context).overlay)
         if parts and self._drawn is None and self._setup is not None:
-            rig, space = self._setup.request["cameras"]["rig"], driver.start(context)
-            self._drawn = overlay.Scene.of(self._setup.performers, rig, space.points_to_scene)
+            cameras, space = self._setup.request["cameras"], driver.start(context)
+            self._drawn = overlay.Scene.of(
+                self._setup.performers, cameras["rig"], space.points_to_scene, is_simulated(cameras)
+            )
         overlay.show(self._drawn, pose, parts)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:

@@ -1,5 +1,8 @@
 """Capture panel and its settings."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import bpy
 
 from ..capture.capture_run import Statistics
@@ -9,7 +12,7 @@ from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness, vmc_output
-from ..settings.capture_settings import settings
+from ..settings.capture_settings import OVERLAYS, settings
 from .drawing import draw_progress, draw_text, header_status
 
 
@@ -83,7 +86,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         chosen, is_live = settings(context), isinstance(activity.current(), LiveCapture)
         column = property_column(self.layout)
         draw_props(column, chosen, "smoothing_ms", "feet")
-        column.row().prop(chosen, "overlay")
+        _draw_flags(column, chosen, "overlay", [name for name, *_ in OVERLAYS])
         column = column.column()
         column.enabled = not is_live
         column.prop(chosen, "record_by_button")
@@ -92,15 +95,20 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
         draw_props(column, chosen, "record_length_s")
         column.prop(chosen.id_data.perfanim_result, "start")
-        row = column.split(factor=0.4)  # as wide as the names above
-        row.use_property_split = False
-        name = row.column()
-        name.alignment = "RIGHT"
-        name.label(text="Body Parts")
-        parts = row.grid_flow(columns=2, align=True, row_major=True)
-        for part in PARTS:
-            parts.prop_enum(chosen, "body_parts", part)
+        _draw_flags(column, chosen, "body_parts", PARTS)
         draw_props(column, chosen, "capture_preview", "extend_scene")
+
+
+def _draw_flags(layout: bpy.types.UILayout, chosen: Any, name: str, flags: Iterable[str]) -> None:
+    """Draw the flags of a setting in two columns, so that none is cut off, beside its name."""
+    row = layout.split(factor=0.4)  # as wide as the names above
+    row.use_property_split = False
+    title = row.column()
+    title.alignment = "RIGHT"
+    title.label(text=chosen.bl_rna.properties[name].name)
+    grid = row.grid_flow(columns=2, align=True, row_major=True)
+    for flag in flags:
+        grid.prop_enum(chosen, name, flag)
 
 
 class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):

@@ -43,6 +43,7 @@ OVERLAYS = (
         1,
     ),
     ("SKELETON", "Skeleton", "The solved skeleton over the character: green for high confidence, red for low", 2),
+    ("SPACE", "Space", "The part of the floor where all cameras see a performer from head to foot, and its size", 4),
 )
 
 BEHAVIOURS = (
@@ -230,7 +231,7 @@ class CaptureSettings:
     )
     overlay: choice(
         "Overlay",
-        "Drawn over the 3D viewports while live, with the solver's confidence. Shift-click for both",
+        "Drawn over the 3D viewports while live, with the solver's confidence. Shift-click for several",
         OVERLAYS,
         default=set(),
         options={"ENUM_FLAG"},

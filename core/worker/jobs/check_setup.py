@@ -11,7 +11,7 @@ has rings around the places of the findings, crosses on ignored ones, and that s
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -43,7 +43,6 @@ _SEED = 18  # of the studio with a fault
 _RING = (60, 170, 255)  # blue, green, red
 _RING_PX = 9
 _SPACE = (80, 255, 80)
-_PIECES = 12  # of a side of the space
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -141,12 +140,8 @@ def _draw_nothing(camera: int, picture: Image, image_width: int) -> None:
 
 def _outline(camera: Camera, space: CommonSpace, picture: Image, image_width: int) -> None:
     """Draw the rectangle on the floor that all cameras see."""
-    left, back, right, front = space.rectangle_m
-    corners = np.array([(left, 0.0, back), (right, 0.0, back), (right, 0.0, front), (left, 0.0, front)])
-    along = np.linspace(0.0, 1.0, _PIECES, endpoint=False)[:, None]  # lenses bend lines
-    points_m = np.concatenate([a + along * (b - a) for a, b in pairwise([*corners, corners[0]])])
-    pixels = (camera.project(points_m) + 0.5) * picture.shape[1] / image_width - 0.5
-    if np.all(np.isfinite(pixels)):
+    pixels = (camera.project(space.outline_m) + 0.5) * picture.shape[1] / image_width - 0.5
+    if len(pixels) and np.all(np.isfinite(pixels)):
         line = np.rint(pixels).astype(np.int32).reshape(-1, 1, 2)
         cv2.polylines(picture, [line], True, _SPACE, 2, cv2.LINE_AA)
 
