@@ -7,6 +7,7 @@ import bpy
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
+from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.worker.source_traits import is_simulated
 from .. import take_library
 from ..jobs import activity
@@ -19,6 +20,8 @@ from .capture_run import CaptureRun, Phase
 from .recording import Cue, Recording
 from .scene_driver import SceneDriver
 from .write_take import RecordedPart, TakeMotion, write_take
+
+_JUDGED_POSES = 600  # at the end of a capture: ten seconds at 60 Hz
 
 
 class LiveCapture:
@@ -205,6 +208,14 @@ class LiveCapture:
             self._kept = ""  # a second try would fail alike
             self._kept = self._write(context)
         return self._kept
+
+    def judgement(self) -> str:
+        """Return a sentence on the first performer, "" of a short capture."""
+        if self.run is None or self._setup is None:
+            return ""
+        poses = [pose.performers[0] for pose in self.run.poses[-_JUDGED_POSES:]]
+        figures = walk_figures(poses, round(self.run.statistics.lost * len(poses) / max(len(self.run.poses), 1)))
+        return judge_walk(figures, self._setup.performers[0].marker_set.texts) if figures else ""
 
     def _write(self, context: bpy.types.Context) -> str:
         driver, all_poses = self._driver, self.run.poses if self.run else []

@@ -22,6 +22,11 @@ from ..settings import readiness, target_settings, vmc_input, vmc_output
 from ..settings.target_settings import SIMULATED_HEIGHT_M
 from .capture_run import CaptureRun
 
+# Settings of the simulated studio for faults that a capture shows.
+_FAULTY: dict[str, dict[str, Any]] = {
+    "DARK": {"marker_brightness": 22.0, "light": 0.05, "noise_sigma": 4.0},
+    "BLURRED": {"lens_blur_px": 3.0, "noise_sigma": 3.0},
+}
 _PARTNERS = ("boxing", "kendo")  # who do it on the spot
 
 
@@ -62,7 +67,7 @@ def make(settings: Any) -> Setup:
         "job": "capture",
         "cameras": {
             **cameras(settings),
-            "source": _with_targets(source(settings), settings, len(performers) - 1),
+            "source": _with_targets(source(settings), settings, len(performers) - 1) | _practised(settings),
             "preview": bool(settings.capture_preview),
             "background_file": str(Path(tempfile.gettempdir()) / f"perfanim-{secrets.token_hex(8)}.npz"),
         },
@@ -76,6 +81,12 @@ def make(settings: Any) -> Setup:
         "character": settings.armature.name if settings.armature else "",
     }
     return Setup(request, performers, props)
+
+
+def _practised(settings: Any) -> dict[str, Any]:
+    """Return the simulated studio with the fault to practise on, if any."""
+    is_practice = settings.source == "SIMULATED" and settings.practise
+    return {"studio": _FAULTY[settings.practise_fault]} if is_practice and settings.practise_fault in _FAULTY else {}
 
 
 def _with_targets(source: dict[str, Any], settings: Any, partners: int) -> dict[str, Any]:

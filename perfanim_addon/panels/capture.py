@@ -100,7 +100,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_flags(layout: bpy.types.UILayout, chosen: Any, name: str, flags: Iterable[str]) -> None:
-    """Draw the flags of a setting in two columns, so that none is cut off, beside its name."""
+    """Draw the flags of a setting in two columns: in a row they are cut off."""
     row = layout.split(factor=0.4)  # as wide as the names above
     row.use_property_split = False
     title = row.column()

@@ -61,6 +61,8 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         if icon == "ERROR" or (name != "check_setup" and not problem):  # of a good check nothing more is to be said
             draw_text(context, layout, text, icon)
         draw_text(context, layout, guide_steps.space(chosen), "ARROW_LEFTRIGHT")
+        if step is guide_steps.STEPS[-1]:
+            draw_text(context, layout, guide_steps.walk(), "ARMATURE_DATA")
 
 
 def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.GuideStep) -> None:

@@ -57,6 +57,7 @@ class _Seen:
     setup: tuple[Any, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()
     reflections: tuple[Place, ...] = ()
+    walk: str = ""
     space: str = ""
     skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
@@ -76,6 +77,16 @@ def keep_check(settings: Any, summary: Mapping[str, Any]) -> None:
         place for row in summary["findings"] if row["fault"] == Fault.REFLECTION for place in row.get("places", ())
     )
     _seen.space = str(summary["space"])
+
+
+def keep_walk(sentence: str) -> None:
+    """Keep the judgement of the last capture."""
+    _seen.walk = sentence
+
+
+def walk() -> str:
+    """Return the judgement of the last capture, "" without one."""
+    return _seen.walk
 
 
 def reflections(settings: Any) -> tuple[Place, ...]:
@@ -251,7 +262,11 @@ STEPS = (
         ("armature",),
     ),
     GuideStep(
-        "Capture", "All is ready. Stop, or Esc, ends the capture.", _always("start_capture"), "capture", lambda _: _TODO
+        "Capture",
+        "All is ready. Walk about for ten seconds as a test, then stop: the guide says how good it will be.",
+        _always("start_capture"),
+        "capture",
+        lambda _: _TODO,
     ),
 )
 

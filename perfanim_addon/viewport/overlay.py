@@ -132,7 +132,7 @@ def confidence_colour(pose: PerformerPose) -> Colour:
 def shapes_of(
     scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
-    """Return the shapes of a pose, and names of markers and space with their positions (2,).
+    """Return the shapes of a pose, and the names beside them with positions (2,).
 
     Args:
         scene, pose, parts: as of `show`.

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from clicked import run_job
 from perfanim.core.body.standard_skeleton import default_skeleton
@@ -157,6 +158,35 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     assert places.sentences(chosen) == []
     assert len(load_rig(chosen.calibration).ignored) == 0
     assert run_job(part, check, clicked) == "mend first: reflection"  # it is there as before
+
+
+def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any, chosen: Any) -> None:
+    capture = part("capture.live_capture").LiveCapture(None, [])
+    assert capture.judgement() == ""  # nothing was captured
+    pose = SimpleNamespace(
+        observed_m=np.zeros((2, 3)), single_cameras=np.full(2, -1), marker_rms_m=0.001, confidence=0.9,
+        part_errors_deg=np.array([4.0]),
+    )  # fmt: skip
+    walk = [SimpleNamespace(performers=[SimpleNamespace(**vars(pose), time_s=n / 30.0)]) for n in range(400)]
+    capture.run = SimpleNamespace(poses=walk, statistics=SimpleNamespace(lost=0))
+    texts = SimpleNamespace(marker_set=SimpleNamespace(texts=("left hand", "head")))
+    capture._setup = SimpleNamespace(performers=[texts])
+    guide.keep_walk(capture.judgement())
+    assert guide.walk() == "captures will be good, joints within about 4 degrees; nothing needs to be mended"
+    capture.run.statistics.lost = 400
+    assert "50% of the images are lost" in capture.judgement()
+    guide.forget()
+    assert guide.walk() == ""
+
+
+def test_a_capture_shows_the_fault_to_practise_on(part: Any, chosen: Any) -> None:
+    practised = part("capture.request")._practised
+    chosen.practise_fault = "DARK"
+    assert practised(chosen) == {}
+    chosen.practise = True
+    assert practised(chosen)["studio"]["marker_brightness"] < 50.0
+    chosen.practise_fault = "EXCHANGED"  # the check shows this one
+    assert practised(chosen) == {}
 
 
 def test_forgetting_begins_with_the_pictures(part: Any, guide: Any, chosen: Any) -> None:
