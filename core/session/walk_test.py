@@ -1,4 +1,4 @@
-"""Walk test: a short capture judged in one sentence, with the advice that would help most."""
+"""Walk test: a short capture judged in a sentence, with the best advice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | Non
 
 
 def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
-    """Return how good a capture will be and what would help most, as a sentence."""
+    """Return a sentence: how good captures will be, and the best advice."""
     severity, advice = max(_problems(figures, marker_texts))
     doubt = (1.0 - figures.confidence) / (1.0 - _CONFIDENCE)
     if severity < 1.0 <= doubt:  # all is seen well, so it is the motion

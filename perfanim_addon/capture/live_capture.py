@@ -44,7 +44,7 @@ class LiveCapture:
         self._driver: SceneDriver | None = None
         self._is_shown = False
         self._take_path = ""
-        self._setup: request.Setup | None = None
+        self.setup: request.Setup | None = None
         self._drawn: overlay.Scene | None = None
         self._stop_asked = False
         self._kept: str | None = None
@@ -113,10 +113,10 @@ class LiveCapture:
 
     def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
         parts = frozenset(settings(context).overlay)
-        if parts and self._drawn is None and self._setup is not None:
-            cameras, space = self._setup.request["cameras"], driver.start(context)
+        if parts and self._drawn is None and self.setup is not None:
+            cameras, space = self.setup.request["cameras"], driver.start(context)
             self._drawn = overlay.Scene.of(
-                self._setup.performers, cameras["rig"], space.points_to_scene, is_simulated(cameras)
+                self.setup.performers, cameras["rig"], space.points_to_scene, is_simulated(cameras)
             )
         overlay.show(self._drawn, pose, parts)
 
@@ -155,7 +155,7 @@ class LiveCapture:
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
-        self._setup, self._take_path = setup, setup.request["take"]
+        self.setup, self._take_path = setup, setup.request["take"]
         self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()
@@ -209,14 +209,6 @@ class LiveCapture:
             self._kept = self._write(context)
         return self._kept
 
-    def judgement(self) -> str:
-        """Return a sentence on the first performer, "" of a short capture."""
-        if self.run is None or self._setup is None:
-            return ""
-        poses = [pose.performers[0] for pose in self.run.poses[-_JUDGED_POSES:]]
-        figures = walk_figures(poses, round(self.run.statistics.lost * len(poses) / max(len(self.run.poses), 1)))
-        return judge_walk(figures, self._setup.performers[0].marker_set.texts) if figures else ""
-
     def _write(self, context: bpy.types.Context) -> str:
         driver, all_poses = self._driver, self.run.poses if self.run else []
         parts = [RecordedPart(recording.recorded(all_poses), recording.start_frame) for recording in self.recordings]
@@ -232,6 +224,16 @@ class LiveCapture:
             take_library.mark_captured(self._take_path, request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
+
+
+def judge_capture(capture: LiveCapture) -> str:
+    """Return a sentence on the first performer, "" of a short capture."""
+    run, setup = capture.run, capture.setup
+    if run is None or setup is None:
+        return ""
+    poses = [pose.performers[0] for pose in run.poses[-_JUDGED_POSES:]]
+    figures = walk_figures(poses, round(run.statistics.lost * len(poses) / max(len(run.poses), 1)))
+    return judge_walk(figures, setup.performers[0].marker_set.texts) if figures else ""
 
 
 def _after_frame_change(*_: object) -> None:

@@ -4,10 +4,11 @@ from typing import Any
 
 import bpy
 
+from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
 from ..capture import request
 from ..jobs import activity
-from ..settings import guide_steps, ignored_places, readiness
+from ..settings import camera_choice, guide_steps, ignored_places, readiness
 from ..settings.capture_settings import settings
 from ..viewport import camera_preview
 from .common import PanelOperator
@@ -21,15 +22,16 @@ class _PictureJob(JobOperator):
 
     panel = PANEL
 
-    def keep_picture(self, line: str) -> None:
-        """Show the job's last picture, and a line above it."""
-        picture = self._job.take_preview()
+    def keep_picture(self, line: str) -> Image | None:
+        """Show the job's last picture with a line above it, and return it."""
+        picture: Image | None = self._job.take_preview()
         if picture is not None:
             camera_preview.show(picture, line)
+        return picture
 
 
 class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
-    """Show one picture of each camera with its device number"""
+    """Show one picture of each camera, to choose Left and Right by"""
 
     bl_label = "Show Cameras"
     title = "Looking for cameras"
@@ -38,7 +40,9 @@ class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
         return {"job": "show cameras"}
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        self.keep_picture("Enter these numbers as Left and Right")
+        picture = self.keep_picture("Choose Left and Right")
+        if picture is not None:
+            camera_choice.keep_pictures([int(camera["device"]) for camera in summary["cameras"]], picture)
         found = ", ".join(str(camera["device"]) for camera in summary["cameras"])
         return f"cameras {found}" if len(summary["cameras"]) > 1 else f"only camera {found}"
 

@@ -12,7 +12,7 @@ from ..preferences import preferences
 from ..preferences.paths import ADDON
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import ignored_places, readiness
+from ..settings import camera_choice, ignored_places, readiness
 from ..settings.capture_settings import settings
 from . import character
 from .drawing import draw_job, draw_text, header_status
@@ -24,7 +24,10 @@ def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
     if chosen.source == "SIMULATED":
         draw_props(layout, chosen, "behaviour", "practise")
     elif chosen.source == "CAMERAS":
-        draw_props(layout, chosen, "left_device", "right_device")
+        for name in ("left_camera", "right_camera"):
+            layout.prop(chosen, name)
+            if camera_choice.has_thumbnails():
+                layout.template_icon_view(chosen, name, show_labels=True, scale=4.0)
         if chosen.right_device >= 0:
             layout.prop(chosen, "further_devices")
         draw_props(layout, chosen, "width", "height", "camera_fps")

@@ -10,10 +10,11 @@ from ..character.posing import fill_map
 from ..jobs import activity
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.property_kinds import choice, duration, file_path, folder_path, number, string, switch, whole_number
+from .camera_choice import camera_choice
 
 SOURCES = (
     ("SIMULATED", "Simulated Performer", "Simulate a performer and two cameras: needs no hardware"),
-    ("CAMERAS", "Cameras", "Two cameras connected to this computer, by device number"),
+    ("CAMERAS", "Cameras", "Two cameras connected to this computer"),
     ("VIDEOS", "Videos", "A recorded video of each camera"),
     ("IMAGES", "Image Folders", "A folder of numbered images of each camera"),
     ("VMC", "Trackers (VMC)", "Trackers or markers sent by another program over the Virtual Motion Capture protocol"),
@@ -107,6 +108,10 @@ class CameraSettings:
     left_device: whole_number("Left", "Device number of the left camera, from the cameras' point of view", 0, 0)
     right_device: whole_number(
         "Right", "Device number of the right camera, from the cameras' point of view; -1 for one camera only", 1, -1
+    )
+    left_camera: camera_choice("Left", "The left camera, from the cameras' point of view", "left_device")
+    right_camera: camera_choice(
+        "Right", "The right camera, from the cameras' point of view, or none", "right_device", optional=True
     )
     further_devices: string(
         "Additional",

@@ -161,8 +161,9 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
 
 
 def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any, chosen: Any) -> None:
-    capture = part("capture.live_capture").LiveCapture(None, [])
-    assert capture.judgement() == ""  # nothing was captured
+    live = part("capture.live_capture")
+    capture = live.LiveCapture(None, [])
+    assert live.judge_capture(capture) == ""  # nothing was captured
     pose = SimpleNamespace(
         observed_m=np.zeros((2, 3)), single_cameras=np.full(2, -1), marker_rms_m=0.001, confidence=0.9,
         part_errors_deg=np.array([4.0]),
@@ -170,11 +171,11 @@ def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any
     walk = [SimpleNamespace(performers=[SimpleNamespace(**vars(pose), time_s=n / 30.0)]) for n in range(400)]
     capture.run = SimpleNamespace(poses=walk, statistics=SimpleNamespace(lost=0))
     texts = SimpleNamespace(marker_set=SimpleNamespace(texts=("left hand", "head")))
-    capture._setup = SimpleNamespace(performers=[texts])
-    guide.keep_walk(capture.judgement())
+    capture.setup = SimpleNamespace(performers=[texts])
+    guide.keep_walk(live.judge_capture(capture))
     assert guide.walk() == "captures will be good, joints within about 4 degrees; nothing needs to be mended"
     capture.run.statistics.lost = 400
-    assert "50% of the images are lost" in capture.judgement()
+    assert "50% of the images are lost" in live.judge_capture(capture)
     guide.forget()
     assert guide.walk() == ""
 
