@@ -18,8 +18,8 @@ CLASS_LINES = 200
 # their panel: 4,000 and a package; the guide for cameras, with its check of the pictures, recordings of one's own that
 # count before those of others, refusals of inputs that fuzzers
 # found, and fewer and larger steps of a frame: 900; places to ignore in pictures, the common space in the viewport, the
-# walk test, cameras by name, and the alignment of panels that grow: 600).
-TOTAL_LINES = 52_500
+# walk test, cameras by name, and the alignment of panels that grow: 700).
+TOTAL_LINES = 52_600
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
 ALLOWED: dict[str, str] = {}
