@@ -35,10 +35,10 @@ def _other_modules() -> Sequence[ModuleType]:
     from . import operators, settings
     from .character import bone_map_settings
     from .jobs import activity
-    from .panels import batch, capture, character, guide, sketch, steps, takes, targets
+    from .panels import alignment, batch, capture, character, guide, sketch, steps, takes, targets
     from .preferences import new_file_defaults
 
-    panels = (guide, character, steps, capture, targets, takes, sketch, batch)  # as in the sidebar
+    panels = (guide, character, steps, capture, targets, takes, sketch, batch, alignment)  # as in the sidebar
     # activity is unregistered first, so that it ends running work while the rest is still there
     return (bone_map_settings, *_modules_of(settings), *_modules_of(operators), new_file_defaults, *panels, activity)
 

@@ -25,6 +25,12 @@ def add_parser(subparsers: Any) -> None:
     )
     add_text(cameras, "--marker-set", "NAME", "shipped marker set or TOML file (default boxing)", default="boxing")
     add_number(cameras, "--height", "M", "of the performer in metres: shows a wrong scale more surely")
+    cameras.add_argument(
+        "--ignore",
+        choices=("reflections", "none"),
+        help="reflections: note in the calibration, for track and captures, that those found are no markers (nor is a "
+        "marker seen there); none: ignore no place any more",
+    )
     cameras.set_defaults(run=_check_cameras)
     board = commands.add_parser("board", help="pictures of the calibration board")
     add_text(board, "--left", "SRC", "a video, or a folder or pattern of images of the board", required=True)
@@ -34,7 +40,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ..geometry.rig_file import load_rig
+    from ..geometry.rig_file import load_rig, save_ignored
     from ..markers.marker_set import load_marker_set
     from ..subjects.setup_check.check import check_setup
     from ..vision.common_space import common_space
@@ -44,6 +50,8 @@ def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, An
     if args.height is not None:
         check_height(args.height)
     rig, marker_set = load_rig(args.cameras), load_marker_set(args.marker_set)
+    if args.ignore == "none":
+        rig = rig.ignoring(())
     progress(0.0, "learning the empty room")
     with closing(open_image_source(*args.background)) as empty:
         backgrounds = learn_backgrounds(empty.samples(_EMPTY_SAMPLES))
@@ -51,7 +59,12 @@ def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, An
         most = max(int(_LONGEST_S * source.fps), 1)
         moments = _first(source, most, progress)
         findings = check_setup(rig, backgrounds, moments, marker_set, args.height)
-    return _summary(findings) | {"space": common_space(rig, args.height or 1.8).text}
+    places = rig.ignored.tolist()
+    if args.ignore == "reflections":
+        places += [place for finding in findings for place in finding.places]
+    if args.ignore:
+        save_ignored(args.cameras, places)
+    return _summary(findings) | {"ignored_places": len(places), "space": common_space(rig, args.height or 1.8).text}
 
 
 def _check_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

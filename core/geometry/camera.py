@@ -1,7 +1,7 @@
 """Pinhole cameras with lens distortion (OpenCV's model), and rigs of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ class Camera:
         distortion: (5,) k1, k2, p1, p2, k3 as in OpenCV.
         rotation: (3, 3) camera-from-world.
         translation_m: (3,) with x_camera = rotation @ x_world + translation.
+        ignored_px: (N, 2) places in the image where nothing is taken for a marker: reflections that cannot be covered.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Camera:
     distortion: Array = field(default_factory=lambda: np.zeros(5))
     rotation: Array = field(default_factory=lambda: np.eye(3))
     translation_m: Array = field(default_factory=lambda: np.zeros(3))
+    ignored_px: Array = field(default_factory=lambda: np.empty((0, 2)))
 
     def __post_init__(self) -> None:
         size = (int(self.image_size[0]), int(self.image_size[1]))
@@ -53,6 +55,11 @@ class Camera:
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise CalibrationError(f"{key} must be {shape} finite numbers", where=f"camera {self.name}")
             object.__setattr__(self, key, value)
+        places = np.asarray(self.ignored_px, dtype=np.float64)
+        places = places.reshape(-1, 2) if places.size == 0 else places
+        if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):
+            raise CalibrationError("ignored places must be pairs of finite numbers", where=f"camera {self.name}")
+        object.__setattr__(self, "ignored_px", places)
         if min(size) <= 0 or self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
             raise CalibrationError("image size and focal lengths must be positive", where=f"camera {self.name}")
         if np.abs(self.rotation @ self.rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(self.rotation) < 0:
@@ -166,6 +173,20 @@ class CameraRig:
 
     def __len__(self) -> int:
         return len(self.cameras)
+
+    @property
+    def ignored(self) -> Array:
+        """(N, 3) ignored places of all cameras: index of the camera, x, y."""
+        rows = [np.insert(camera.ignored_px, 0, index, axis=1) for index, camera in enumerate(self.cameras)]
+        return np.concatenate(rows)
+
+    def ignoring(self, places: ArrayLike) -> "CameraRig":
+        """Return the rig with these ignored places (N, 3) alone, as `ignored` gives them."""
+        rows = np.asarray(places, dtype=np.float64).reshape(-1, 3)
+        cameras = (
+            replace(camera, ignored_px=rows[rows[:, 0] == index, 1:]) for index, camera in enumerate(self.cameras)
+        )
+        return replace(self, cameras=tuple(cameras))
 
     def baseline_m(self, first: int = 0, second: int = 1) -> float:
         """Return the distance between two optical centres."""

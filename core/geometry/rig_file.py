@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import CalibrationError
 from ..system.files import read_bytes, read_toml, reading, write_toml
@@ -32,6 +33,8 @@ def rig_tables(rig: CameraRig) -> dict[str, Any]:
             "rotation": rot.to_rotation_vector(rot.from_matrix(camera.rotation)),
             "translation": camera.translation_m,
         }
+        if len(camera.ignored_px):
+            tables[f"cam_{i}"]["ignored_px"] = camera.ignored_px
     return tables | {"metadata": dict(rig.metadata) | {"length_unit": "m"}}
 
 
@@ -57,7 +60,7 @@ def load_rig(path: str | Path) -> CameraRig:
 
 def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
     """Return the rig of anipose tables; inverse of `rig_tables`."""
-    keys = [key for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
+    keys = _camera_keys(tables)
     rows = [{"name": key} | tables[key] if isinstance(tables[key], Mapping) else tables[key] for key in keys]
     cameras = _cameras_from(rows, where)
     metadata = tables.get("metadata", {})
@@ -68,6 +71,32 @@ def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
     if unit == "mm" or (unit == "unknown" and np.linalg.norm(centres - centres[0], axis=1).max() > 10.0):
         cameras = tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)
     return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)
+
+
+def save_ignored(path: str | Path, places: ArrayLike) -> None:
+    """Write the ignored places into a calibration in anipose's layout.
+
+    Args:
+        places: as of `CameraRig.ignored`.
+
+    Raises:
+        FormatError: the file cannot be read, or is no TOML.
+        CalibrationError: it has another layout.
+    """
+    tables = read_toml(path)
+    keys = _camera_keys(tables)
+    if not keys or not all(isinstance(tables[key], dict) for key in keys):
+        raise CalibrationError(
+            "is a calibration of another program, which notes no places to ignore",
+            where=str(path),
+            advice="calibrate here, or cover the reflections",
+        )
+    rows = np.asarray(places, dtype=np.float64).reshape(-1, 3)
+    for index, key in enumerate(keys):
+        own = rows[rows[:, 0] == index, 1:].round(2).tolist()
+        tables[key] = {name: value for name, value in tables[key].items() if name != "ignored_px"}
+        tables[key] |= {"ignored_px": own} if own else {}
+    write_toml(path, tables)
 
 
 def _cameras_from(rows: Sequence[Any], where: str) -> tuple[Camera, ...]:
@@ -83,6 +112,10 @@ def _cameras_from(rows: Sequence[Any], where: str) -> tuple[Camera, ...]:
 def _levelled(cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> CameraRig:
     turn = level_from_world(np.array([camera.rotation for camera in cameras]))
     return CameraRig(tuple(replace(camera, rotation=camera.rotation @ turn.T) for camera in cameras), metadata)
+
+
+def _camera_keys(tables: Mapping[str, Any]) -> list[str]:
+    return [key for key in sorted(tables, key=_camera_order) if key.startswith("cam_")]
 
 
 def _camera_order(key: str) -> tuple[int, str]:
@@ -110,4 +143,5 @@ def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
             distortion=np.asarray(row.get("distortions", [0.0] * 5), dtype=np.float64),
             rotation=matrix,
             translation_m=np.asarray(row["translation"], dtype=np.float64),
+            ignored_px=np.asarray(row.get("ignored_px", ()), dtype=np.float64),
         )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..geometry.arrays import Array, Image, Mask
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
+from .detection.blob_detector import ignored_radius_px
 
 Colour = tuple[int, int, int]
 
@@ -18,6 +19,7 @@ _OTHER: Colour = (80, 80, 255)
 _LINE: Colour = (40, 110, 165)
 _TEXT: Colour = (255, 255, 255)
 _HIDDEN: Colour = (150, 150, 150)
+_IGNORED: Colour = (200, 200, 200)
 _MARGIN_PX = 3.0
 _LINE_M = np.geomspace(0.5, 12.0, 24)  # distances from the other camera that a line is drawn through: lenses bend it
 
@@ -28,9 +30,10 @@ def draw_blobs(
     """Ring detected blobs in a camera's reduced picture (BGR), in place.
 
     Green: seen by another camera as well; orange: by this one alone; red: taken for no marker. Where a marker must be
-    that another camera sees alone, a line is drawn (its epipolar line).
+    that another camera sees alone, a line is drawn (its epipolar line). Ignored places have a cross.
     """
     write_line(picture, f"threshold {thresholds[camera]:.0f}")
+    cross_out(rig.cameras[camera].ignored_px.tolist(), picture, image_width)
     scale = picture.shape[1] / image_width
     for other, seen in zip(frame.single_cameras.tolist(), frame.single_points, strict=True):
         if other != camera:
@@ -42,8 +45,23 @@ def draw_blobs(
     alone = set(frame.single_blobs[frame.single_cameras == camera].tolist())
     for index, (x, y, radius) in enumerate(frame.detected[camera][:, :3].tolist()):
         colour = _POINT if index in in_space else _SINGLE if index in alone else _OTHER
-        centre = (round((x + 0.5) * scale - 0.5), round((y + 0.5) * scale - 0.5))
-        cv2.circle(picture, centre, round(radius * scale + _MARGIN_PX), colour, 1, cv2.LINE_AA)
+        cv2.circle(
+            picture, reduced((x, y), picture, image_width), round(radius * scale + _MARGIN_PX), colour, 1, cv2.LINE_AA
+        )
+
+
+def cross_out(places: Sequence[Sequence[float]], picture: Image, image_width: int) -> None:
+    """Draw a cross on each ignored place of a camera's reduced picture."""
+    side = round(2.0 * ignored_radius_px(image_width) * picture.shape[1] / image_width) + 4
+    for place in places:
+        centre = reduced(place, picture, image_width)
+        cv2.drawMarker(picture, centre, _IGNORED, cv2.MARKER_TILTED_CROSS, side, 1, cv2.LINE_AA)
+
+
+def reduced(place: Sequence[float], picture: Image, image_width: int) -> tuple[int, int]:
+    """Return the pixel of a reduced picture that shows a place of its image."""
+    scale = picture.shape[1] / image_width
+    return round((place[0] + 0.5) * scale - 0.5), round((place[1] + 0.5) * scale - 0.5)
 
 
 def write_line(picture: Image, text: str) -> None:

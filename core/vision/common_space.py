@@ -8,6 +8,7 @@ from ..geometry.arrays import Array, Mask
 from ..geometry.camera import Camera, CameraRig
 
 _STEP_M = 0.05
+_PIECES = 12  # of a side of the outline
 _REACH_M = 6.0  # from the middle between the cameras, to all sides
 SMALLEST_PX = 1.5  # radius of a marker in the image: a smaller one has no exact centre
 _FOLDED = 0.01  # a lens model folds directions far outside the image back into it, which moves them
@@ -33,6 +34,20 @@ class CommonSpace:
         """Width (x) and depth (z) of the rectangle."""
         left, back, right, front = self.rectangle_m
         return right - left, front - back
+
+    @property
+    def outline_m(self) -> Array:
+        """(K, 3) closed line around the rectangle, on the floor; empty without one.
+
+        It has many points, as lenses bend lines, and part of it may lie behind the viewer.
+        """
+        left, back, right, front = self.rectangle_m
+        if min(self.size_m) <= 0.0:
+            return np.empty((0, 3))
+        corners = np.array([(left, 0.0, back), (right, 0.0, back), (right, 0.0, front), (left, 0.0, front)])
+        along = np.linspace(0.0, 1.0, _PIECES, endpoint=False)[:, None]
+        sides = [a + along * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+        return np.concatenate([*sides, corners[:1]])
 
     @property
     def text(self) -> str:

@@ -41,7 +41,10 @@ class MarkerPipeline:
         """Use these backgrounds, one per camera (None: dark)."""
         self._check_count(len(backgrounds))
         self.backgrounds = tuple(backgrounds)
-        self.detectors = tuple(Detector(background, self._detection) for background in backgrounds)
+        self.detectors = tuple(
+            Detector(background, self._detection, camera.ignored_px)
+            for background, camera in zip(backgrounds, self.rig.cameras, strict=True)
+        )
 
     def learn_empty(self, images: Iterable[tuple[Image, ...]]) -> None:
         """Learn backgrounds from moments without the performer, one image per camera."""

@@ -7,6 +7,8 @@ import bpy
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
+from ...core.session.walk_test import judge_walk, walk_figures
+from ...core.worker.source_traits import is_simulated
 from .. import take_library
 from ..jobs import activity
 from ..jobs.job import Job, command
@@ -18,6 +20,8 @@ from .capture_run import CaptureRun, Phase
 from .recording import Cue, Recording
 from .scene_driver import SceneDriver
 from .write_take import RecordedPart, TakeMotion, write_take
+
+_JUDGED_POSES = 600  # at the end of a capture: ten seconds at 60 Hz
 
 
 class LiveCapture:
@@ -40,7 +44,7 @@ class LiveCapture:
         self._driver: SceneDriver | None = None
         self._is_shown = False
         self._take_path = ""
-        self._setup: request.Setup | None = None
+        self.setup: request.Setup | None = None
         self._drawn: overlay.Scene | None = None
         self._stop_asked = False
         self._kept: str | None = None
@@ -109,9 +113,11 @@ class LiveCapture:
 
     def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
         parts = frozenset(settings(context).overlay)
-        if parts and self._drawn is None and self._setup is not None:
-            rig, space = self._setup.request["cameras"]["rig"], driver.start(context)
-            self._drawn = overlay.Scene.of(self._setup.performers, rig, space.points_to_scene)
+        if parts and self._drawn is None and self.setup is not None:
+            cameras, space = self.setup.request["cameras"], driver.start(context)
+            self._drawn = overlay.Scene.of(
+                self.setup.performers, cameras["rig"], space.points_to_scene, is_simulated(cameras)
+            )
         overlay.show(self._drawn, pose, parts)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
@@ -149,7 +155,7 @@ class LiveCapture:
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
-        self._setup, self._take_path = setup, setup.request["take"]
+        self.setup, self._take_path = setup, setup.request["take"]
         self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()
@@ -218,6 +224,16 @@ class LiveCapture:
             take_library.mark_captured(self._take_path, request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
+
+
+def judge_capture(capture: LiveCapture) -> str:
+    """Return a sentence on the first performer, "" of a short capture."""
+    run, setup = capture.run, capture.setup
+    if run is None or setup is None:
+        return ""
+    poses = [pose.performers[0] for pose in run.poses[-_JUDGED_POSES:]]
+    figures = walk_figures(poses, round(run.statistics.lost * len(poses) / max(len(run.poses), 1)))
+    return judge_walk(figures, setup.performers[0].marker_set.texts) if figures else ""
 
 
 def _after_frame_change(*_: object) -> None:

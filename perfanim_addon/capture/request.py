@@ -25,6 +25,11 @@ from .capture_run import CaptureRun
 
 _TEMPORARY = "perfanim-"
 _DAY_S = 86_400.0
+# Settings of the simulated studio for faults that a capture shows.
+_FAULTY: dict[str, dict[str, Any]] = {
+    "DARK": {"marker_brightness": 22.0, "light": 0.05, "noise_sigma": 4.0},
+    "BLURRED": {"lens_blur_px": 3.0, "noise_sigma": 3.0},
+}
 _PARTNERS = ("boxing", "kendo")  # who do it on the spot
 
 
@@ -65,7 +70,7 @@ def make(settings: Any) -> Setup:
         "job": "capture",
         "cameras": {
             **cameras(settings),
-            "source": _with_targets(source(settings), settings, len(performers) - 1),
+            "source": _with_targets(source(settings), settings, len(performers) - 1) | _practised(settings),
             "preview": bool(settings.capture_preview),
             "background_file": _background_file(),
         },
@@ -85,6 +90,12 @@ def _background_file() -> str:
     folder = Path(tempfile.gettempdir())
     remove_left_behind(folder, _TEMPORARY, ".npz", _DAY_S)  # of a Blender that was killed
     return str(folder / f"{_TEMPORARY}{secrets.token_hex(4)}.npz")
+
+
+def _practised(settings: Any) -> dict[str, Any]:
+    """Return the simulated studio with the fault to practise on, if any."""
+    is_practice = settings.source == "SIMULATED" and settings.practise
+    return {"studio": _FAULTY[settings.practise_fault]} if is_practice and settings.practise_fault in _FAULTY else {}
 
 
 def _with_targets(source: dict[str, Any], settings: Any, partners: int) -> dict[str, Any]:

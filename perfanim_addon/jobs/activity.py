@@ -76,6 +76,11 @@ def message(panel: str) -> tuple[str, str]:
     return _state.messages.get(panel, ("", "INFO"))
 
 
+def messages() -> tuple[tuple[str, str], ...]:
+    """Return the message of each panel that has one, and its icon."""
+    return tuple(_state.messages.values())
+
+
 def redraw_sidebars() -> None:
     """Redraw the sidebars of all 3D viewports, not the viewports themselves."""
     for window in bpy.context.window_manager.windows:

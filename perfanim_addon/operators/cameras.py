@@ -11,7 +11,7 @@ from ...core.geometry.rig_file import rig_from, save_rig
 from ...core.system.files import is_folder
 from ..capture import request, sound
 from ..preferences.paths import absolute, user_folder
-from ..settings import readiness
+from ..settings import ignored_places, readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
 from .jobs import JobOperator
 
@@ -181,7 +181,7 @@ def _board_request(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
 
 def _use_rig(chosen: PERFANIM_PG_settings, summary: dict[str, Any], name: str) -> None:
     target = user_folder("calibrations") / name
-    save_rig(rig_from(summary["rig"], name), target)
+    save_rig(rig_from(summary["rig"], name).ignoring(ignored_places.ignored(chosen)), target)
     chosen.calibration = str(target)
 
 

@@ -5,10 +5,10 @@ import time
 import bpy
 
 from ...core.errors import PerfanimError
-from ..capture.live_capture import LiveCapture
+from ..capture.live_capture import LiveCapture, judge_capture
 from ..jobs import activity
 from ..preferences import preferences
-from ..settings import readiness
+from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
 from .common import CheckedOperator, RunningOperator, defect, report_error
 from .database import is_starter_missing, starter_arguments
@@ -87,6 +87,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         text = ""
         try:
             text = capture.keep(context)
+            guide_steps.keep_walk(judge_capture(capture))
         except PerfanimError as second:
             error = error or second
         if text or error is None:

@@ -4,10 +4,11 @@ from typing import Any
 
 import bpy
 
+from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
 from ..capture import request
 from ..jobs import activity
-from ..settings import guide_steps, readiness
+from ..settings import camera_choice, guide_steps, ignored_places, readiness
 from ..settings.capture_settings import settings
 from ..viewport import camera_preview
 from .common import PanelOperator
@@ -21,15 +22,16 @@ class _PictureJob(JobOperator):
 
     panel = PANEL
 
-    def keep_picture(self, line: str) -> None:
-        """Show the job's last picture, and a line above it."""
-        picture = self._job.take_preview()
+    def keep_picture(self, line: str) -> Image | None:
+        """Show the job's last picture with a line above it, and return it."""
+        picture: Image | None = self._job.take_preview()
         if picture is not None:
             camera_preview.show(picture, line)
+        return picture
 
 
 class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
-    """Show one picture of each camera with its device number"""
+    """Show one picture of each camera, to choose Left and Right by"""
 
     bl_label = "Show Cameras"
     title = "Looking for cameras"
@@ -38,7 +40,9 @@ class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
         return {"job": "show cameras"}
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        self.keep_picture("Enter these numbers as Left and Right")
+        picture = self.keep_picture("Choose Left and Right")
+        if picture is not None:
+            camera_choice.keep_pictures([int(camera["device"]) for camera in summary["cameras"]], picture)
         found = ", ".join(str(camera["device"]) for camera in summary["cameras"])
         return f"cameras {found}" if len(summary["cameras"]) > 1 else f"only camera {found}"
 
@@ -68,6 +72,7 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
             "countdown_s": float(chosen.countdown_s),
             "marker_set": readiness.marker_set_source(chosen),
             "fault": str(Fault[chosen.practise_fault]) if is_practice else "",
+            "ignored": ignored_places.ignored(chosen),
         }
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
@@ -81,6 +86,44 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         if space:
             self.keep_picture(space)
         return "; ".join(filter(None, ("no fault was found", space)))
+
+
+class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
+    """Take nothing at the ringed places for a marker from now on,
+    live and in films tracked with this calibration. The price: a marker that passes through such a place is not seen
+    there. Covering what reflects is better"""
+
+    bl_label = "Ignore These Places"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return "" if guide_steps.reflections(settings(context)) else "Check Setup has found no reflection"
+
+    def run(self, context: bpy.types.Context) -> str:
+        chosen = settings(context)
+        ignored_places.keep(chosen, [*ignored_places.ignored(chosen), *guide_steps.reflections(chosen)])
+        guide_steps.forgive_reflections()
+        camera_preview.hide()
+        return ""
+
+
+class PERFANIM_OT_forget_ignored(PanelOperator, bpy.types.Operator):
+    """Look for markers at these places again"""
+
+    bl_label = "Ignore No Longer"
+    panel = PANEL
+    camera: bpy.props.IntProperty(name="Camera", description="Number of the camera, from 0", min=0, options={"HIDDEN"})
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return "" if ignored_places.ignored(settings(context)) else "No place is ignored"
+
+    def run(self, context: bpy.types.Context) -> str:
+        chosen = settings(context)
+        ignored_places.keep(chosen, [place for place in ignored_places.ignored(chosen) if place[0] != self.camera])
+        guide_steps.forget_pictures()
+        return ""
 
 
 class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):

@@ -1,14 +1,18 @@
 """Capture panel and its settings."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import bpy
 
+from ..capture.capture_run import Statistics
 from ..capture.live_capture import LiveCapture
 from ..character.body_parts import PARTS
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness, vmc_output
-from ..settings.capture_settings import settings
+from ..settings.capture_settings import OVERLAYS, settings
 from .drawing import draw_progress, draw_text, header_status
 
 
@@ -49,28 +53,27 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
 
     def _draw_statistics(self, context: bpy.types.Context, layout: bpy.types.UILayout, capture: LiveCapture) -> None:
         run = capture.run
-        if run is None:
-            draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
-            return
-        figures = run.statistics
-        if figures.received == 0 and run.fraction is not None:
-            draw_progress(layout, run.fraction, run.activity)
+        figures = run.statistics if run else Statistics()
         grid = layout.grid_flow(columns=2, even_columns=True, row_major=True)
         grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
         grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
         grid.label(text=f"{figures.received} frames")
         grid.label(text=f"{figures.solve_s * 1000:.0f} ms solver")
-        if figures.skew_s is not None:
-            grid.label(text=f"Cameras {figures.skew_s * 1000:+.1f} ms")
-            grid.label(text=f"{figures.blind} bad images")
+        grid.label(text="Cameras" if figures.skew_s is None else f"Cameras {figures.skew_s * 1000:+.1f} ms")
+        grid.label(text=f"{figures.blind} bad images")
         grid.label(text=f"{figures.lost} dropped")
         grid.label(text=f"{figures.not_shown} not drawn")
-        draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
+        if run is None:
+            draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
+        elif figures.received == 0:
+            draw_progress(layout, run.fraction or 0.0, run.activity)
+        else:
+            draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
         for name, confidence in capture.further_performers:
             draw_progress(layout, confidence, f"{name} {confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")
-        draw_text(context, layout, run.notice, "ERROR")
+        draw_text(context, layout, run.notice if run else "", "ERROR")
 
 
 class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
@@ -83,7 +86,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         chosen, is_live = settings(context), isinstance(activity.current(), LiveCapture)
         column = property_column(self.layout)
         draw_props(column, chosen, "smoothing_ms", "feet")
-        column.row().prop(chosen, "overlay")
+        _draw_flags(column, chosen, "overlay", [name for name, *_ in OVERLAYS])
         column = column.column()
         column.enabled = not is_live
         column.prop(chosen, "record_by_button")
@@ -92,15 +95,20 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
         row.prop(chosen, "record_sound", text="", icon="OUTLINER_OB_SPEAKER")
         draw_props(column, chosen, "record_length_s")
         column.prop(chosen.id_data.perfanim_result, "start")
-        row = column.split(factor=0.4)  # as wide as the names above
-        row.use_property_split = False
-        name = row.column()
-        name.alignment = "RIGHT"
-        name.label(text="Body Parts")
-        parts = row.grid_flow(columns=2, align=True, row_major=True)
-        for part in PARTS:
-            parts.prop_enum(chosen, "body_parts", part)
+        _draw_flags(column, chosen, "body_parts", PARTS)
         draw_props(column, chosen, "capture_preview", "extend_scene")
+
+
+def _draw_flags(layout: bpy.types.UILayout, chosen: Any, name: str, flags: Iterable[str]) -> None:
+    """Draw the flags of a setting in two columns: in a row they are cut off."""
+    row = layout.split(factor=0.4)  # as wide as the names above
+    row.use_property_split = False
+    title = row.column()
+    title.alignment = "RIGHT"
+    title.label(text=chosen.bl_rna.properties[name].name)
+    grid = row.grid_flow(columns=2, align=True, row_major=True)
+    for flag in flags:
+        grid.prop_enum(chosen, name, flag)
 
 
 class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):

@@ -13,7 +13,7 @@ from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
 from .drawing import draw_job, draw_text, header_status
-from .steps import PERFANIM_PT_camera_controls, draw_source
+from .steps import PERFANIM_PT_camera_controls, draw_ignored, draw_source
 
 _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_left", "board_right")
 
@@ -47,6 +47,9 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         problem = "" if state.text == readiness.NOT_CALIBRATED else state.problem  # the step itself says so
         for line in problem.splitlines():
             draw_text(context, layout, line, "ERROR")
+        if guide_steps.reflections(chosen):
+            layout.operator("perfanim.ignore_reflections", icon="HIDE_ON")
+        draw_ignored(context, layout, chosen)
         name = step.operator(chosen)
         if name:
             layout.operator(f"perfanim.{name}", icon="PLAY")
@@ -58,6 +61,8 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         if icon == "ERROR" or (name != "check_setup" and not problem):  # of a good check nothing more is to be said
             draw_text(context, layout, text, icon)
         draw_text(context, layout, guide_steps.space(chosen), "ARROW_LEFTRIGHT")
+        if step is guide_steps.STEPS[-1]:
+            draw_text(context, layout, guide_steps.walk(), "ARMATURE_DATA")
 
 
 def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.GuideStep) -> None:

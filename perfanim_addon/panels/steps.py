@@ -12,7 +12,7 @@ from ..preferences import preferences
 from ..preferences.paths import ADDON
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import readiness
+from ..settings import camera_choice, ignored_places, readiness
 from ..settings.capture_settings import settings
 from . import character
 from .drawing import draw_job, draw_text, header_status
@@ -24,7 +24,10 @@ def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
     if chosen.source == "SIMULATED":
         draw_props(layout, chosen, "behaviour", "practise")
     elif chosen.source == "CAMERAS":
-        draw_props(layout, chosen, "left_device", "right_device")
+        for name in ("left_camera", "right_camera"):
+            layout.prop(chosen, name)
+            if camera_choice.has_thumbnails():
+                layout.template_icon_view(chosen, name, show_labels=True, scale=4.0)
         if chosen.right_device >= 0:
             layout.prop(chosen, "further_devices")
         draw_props(layout, chosen, "width", "height", "camera_fps")
@@ -34,6 +37,14 @@ def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
         draw_props(layout, chosen, "left_video", "right_video")
     else:
         draw_props(layout, chosen, "left_folder", "right_folder", "files_fps")
+
+
+def draw_ignored(context: bpy.types.Context, layout: bpy.types.UILayout, chosen: Any) -> None:
+    """Draw a line for each camera with ignored places, and a button to forget them."""
+    for camera, sentence in ignored_places.sentences(chosen) if readiness.has_cameras(chosen) else ():
+        row = layout.row()
+        draw_text(context, row, sentence, "HIDE_ON")
+        row.operator("perfanim.forget_ignored", text="", icon="X").camera = camera
 
 
 class _Step(SidebarPanel):
@@ -85,6 +96,7 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
         if readiness.is_known(chosen) or not readiness.has_cameras(chosen):
             return
         layout.prop(chosen, "calibration")
+        draw_ignored(bpy.context, layout, chosen)
         box = layout.box().column()
         box.prop(chosen, "board_kind")
         box.label(text="Squares" if chosen.board_kind == "CHARUCO" else "Inner Corners")

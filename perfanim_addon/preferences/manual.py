@@ -11,6 +11,8 @@ _CAPTURE = "capture-in-blender.html"
 PAGES = (
     ("bpy.ops.perfanim.show_cameras", f"{_CAPTURE}#guide"),
     ("bpy.ops.perfanim.check_setup", "hardware.html#check-it"),
+    ("bpy.ops.perfanim.ignore_reflections", "hardware.html#check-it"),
+    ("bpy.ops.perfanim.forget_ignored", "hardware.html#check-it"),
     ("bpy.ops.perfanim.skip_step", f"{_CAPTURE}#guide"),
     ("bpy.ops.perfanim.calibrate_performer", "calibration.html#performer"),
     ("bpy.ops.perfanim.calibrate_subject", "calibration.html#performer"),

@@ -10,10 +10,11 @@ from ..character.posing import fill_map
 from ..jobs import activity
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.property_kinds import choice, duration, file_path, folder_path, number, string, switch, whole_number
+from .camera_choice import camera_choice
 
 SOURCES = (
     ("SIMULATED", "Simulated Performer", "Simulate a performer and two cameras: needs no hardware"),
-    ("CAMERAS", "Cameras", "Two cameras connected to this computer, by device number"),
+    ("CAMERAS", "Cameras", "Two cameras connected to this computer"),
     ("VIDEOS", "Videos", "A recorded video of each camera"),
     ("IMAGES", "Image Folders", "A folder of numbered images of each camera"),
     ("VMC", "Trackers (VMC)", "Trackers or markers sent by another program over the Virtual Motion Capture protocol"),
@@ -43,6 +44,7 @@ OVERLAYS = (
         1,
     ),
     ("SKELETON", "Skeleton", "The solved skeleton over the character: green for high confidence, red for low", 2),
+    ("SPACE", "Space", "The part of the floor where all cameras see a performer from head to foot, and its size", 4),
 )
 
 BEHAVIOURS = (
@@ -109,6 +111,10 @@ class CameraSettings:
     right_device: whole_number(
         "Right", "Device number of the right camera, from the cameras' point of view; -1 for one camera only", 1, -1
     )
+    left_camera: camera_choice("Left", "The left camera, from the cameras' point of view", "left_device")
+    right_camera: camera_choice(
+        "Right", "The right camera, from the cameras' point of view, or none", "right_device", optional=True
+    )
     further_devices: string(
         "Additional",
         "Device numbers of more cameras, such as 2, 3. Calibrate with Board needs the board in view of all",
@@ -122,6 +128,7 @@ class CameraSettings:
     right_folder: folder_path("Right", "Folder with the right camera's numbered images; empty for one camera only")
     files_fps: number("Rate (Hz)", "Frame rate at which the images were taken", 60, 1, 500)
     calibration: file_path("Calibration", "Calibration file of the two cameras (TOML)")
+    ignored_places: string("Ignored Places", "Reflections that are no markers, until a calibration file holds them")
 
 
 class CalibrationSettings:
@@ -231,7 +238,7 @@ class CaptureSettings:
     )
     overlay: choice(
         "Overlay",
-        "Drawn over the 3D viewports while live, with the solver's confidence. Shift-click for both",
+        "Drawn over the 3D viewports while live, with the solver's confidence. Shift-click for several",
         OVERLAYS,
         default=set(),
         options={"ENUM_FLAG"},

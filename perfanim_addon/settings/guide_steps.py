@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...core.errors import PerfanimError
-from ...core.subjects.setup_check.finding import PICTURE_FAULTS
+from ...core.subjects.setup_check.finding import PICTURE_FAULTS, Fault, Place
 from ..preferences.paths import absolute
 from . import readiness
 from .readiness import StepStatus
@@ -56,6 +56,8 @@ class _Seen:
     pictures: tuple[Any, ...] = ()
     setup: tuple[Any, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()
+    reflections: tuple[Place, ...] = ()
+    walk: str = ""
     space: str = ""
     skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
@@ -71,12 +73,44 @@ def keep_check(settings: Any, summary: Mapping[str, Any]) -> None:
     """Keep the RESULT of the job `check setup`, made with these settings."""
     _seen.pictures, _seen.setup = _pictures(settings), _setup(settings)
     _seen.findings = tuple((str(row["fault"]), str(row["text"])) for row in summary["findings"])
+    _seen.reflections = tuple(
+        place for row in summary["findings"] if row["fault"] == Fault.REFLECTION for place in row.get("places", ())
+    )
     _seen.space = str(summary["space"])
+
+
+def keep_walk(sentence: str) -> None:
+    """Keep the judgement of the last capture."""
+    _seen.walk = sentence
+
+
+def walk() -> str:
+    """Return the judgement of the last capture, "" without one."""
+    return _seen.walk
+
+
+def reflections(settings: Any) -> tuple[Place, ...]:
+    """Return the places that the last check has ringed in these pictures."""
+    return _seen.reflections if _seen.pictures == _pictures(settings) else ()
+
+
+def forgive_reflections() -> None:
+    """Go on without the reflections of the last check.
+
+    The faults that they hid are looked for in the next one.
+    """
+    _seen.findings = tuple(row for row in _seen.findings if row[0] != Fault.REFLECTION)
+    _seen.reflections, _seen.setup = (), ()
 
 
 def forget() -> None:
     """Forget the last check and the skipped steps."""
     _seen.clear()
+
+
+def forget_pictures() -> None:
+    """Forget the last check: markers are looked for elsewhere now."""
+    _seen.pictures, _seen.setup = (), ()
 
 
 def skip(settings: Any) -> None:
@@ -228,7 +262,11 @@ STEPS = (
         ("armature",),
     ),
     GuideStep(
-        "Capture", "All is ready. Stop, or Esc, ends the capture.", _always("start_capture"), "capture", lambda _: _TODO
+        "Capture",
+        "All is ready. Walk about for ten seconds as a test, then stop: the guide says how good it will be.",
+        _always("start_capture"),
+        "capture",
+        lambda _: _TODO,
     ),
 )
 

@@ -5,6 +5,7 @@ It costs nothing while it is off, and leaves nothing once it is hidden.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -14,9 +15,11 @@ import numpy as np
 from ...core.body.scene_pose import PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.geometry.arrays import Array
+from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import rig_from
 from ...core.markers.subject import Subject
 from ...core.simulate.studio.rig import default_rig
+from ...core.vision.common_space import CommonSpace, common_space
 from . import drawing
 
 Colour = tuple[float, float, float, float]
@@ -31,6 +34,7 @@ _SIDES = 16  # of a dot
 _PIECES: Array = np.linspace(0.0, 1.0, 17)[:, None]  # of a ray, as part of it may lie behind the viewer
 _RAY_COLOUR: Colour = (1.0, 0.67, 0.24, 0.8)  # as what one camera alone sees has in the preview
 _NAME_COLOUR: Colour = (1.0, 1.0, 1.0, 1.0)
+_SPACE_COLOUR: Colour = (0.31, 1.0, 0.31, 0.8)  # as in the pictures of the check
 _HUES = 0.618  # from one marker's colour to the next, so that neighbours in the set differ
 _GREEN = 1 / 3
 
@@ -43,20 +47,32 @@ class Scene:
         performers: skeleton and names (M) of the markers of each, in the order of a pose's performers.
         cameras_m: (C, 3) where the cameras are, in the performers' room.
         placed: turns points (N, 3) of that room into points of the scene.
+        rig: cameras that know the floor, None for others.
     """
 
     performers: tuple[tuple[Skeleton, tuple[str, ...]], ...]
     cameras_m: Array
     placed: Callable[[Array], Array]
+    rig: CameraRig | None = None
 
     @classmethod
     def of(
-        cls, performers: Sequence[Subject], calibration: Mapping[str, Any] | None, placed: Callable[[Array], Array]
+        cls,
+        performers: Sequence[Subject],
+        calibration: Mapping[str, Any] | None,
+        placed: Callable[[Array], Array],
+        simulated: bool = False,
     ) -> "Scene":
         """Return the scene of a capture; without a calibration, the simulated cameras'."""
         rig = rig_from(calibration, "calibration") if calibration else default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
-        return cls(tuple((subject.skeleton, subject.marker_set.names) for subject in performers), cameras_m, placed)
+        bodies = tuple((subject.skeleton, subject.marker_set.names) for subject in performers)
+        return cls(bodies, cameras_m, placed, rig if simulated or "floor" in rig.metadata else None)
+
+    @cached_property
+    def space(self) -> CommonSpace | None:
+        """Floor that all cameras see; None where the floor is not known."""
+        return common_space(self.rig) if self.rig else None
 
 
 @dataclass
@@ -116,7 +132,7 @@ def confidence_colour(pose: PerformerPose) -> Colour:
 def shapes_of(
     scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
-    """Return the shapes of a pose, and the marker names with their positions (2,).
+    """Return the shapes of a pose, and the names beside them with positions (2,).
 
     Args:
         scene, pose, parts: as of `show`.
@@ -129,7 +145,18 @@ def shapes_of(
             _add_skeleton(shapes, skeleton, body, on_screen, scale)
         if "MARKERS" in parts:
             names += _add_markers(shapes, labels, scene.cameras_m, body, on_screen, scale)
+    if "SPACE" in parts and scene.space is not None:
+        names += _add_space(shapes, scene.space, on_screen, scale)
     return shapes, names
+
+
+def _add_space(shapes: "Shapes", space: CommonSpace, on_screen: Projection, scale: float) -> list[tuple[str, Array]]:
+    """Add the outline on the floor; return its size with the place of its middle."""
+    outline = on_screen(space.outline_m)
+    for start, end in pairwise(outline):
+        shapes.line(start, end, _BONE * scale, _SPACE_COLOUR)
+    in_sight = outline[np.isfinite(outline).all(axis=1)]
+    return [(space.text, in_sight.mean(axis=0))] if len(in_sight) else []
 
 
 def _add_skeleton(

@@ -17,6 +17,7 @@ INK = 40  # grey level from which a pixel belongs to a letter
 SAME_PX = 6
 MOVED = 0.003  # of the sidebar's pixels change where a panel opens or closes: an empty one changes 0.006, none at all 0
 TRIES = 4
+BESIDE_PX, CLEAR_PX, HALF_ROW_PX = 6, 80, 10  # the free part of a heading: from its word, width, half its height
 PATH_PX = 510  # from the word Bookmarks in the file browser to the middle of the path
 
 
@@ -134,6 +135,13 @@ class Hand:
                 raise AssertionError(f"{word!r} is not on {self.shot('not-found')}")
             time.sleep(0.2)
 
+    def is_clear(self, heading: str, screen: np.ndarray) -> bool:
+        """Return whether nothing lies over a heading of the sidebar, right of its word, on a picture of the screen."""
+        place = next(place for place in self._places(heading, screen) if self._in_sidebar(place))
+        x, y = round(place.x + self._drawn(heading).shape[1] / 2) + BESIDE_PX, round(place.y)
+        row = screen[y - HALF_ROW_PX : y + HALF_ROW_PX, x : x + CLEAR_PX]
+        return int(row.max()) - int(row.min()) < INK
+
     def _sidebar(self) -> np.ndarray:
         region = self._window.state()["regions"]["UI"]
         left, top = map(round, self._window.from_top(region, 0, 0))
@@ -144,9 +152,10 @@ class Hand:
         left, top = self._window.from_top(region, 0, 0)
         return left <= place.x <= left + region[2] and top <= place.y <= top + region[3]
 
-    def _places(self, word: str) -> list[Place]:
+    def _places(self, word: str, screen: np.ndarray | None = None) -> list[Place]:
         template = self._drawn(word)
-        likeness = cv2.matchTemplate(self._desktop.seen().max(axis=2), template, cv2.TM_CCOEFF_NORMED)
+        picture = (self._desktop.seen() if screen is None else screen).max(axis=2)
+        likeness = cv2.matchTemplate(picture, template, cv2.TM_CCOEFF_NORMED)
         found = []
         while likeness.max() >= LIKE:
             y, x = np.unravel_index(int(np.argmax(likeness)), likeness.shape)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from busy import busy_machine
 from desktop import ROOT, BlenderWindow, Desktop
+from pointing import Hand
 
 DISTINCT_POSES = 20
 T_POSE_FRAMES = 240  # the performer stands in the T pose, then lets the arms sink
@@ -15,6 +16,7 @@ MEASURED_S = 10.0
 ROUNDS = 5
 WANTED_RATIO = 0.9
 BUSY_S = 15.0
+FIRST_FRAMES = 30  # in which all counters and a busy machine's notice have come
 
 
 def started(desktop: Desktop, window: BlenderWindow, name: str, values: dict[str, str] | None = None) -> None:
@@ -63,6 +65,22 @@ def test_start_and_stop_with_the_mouse(desktop: Desktop, window: BlenderWindow) 
     run = window.order("last_run")
     check_nothing_is_lost(run)
     check_action(state, run["poses"])
+
+
+def test_nothing_lies_over_a_heading_while_the_counters_come(desktop: Desktop, window: BlenderWindow) -> None:
+    """A panel that grows must not lie over the heading below it, not even until the next picture."""
+    window.open_tab("Perfanim")
+    hand = Hand(desktop, window, "growing")
+    assert hand.is_clear("Recording", desktop.seen())
+    desktop.click(*window.tall_button("growing-start"))
+    pictures = [desktop.seen()]  # judged later: what is wrong is there for a moment
+    while window.state()["capture"].get("statistics", {}).get("received", 0) < FIRST_FRAMES:
+        if (picture := desktop.seen()).tobytes() != pictures[-1].tobytes():
+            pictures.append(picture)
+    assert len(pictures) > 3
+    covered = [number for number, picture in enumerate(pictures) if not hand.is_clear("Recording", picture)]
+    assert not covered
+    hand.shot("grown")
 
 
 @pytest.mark.benchmark

@@ -15,7 +15,7 @@ from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import camera_title
 from ...vision.sources.source_kinds import ImageSetLike
 from ...vision.synchronise import synchronise_frames
-from .finding import Finding
+from .finding import Finding, Place
 from .image_faults import marker_light_faults, reflections, room_faults, sharpness_faults
 from .rig_faults import bump_fault, exchange_fault, place_fault
 from .spots import SpotRecorder
@@ -74,7 +74,10 @@ def check_setup(
 
 
 def check_pictures(
-    names: Sequence[str], backgrounds: Sequence[Background], moments: Iterable[ImageSetLike]
+    names: Sequence[str],
+    backgrounds: Sequence[Background],
+    moments: Iterable[ImageSetLike],
+    ignored: Sequence[Place] = (),
 ) -> list[Finding]:
     """Return the faults that pictures show of cameras without a calibration.
 
@@ -82,8 +85,12 @@ def check_pictures(
 
     Args:
         names: of the cameras.
+        ignored: places where nothing counts as a marker (see `CameraRig.ignored`).
     """
-    detectors = [Detector(background) for background in backgrounds]
+    rows = np.array(ignored, dtype=np.float64).reshape(-1, 3)
+    detectors = [
+        Detector(background, ignored_px=rows[rows[:, 0] == index, 1:]) for index, background in enumerate(backgrounds)
+    ]
 
     def detect(moment: ImageSetLike) -> Sequence[FloatArray]:
         return [detector.detect(image) for detector, image in zip(detectors, moment.images, strict=True)]
@@ -117,9 +124,9 @@ def _picture_faults(
 def _camera_faults(titles: Sequence[str], recorders: Sequence[SpotRecorder]) -> list[Finding]:
     """Return faults of single cameras; a blur dims markers, so it comes first."""
     blunt, dim, false = [], [], []
-    for title, recorder in zip(titles, recorders, strict=True):
+    for index, (title, recorder) in enumerate(zip(titles, recorders, strict=True)):
         spots = recorder.result()
         blunt += sharpness_faults(title, spots)
         dim += marker_light_faults(title, spots, recorder.rises, recorder.images)
-        false += reflections(title, spots)
+        false += reflections(index, title, spots)
     return blunt or dim or false

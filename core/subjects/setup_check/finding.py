@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-Place = tuple[float, float]
+Place = tuple[int, float, float]  # index of the camera, pixel
 
 
 class Fault(StrEnum):
@@ -34,10 +34,10 @@ class Finding:
     Args:
         where: camera, "" where all are meant.
         text: fact and advice as a sentence.
-        pixels: places in the camera's image, to be ringed.
+        places: in images, to be ringed.
     """
 
     fault: Fault
     where: str
     text: str
-    pixels: tuple[Place, ...] = ()
+    places: tuple[Place, ...] = ()

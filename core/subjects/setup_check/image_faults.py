@@ -93,14 +93,14 @@ def estimate_exposure_s(spots: Spots) -> float:
     return float(np.median(streaks_px / speed))
 
 
-def reflections(camera: str, spots: Spots) -> list[Finding]:
+def reflections(index: int, camera: str, spots: Spots) -> list[Finding]:
     """Return a finding on spots that stay where they are while the performer moves."""
     still = _still_places(spots)
     if not len(still):
         return []
     count = "a bright spot that is no marker" if len(still) == 1 else f"{len(still)} bright spots that are no markers"
-    text = f"{camera} sees {count}: cover what reflects the light, or learn the empty room again"
-    return [Finding(Fault.REFLECTION, camera, text, tuple((float(x), float(y)) for x, y in still))]
+    text = f"{camera} sees {count}: cover what reflects the light, or ignore the place"
+    return [Finding(Fault.REFLECTION, camera, text, tuple((index, float(x), float(y)) for x, y in still))]
 
 
 def _still_places(spots: Spots) -> Array:

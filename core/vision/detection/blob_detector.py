@@ -65,17 +65,32 @@ _RELATIVE_RADIUS = 0.4  # the same of its radius: small glints of clothing are n
 _MOST_BLOBS = 100  # brightest first
 _SMALL_IMAGE = 640 * 480  # pixels, up to which the whole image is looked at every time
 _REACH = 0.08  # of the longer side: a marker 2 m away goes so far in a sixtieth of a second at 10 m/s
+_IGNORED_SHARE = 0.01  # of the image's width: a reflection flickers, and its centre moves a little
 _DIMMEST = 0.5  # of the limit that the last image set: blobs below it are not even measured
+
+
+def ignored_radius_px(image_width: int) -> float:
+    """Return the radius around an ignored place without markers."""
+    return _IGNORED_SHARE * image_width
 
 
 class Detector:
     """Finds markers in the images of one camera.
 
     With an automatic threshold it keeps, from image to image, how bright this camera's markers are: cameras differ.
+
+    Args:
+        ignored_px: (N, 2) places of reflections; what lies within `ignored_radius_px` of one counts as no marker.
     """
 
-    def __init__(self, background: Background | None = None, settings: DetectionSettings | None = None) -> None:
+    def __init__(
+        self,
+        background: Background | None = None,
+        settings: DetectionSettings | None = None,
+        ignored_px: Array | None = None,
+    ) -> None:
         self.settings = settings or DetectionSettings()
+        self._ignored_px = np.empty((0, 2)) if ignored_px is None else ignored_px
         self._usual_contrast = 0.0
         self._room: _EmptyRoom | None = None
         # grey levels above the background of a marker's pixels
@@ -124,12 +139,19 @@ class Detector:
         window = self._window(image)
         if window is None:
             self._partly = 0
-            found = self._select(self._found(image, self._room))
+            found = self._select(self._without_ignored(self._found(image, self._room), image.shape[1]))
         else:
             self._partly += 1
-            found = self._select(self._found_within(image, window))
+            found = self._select(self._without_ignored(self._found_within(image, window), image.shape[1]))
         self._last = found
         return found
+
+    def _without_ignored(self, table: Array, image_width: int) -> Array:
+        """Return the candidates outside the ignored places."""
+        if not len(self._ignored_px) or not len(table):
+            return table
+        distance = np.linalg.norm(table[:, None, [X, Y]] - self._ignored_px, axis=2).min(axis=1)
+        return np.asarray(table[distance > ignored_radius_px(image_width)])
 
     def _window(self, image: Image) -> "_Window | None":
         """Return the part of a large image around the last markers; None: all of it."""

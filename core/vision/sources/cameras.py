@@ -1,6 +1,5 @@
 """Cameras by device number as a source."""
 
-import sys
 import threading
 import time
 from collections import deque
@@ -8,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import zip_longest
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -17,6 +15,7 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from .camera_controls import CameraControls, apply_controls
+from .device_names import device_numbers
 from .image_set import ClosableSource, ImageSet
 from .pairing import ImagePairing
 
@@ -30,7 +29,6 @@ _ALL_LOST_S = 10.0
 _NEVER_USABLE_S = 5.0
 _JOIN_S = 0.5
 _SAME_CLOCK_S = 1.0
-_MOST_DEVICES = 8  # that are looked for where the system has no list of them
 
 
 class CameraSource(ClosableSource):
@@ -250,7 +248,7 @@ class FoundCamera:
 def find_cameras() -> list[FoundCamera]:
     """Return the plugged-in cameras, also silent ones; each is opened for a moment."""
     found = []
-    for device in _devices():
+    for device in device_numbers():
         capture = cv2.VideoCapture(device)
         if capture.isOpened():
             images = (capture.read() for _ in range(_WARM_UP_READS))
@@ -259,11 +257,3 @@ def find_cameras() -> list[FoundCamera]:
             found.append(FoundCamera(device, size, None if image is None else np.asarray(image, dtype=np.uint8)))
         capture.release()
     return found
-
-
-def _devices() -> list[int]:
-    """Return the numbers that may be cameras: Linux has a file for each."""
-    if sys.platform != "linux":
-        return list(range(_MOST_DEVICES))
-    numbers = (path.name.removeprefix("video") for path in Path("/dev").glob("video*"))
-    return sorted(int(number) for number in numbers if number.isdecimal())

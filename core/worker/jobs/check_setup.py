@@ -1,16 +1,17 @@
 """Check of light, cameras and markers before a capture.
 
 Request: that of `cameras`, and "marker_set" (name or file), "countdown_s" (time to walk before the cameras and take the
-T pose), "fault" (of `Fault`: pictures of a studio with it, and its calibration, stand for the source's; "" for none).
+T pose), "fault" (of `Fault`: pictures of a studio with it, and its calibration, stand for the source's; "" for none),
+"ignored" (places to ignore, as `CameraRig.ignored`, where no calibration of the source says it).
 
-Without "rig" only what single pictures show is judged. The RESULT has "findings" (tables with "fault" and "text") and
-"space" (where all cameras see a performer; "" without a calibration that knows the floor). A last PREVIEW has rings
-around the places of the findings, and that space on the floor.
+Without "rig" only what single pictures show is judged. The RESULT has "findings" (tables with "fault", "text" and
+"places") and "space" (where all cameras see a performer; "" without a calibration that knows the floor). A last PREVIEW
+has rings around the places of the findings, crosses on ignored ones, and that space on the floor.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from itertools import islice, pairwise
+from itertools import islice
 from typing import Any
 
 import cv2
@@ -25,9 +26,9 @@ from ...markers.marker_set import load_marker_set
 from ...simulate.faults import FPS, SECONDS, studio_with
 from ...subjects.setup_check.check import check_pictures, check_setup
 from ...subjects.setup_check.finding import Fault, Finding
+from ...vision.blob_preview import cross_out, reduced
 from ...vision.common_space import CommonSpace, common_space
 from ...vision.detection.background import learn_backgrounds
-from ...vision.sources.image_set import camera_title
 from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
 from ..open_source import open_source
@@ -42,7 +43,6 @@ _SEED = 18  # of the studio with a fault
 _RING = (60, 170, 255)  # blue, green, red
 _RING_PX = 9
 _SPACE = (80, 255, 80)
-_PIECES = 12  # of a side of the space
 
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
@@ -52,8 +52,9 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         Stopped: a stop was requested meanwhile. PerfanimError: the source cannot be opened or used.
     """
     fault = str(request.get("fault") or "")
-    findings, space = _check_studio(Fault(fault), channel) if fault else _check_source(request, channel)
-    rows = [{"fault": str(finding.fault), "text": finding.text} for finding in findings]
+    check = _check_studio if fault else _check_source
+    findings, space = check(request, channel)
+    rows = [{"fault": str(found.fault), "text": found.text, "places": found.places} for found in findings]
     channel.send_result({"findings": rows, "space": space.text if space else ""})
 
 
@@ -73,21 +74,25 @@ def _check_source(request: Mapping[str, Any], channel: Channel) -> tuple[list[Fi
         names = [camera.name for camera in rig.cameras] if rig else camera_names(len(backgrounds))[0]
         moments = _Watched(islice(images, round(SECONDS * source.fps)), source.fps, channel)
         if rig is None:
-            findings = check_pictures(names, backgrounds, moments)
+            ignored = [(int(camera), float(x), float(y)) for camera, x, y in request.get("ignored", ())]
+            findings = check_pictures(names, backgrounds, moments, ignored)
         else:
+            ignored = rig.ignored.tolist()
             findings = check_setup(rig, backgrounds, moments, load_marker_set(request["marker_set"]))
         space = common_space(rig) if rig and "floor" in rig.metadata else None
-        moments.show(findings, names, rig, space)
+        moments.show(findings, ignored, rig, space)
     return findings, space
 
 
-def _check_studio(fault: Fault, channel: Channel) -> tuple[list[Finding], None]:
-    """Return the faults that are found in a studio with one."""
+def _check_studio(request: Mapping[str, Any], channel: Channel) -> tuple[list[Finding], None]:
+    """Return the faults that are found in a studio with the request's."""
+    fault = Fault(str(request["fault"]))
     channel.send_status(f"building a studio: {fault}")
     studio = studio_with(fault, np.random.default_rng(_SEED))
     moments = _Watched(studio.moments, FPS, channel)
-    findings = check_setup(studio.rig, learn_backgrounds(studio.empty), moments, studio.marker_set, studio.height_m)
-    moments.show(findings, [camera.name for camera in studio.rig.cameras])
+    rig = studio.rig.ignoring(request.get("ignored", ()))
+    findings = check_setup(rig, learn_backgrounds(studio.empty), moments, studio.marker_set, studio.height_m)
+    moments.show(findings, rig.ignored.tolist())
     return findings, None
 
 
@@ -113,17 +118,17 @@ class _Watched:
     def show(
         self,
         findings: Sequence[Finding],
-        names: Sequence[str],
+        ignored: Sequence[Sequence[float]],
         rig: CameraRig | None = None,
         space: CommonSpace | None = None,
     ) -> None:
-        """Send the last images with the places of findings ringed, and the space."""
-        titles = [camera_title(index, names) for index in range(len(names))]
+        """Send the last images with rings, crosses, and the space."""
 
         def draw(camera: int, picture: Image, image_width: int) -> None:
             if rig and space:
                 _outline(rig.cameras[camera], space, picture, image_width)
-            _ring(findings, titles[camera], picture, image_width)
+            cross_out([(x, y) for index, x, y in ignored if index == camera], picture, image_width)
+            _ring(findings, camera, picture, image_width)
 
         if self._last:
             PreviewSender({"preview": True}, self._channel).send(self._last, draw)
@@ -135,19 +140,15 @@ def _draw_nothing(camera: int, picture: Image, image_width: int) -> None:
 
 def _outline(camera: Camera, space: CommonSpace, picture: Image, image_width: int) -> None:
     """Draw the rectangle on the floor that all cameras see."""
-    left, back, right, front = space.rectangle_m
-    corners = np.array([(left, 0.0, back), (right, 0.0, back), (right, 0.0, front), (left, 0.0, front)])
-    along = np.linspace(0.0, 1.0, _PIECES, endpoint=False)[:, None]  # lenses bend lines
-    points_m = np.concatenate([a + along * (b - a) for a, b in pairwise([*corners, corners[0]])])
-    pixels = (camera.project(points_m) + 0.5) * picture.shape[1] / image_width - 0.5
-    if np.all(np.isfinite(pixels)):
+    pixels = (camera.project(space.outline_m) + 0.5) * picture.shape[1] / image_width - 0.5
+    if len(pixels) and np.all(np.isfinite(pixels)):
         line = np.rint(pixels).astype(np.int32).reshape(-1, 1, 2)
         cv2.polylines(picture, [line], True, _SPACE, 2, cv2.LINE_AA)
 
 
-def _ring(findings: Sequence[Finding], title: str, picture: Image, image_width: int) -> None:
-    scale = picture.shape[1] / image_width
+def _ring(findings: Sequence[Finding], camera: int, picture: Image, image_width: int) -> None:
     for finding in findings:
-        for x, y in finding.pixels if finding.where == title else ():
-            centre = (round((x + 0.5) * scale - 0.5), round((y + 0.5) * scale - 0.5))
-            cv2.circle(picture, centre, _RING_PX, _RING, 2, cv2.LINE_AA)
+        for index, x, y in finding.places:
+            if index == camera:
+                centre = reduced((x, y), picture, image_width)
+                cv2.circle(picture, centre, _RING_PX, _RING, 2, cv2.LINE_AA)

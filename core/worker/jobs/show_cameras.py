@@ -12,6 +12,7 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...vision.blob_preview import write_line
 from ...vision.sources.cameras import find_cameras
+from ...vision.sources.device_names import device_name
 from ..channel import Channel
 from .camera_preview import PreviewSender
 
@@ -33,7 +34,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 
     def draw(number: int, picture: Image, image_width: int) -> None:
         silent = "" if found[number].image is not None else ": no image"
-        write_line(picture, f"camera {found[number].device}{silent}")
+        write_line(picture, f"{device_name(found[number].device)}{silent}")
 
     images = [_BLANK if camera.image is None else camera.image for camera in found]
     PreviewSender({"preview": True}, channel).send(images, draw)

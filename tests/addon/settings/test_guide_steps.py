@@ -6,10 +6,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from clicked import run_job
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.geometry.rig_file import save_rig
+from perfanim.core.geometry.rig_file import load_rig, rig_tables, save_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.studio.rig import default_rig
@@ -124,6 +125,69 @@ def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, ch
     chosen.practise_fault = "NONE"
     assert run_job(part, operator, clicked) == "no fault was found"
     assert title(guide, chosen) == "Calibrate"
+
+
+def test_reflections_are_ignored_and_looked_for_again_by_a_click(
+    part: Any, guide: Any, chosen: Any, tmp_path: Path
+) -> None:
+    places = part("settings.ignored_places")
+    check = part("operators.guide").PERFANIM_OT_check_setup
+    clicked = SimpleNamespace(keep_picture=lambda line: None)
+    ignore, forget = bpy.ops.perfanim.ignore_reflections, bpy.ops.perfanim.forget_ignored
+    chosen.practise, chosen.practise_fault = True, "REFLECTION"
+    assert not ignore.poll() and not forget.poll()
+    assert run_job(part, check, clicked) == "mend first: reflection"
+    found = guide.reflections(chosen)
+    assert ignore() == {"FINISHED"}
+    assert title(guide, chosen) == "Calibrate" and not ignore.poll()
+    assert places.ignored(chosen) == [tuple(place) for place in found]
+    assert run_job(part, check, clicked) == "no fault was found"
+    chosen.source = "CAMERAS"
+    assert places.ignored(chosen) == []  # other cameras
+    chosen.source = "SIMULATED"
+
+    summary = {"rig": rig_tables(default_rig())}  # the calibration that follows takes them over
+    part("operators.cameras")._use_rig(chosen, summary, "cameras.toml")
+    assert len(load_rig(chosen.calibration).ignored) == len(found)
+    first = places.sentences(chosen)[0]
+    assert f"{sum(place[0] == first[0] for place in found)} place" in first[1]
+    assert first[1].endswith(f"ignored in the {('left', 'right')[first[0]]} camera")
+    assert part("capture.request").calibration(chosen)[f"cam_{first[0]}"]["ignored_px"].shape[1] == 2
+    for camera, _ in places.sentences(chosen):
+        assert forget(camera=camera) == {"FINISHED"}
+    assert places.sentences(chosen) == []
+    assert len(load_rig(chosen.calibration).ignored) == 0
+    assert run_job(part, check, clicked) == "mend first: reflection"  # it is there as before
+
+
+def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any, chosen: Any) -> None:
+    live = part("capture.live_capture")
+    capture = live.LiveCapture(None, [])
+    assert live.judge_capture(capture) == ""  # nothing was captured
+    pose = SimpleNamespace(
+        observed_m=np.zeros((2, 3)), single_cameras=np.full(2, -1), marker_rms_m=0.001, confidence=0.9,
+        part_errors_deg=np.array([4.0]),
+    )  # fmt: skip
+    walk = [SimpleNamespace(performers=[SimpleNamespace(**vars(pose), time_s=n / 30.0)]) for n in range(400)]
+    capture.run = SimpleNamespace(poses=walk, statistics=SimpleNamespace(lost=0))
+    texts = SimpleNamespace(marker_set=SimpleNamespace(texts=("left hand", "head")))
+    capture.setup = SimpleNamespace(performers=[texts])
+    guide.keep_walk(live.judge_capture(capture))
+    assert guide.walk() == "captures will be good, joints within about 4 degrees; nothing needs to be mended"
+    capture.run.statistics.lost = 400
+    assert "50% of the images are lost" in live.judge_capture(capture)
+    guide.forget()
+    assert guide.walk() == ""
+
+
+def test_a_capture_shows_the_fault_to_practise_on(part: Any, chosen: Any) -> None:
+    practised = part("capture.request")._practised
+    chosen.practise_fault = "DARK"
+    assert practised(chosen) == {}
+    chosen.practise = True
+    assert practised(chosen)["studio"]["marker_brightness"] < 50.0
+    chosen.practise_fault = "EXCHANGED"  # the check shows this one
+    assert practised(chosen) == {}
 
 
 def test_forgetting_begins_with_the_pictures(part: Any, guide: Any, chosen: Any) -> None:

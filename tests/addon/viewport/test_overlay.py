@@ -12,9 +12,11 @@ from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.vision.common_space import common_space
 from perfanim.perfanim_addon.viewport import overlay
 
 SKELETON = default_skeleton()
@@ -72,6 +74,30 @@ def test_the_skeleton_is_green_where_it_is_sure_and_red_where_it_is_guessed() ->
         assert set(shapes.colours) == {colour}
         for place_m in positions_m:
             assert reached(shapes, place_m, 2.0)
+
+
+def test_the_space_that_all_cameras_see_lies_on_the_floor_with_its_size() -> None:
+    space = common_space(default_rig())
+    scene = overlay.Scene(((SKELETON, NAMES),), CAMERAS_M, lambda points_m: points_m, default_rig())
+
+    def from_above(points_m: np.ndarray) -> np.ndarray:
+        assert np.all(points_m[:, 1] == 0.0)
+        return PX * points_m[:, [0, 2]]
+
+    shapes, names = overlay.shapes_of(scene, ScenePose((pose(),)), frozenset({"SPACE"}), from_above, 1.0)
+    left, back, right, front = space.rectangle_m
+    for x, z in ((left, back), (right, back), (right, front), (left, front), (0.5 * (left + right), front)):
+        assert reached(shapes, np.array([x, z]), 20.0)
+    assert not reached(shapes, np.array([left + right, back + front]) / 2.0, 10.0)
+    assert [text for text, _ in names] == [space.text]
+
+
+def test_without_a_floor_no_space_is_drawn() -> None:
+    tables = rig_tables(default_rig())
+    for simulated, there in ((False, False), (True, True)):
+        scene = overlay.Scene.of([], tables, from_the_front, simulated)
+        shapes, _ = overlay.shapes_of(scene, ScenePose(()), frozenset({"SPACE"}), from_the_front, 1.0)
+        assert bool(shapes.corners) == there
 
 
 def test_all_performers_are_drawn() -> None:

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.cli.main import main
-from perfanim.core.geometry.rig_file import save_rig
+from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.simulate.faults import studio_with
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_pictures
 from perfanim.core.simulate.studio.render import Renderer
@@ -61,6 +62,37 @@ def test_bad_input_is_one_line(folder, capsys, more, text):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert text in lines[0]
+
+
+def test_reflections_are_noted_in_the_calibration_and_forgotten_again(tmp_path, capsys):
+    studio = studio_with(Fault.REFLECTION, np.random.default_rng(18))
+    for index, side in enumerate(("left", "right")):
+        write_film(tmp_path / f"empty-{side}.mkv", [images[index] for images in studio.empty])
+        write_film(tmp_path / f"{side}.mkv", [moment.images[index] for moment in studio.moments])
+    save_rig(studio.rig, tmp_path / "cameras.toml")
+
+    def told(*more):
+        assert check_cameras(tmp_path, "--json", "--marker-set", studio.marker_set.name, *more) == 0
+        return json.loads(capsys.readouterr().out)
+
+    found = told()
+    assert {finding["fault"] for finding in found["findings"]} == {"reflection"}
+    assert found["ignored_places"] == 0
+    told("--ignore", "reflections")
+    noted = load_rig(tmp_path / "cameras.toml").ignored
+    assert len(noted) == told()["ignored_places"] > 0
+    assert told()["verdict"] == "good"
+    films = [str(tmp_path / f"{name}.mkv") for name in ("left", "right", "empty-left", "empty-right")]
+    out = str(tmp_path / "walk.perftake")
+    options = ["--cameras", str(tmp_path / "cameras.toml"), "--left", films[0], "--right", films[1], "--out", out]
+    assert main(["track", *options, "--json", "--background", *films[2:]]) == 0
+    capsys.readouterr()
+    seen = [blobs[:, :2] for frame in read_take_file(out).frames for blobs in frame.blobs]
+    camera, *place = noted[0]
+    assert len(seen) > 100
+    assert all(np.linalg.norm(pixels - place, axis=1).min(initial=99.0) > 5.0 for pixels in seen[int(camera) :: 2])
+    told("--ignore", "none")
+    assert len(load_rig(tmp_path / "cameras.toml").ignored) == 0
 
 
 def test_a_board_of_good_size(tmp_path, capsys):

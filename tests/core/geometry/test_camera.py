@@ -1,4 +1,5 @@
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -7,7 +8,7 @@ import pytest
 from perfanim.core.errors import CalibrationError, FormatError, PerfanimError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import Camera, CameraRig, undistort_all
-from perfanim.core.geometry.rig_file import load_rig, save_rig
+from perfanim.core.geometry.rig_file import load_rig, save_ignored, save_rig
 from perfanim.core.system.files import read_toml, write_toml
 
 MATRIX = np.array([[812.0, 0.0, 641.5], [0.0, 808.0, 355.2], [0.0, 0.0, 1.0]])
@@ -104,6 +105,8 @@ def test_rays_lead_to_the_points() -> None:
         ({"translation_m": np.array([0.0, np.nan, 0.0])}, "finite"),
         ({"distortion": np.full(5, np.inf)}, "finite"),
         ({"distortion": np.full(8, 0.1)}, "at most five"),
+        ({"ignored_px": np.ones(4)}, "pairs"),
+        ({"ignored_px": np.array([[1.0, np.nan]])}, "pairs"),
     ],
 )
 def test_impossible_cameras_are_refused(change: dict[str, object], message: str) -> None:
@@ -150,6 +153,30 @@ def test_millimetres_of_other_programs(tmp_path: Path, unit: str) -> None:
             tables[key]["translation"] = [1000.0 * value for value in tables[key]["translation"]]
     write_toml(tmp_path / "mm.toml", tables)
     assert load_rig(tmp_path / "mm.toml").baseline_m() == pytest.approx(rig.baseline_m())
+
+
+def test_ignored_places_are_kept_in_the_file_and_nothing_else_is_changed(tmp_path: Path) -> None:
+    path, rig = tmp_path / "rig.toml", CameraRig((camera(), replace(camera(), name="right")), {"error": 0.25})
+    save_rig(rig, path)
+    before = path.read_text()
+    places = np.array([(0, 12.5, 80.25), (1, 3.0, 4.0), (1, 600.0, 470.0)])
+    save_ignored(path, places)
+    loaded = load_rig(path)
+    np.testing.assert_array_equal(loaded.ignored, places)
+    np.testing.assert_array_equal(loaded.cameras[1].ignored_px, places[1:, 1:])
+    save_rig(loaded, tmp_path / "again.toml")
+    np.testing.assert_array_equal(load_rig(tmp_path / "again.toml").ignored, places)
+    save_ignored(path, ())
+    assert load_rig(path).ignored.shape == (0, 3)
+    assert path.read_text() == before
+
+
+def test_other_programs_calibrations_are_left_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "caliscope.toml"
+    path.write_text("[cameras.0]\nsize = [640, 480]\n")
+    with pytest.raises(CalibrationError, match="notes no places to ignore"):
+        save_ignored(path, [(0, 1.0, 2.0)])
+    assert path.read_text() == "[cameras.0]\nsize = [640, 480]\n"
 
 
 def test_rotation_may_be_a_matrix(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """The check before a capture names the fault of a simulated studio, and none in a healthy one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
@@ -7,7 +9,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.simulate.faults import STUDIO_FAULTS, board_views, studio_with
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.subjects.setup_check.board_faults import board_faults, square_px
-from perfanim.core.subjects.setup_check.check import check_setup
+from perfanim.core.subjects.setup_check.check import check_pictures, check_setup
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.subjects.setup_check.rig_faults import place_fault
 from perfanim.core.vision.calibration.board import Board, BoardView
@@ -35,6 +37,18 @@ def test_the_fault_is_named_and_no_other(fault):
     assert {finding.fault for finding in findings} == {fault}
     for finding in findings:
         assert ";" in finding.text or ":" in finding.text  # a fact, then advice
+
+
+def test_reflections_are_ignored_before_and_after_the_calibration():
+    studio = studio_with(Fault.REFLECTION, np.random.default_rng(18))
+    names = [camera.name for camera in studio.rig.cameras]
+    backgrounds = learn_backgrounds(studio.empty)
+    found = check_pictures(names, backgrounds, studio.moments)
+    places = [place for finding in found for place in finding.places]
+    assert places
+    assert check_pictures(names, backgrounds, studio.moments, places) == []
+    assert findings_of(replace(studio, rig=studio.rig.ignoring(places))) == []
+    assert findings_of(replace(studio, rig=studio.rig.ignoring(places[1:]))) != []  # the others are seen as before
 
 
 @pytest.mark.parametrize("small", [True, False])

@@ -113,6 +113,20 @@ def test_fixed_lamps_are_no_markers_but_markers_beside_them_are(draw):
     assert near.min() < 0.1
 
 
+def test_ignored_places_show_no_marker_and_all_others_do(draw):
+    centres = grid(3)
+    image = draw(centres, 3.0)
+    ignored = centres[[2, 7]] + 1.0
+    blobs = Detector(ignored_px=ignored).detect(image)
+    everywhere = Detector().detect(image)
+    kept = np.linalg.norm(everywhere[:, None, :2] - ignored, axis=2).min(axis=1) > 3.0
+    assert kept.sum() == len(centres) - 2
+    np.testing.assert_array_equal(blobs, everywhere[kept])
+    passing = draw(ignored[:1] + np.array([5.0, 0.0]), 3.0)  # a marker is lost within 1 % of the width
+    assert len(Detector(ignored_px=ignored).detect(passing)) == 0
+    assert len(Detector(ignored_px=ignored).detect(draw(ignored[:1] + np.array([8.0, 0.0]), 3.0))) == 1
+
+
 def test_markers_that_touch_are_taken_apart(draw):
     centres = np.array([[200.0, 200.0], [209.6, 200.4], [400.0, 100.0], [404.0, 107.5]])
     blobs = Detector().detect(draw(centres, 5, background=2.0))

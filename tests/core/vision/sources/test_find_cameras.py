@@ -5,7 +5,7 @@ from typing import ClassVar
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.vision.sources import cameras
+from perfanim.core.vision.sources import device_names
 from perfanim.core.vision.sources.cameras import FoundCamera, find_cameras
 
 SIZES = {0: (640, 480), 2: None, 3: (1280, 720)}  # device 1 is none
@@ -37,6 +37,6 @@ class PlayedDevice:
 def test_cameras_are_found_with_the_size_of_their_images(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PlayedDevice, "opened", [])
     monkeypatch.setattr(cv2, "VideoCapture", PlayedDevice)
-    monkeypatch.setattr(cameras.sys, "platform", "win32")
+    monkeypatch.setattr(device_names.sys, "platform", "win32")
     assert find_cameras() == [FoundCamera(0, (640, 480)), FoundCamera(2, None), FoundCamera(3, (1280, 720))]
     assert all(device.released for device in PlayedDevice.opened)

@@ -46,6 +46,20 @@ def test_a_fault_to_practise_on_is_named(fault: Fault) -> None:
     assert (ringed > 20) == (fault is Fault.REFLECTION)
 
 
+@pytest.mark.parametrize("rig", [None, rig_tables(default_rig())], ids=["not calibrated", "calibrated"])
+def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(rig: dict[str, Any] | None) -> None:
+    _, found = checked(fault=str(Fault.REFLECTION), rig=rig)
+    places = [place for row in found["findings"] for place in row["places"]]
+    assert places
+    messages, found = checked(fault=str(Fault.REFLECTION), rig=rig, ignored=places)
+    assert found["findings"] == []
+    *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
+    for camera, x, y in places:  # the pictures are half as large
+        x, y = round(x / 2 + 320 * camera), round(y / 2)
+        near = shown[y - 4 : y + 5, x - 4 : x + 5].astype(int)
+        assert (abs(near - 200).max(axis=2) < 40).sum() >= 5
+
+
 def test_a_stop_ends_the_check_without_a_result() -> None:
     request = {"job": "check setup", "source": SOURCE, "marker_set": "boxing", "rig": None}
     messages = played(request, lambda m: m.kind is MessageKind.PREVIEW)

@@ -1,0 +1,88 @@
+"""Choice of cameras by name and thumbnail; the settings keep their device numbers."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+import numpy as np
+
+from ...core.geometry.arrays import Image
+from ...core.vision.sources.device_names import device_name, device_numbers
+
+Item = tuple[str, str, str, int, int]
+
+NONE = -1  # device number of no camera
+_REDUCED = 2  # times a thumbnail is smaller than the picture
+
+
+@dataclass
+class _Seen:
+    """Cameras of the last look, and their thumbnails."""
+
+    devices: tuple[int, ...] = ()
+    thumbnails: Any = None
+    items: dict[str, list[Item]] = field(default_factory=dict)  # Blender keeps no reference to their strings
+
+
+_seen = _Seen()
+
+
+def keep_pictures(devices: Sequence[int], pictures: Image) -> None:
+    """Offer these cameras, with pictures (height, width, 3), RGB, side by side."""
+    _seen.devices = tuple(devices)
+    if _seen.thumbnails is not None:
+        bpy.utils.previews.remove(_seen.thumbnails)
+    _seen.thumbnails = bpy.utils.previews.new()
+    for device, picture in zip(devices, np.array_split(pictures, len(devices), axis=1), strict=True):
+        small = picture[::-_REDUCED, ::_REDUCED].astype(np.float32) / 255.0
+        pixels = np.concatenate((small, np.ones((*small.shape[:2], 1), np.float32)), axis=2)
+        thumbnail = _seen.thumbnails.new(str(device))
+        thumbnail.image_size = thumbnail.icon_size = (pixels.shape[1], pixels.shape[0])
+        thumbnail.image_pixels_float.foreach_set(pixels.ravel())
+        thumbnail.icon_pixels_float.foreach_set(pixels.ravel())
+
+
+def has_thumbnails() -> bool:
+    """Return whether pictures of cameras are known."""
+    return _seen.thumbnails is not None
+
+
+def items_of(setting: str, optional: bool) -> Callable[[Any, object], list[Item]]:
+    """Return the function that lists the cameras for a setting with a device number."""
+
+    def items(settings: Any, _context: object) -> list[Item]:
+        chosen = getattr(settings, setting, NONE)
+        numbers = sorted({*(_seen.devices or device_numbers()), chosen} - {NONE})
+        rows = [(str(number), device_name(number), f"Camera {number}", _icon(number), number) for number in numbers]
+        if optional:
+            rows.append(("NONE", "None", "One camera only", 0, NONE))
+        _seen.items[setting] = rows
+        return rows
+
+    return items
+
+
+def _icon(device: int) -> int:
+    known = _seen.thumbnails is not None and str(device) in _seen.thumbnails
+    return int(_seen.thumbnails[str(device)].icon_id) if known else 0
+
+
+def camera_choice(name: str, description: str, setting: str, optional: bool = False) -> Any:
+    """Return a choice among cameras, kept in a setting with a device number."""
+    return bpy.props.EnumProperty(
+        name=name,
+        description=description,
+        items=items_of(setting, optional),
+        get=lambda self: getattr(self, setting),
+        set=lambda self, value: setattr(self, setting, value),
+        options={"SKIP_SAVE"},
+    )
+
+
+def unregister() -> None:
+    """Forget the cameras and free their thumbnails."""
+    if _seen.thumbnails is not None:
+        bpy.utils.previews.remove(_seen.thumbnails)
+    vars(_seen).update(vars(_Seen()))
