@@ -15,16 +15,16 @@ from ..markers.subject import Subject
 from ..solver.gaussian_conditioning import moved_root
 from ..solver.subject_model import RootPose, SubjectModel
 
-_STEPS = 10  # of Gauss-Newton at most,
+_STEPS = 20  # of Gauss-Newton at most,
 _ROUNDS = 3  # and again from there while a tight target is further off than
 _NEAR_M, _TIGHT_M = 0.01, 0.002
-_STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other
+_STRAIGHT_RAD = 0.02  # a step in which no joint turns more needs no other
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
 _LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
 _MARKER_SIGMA_M = 0.0005
 _CHANGE_SHARE = 0.1  # of the database's covariance, with which a pose varies about its motion
 _CHANGE_RAD = 0.02  # and beside that
-_ROOT_SIGMA = (0.05, 0.05)  # m, rad, about the database's motion
+_ROOT_SIGMA = (0.05, 0.015)  # m, rad, about the database's motion
 _LIMIT_PERCENTILES, _LIMIT_MARGIN_RAD = (0.5, 99.5), 0.05  # of the database's joint angles
 _MOST_BEYOND_RAD = 0.35
 _SAMPLES = 4000  # frames that these are taken over
