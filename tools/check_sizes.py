@@ -17,8 +17,9 @@ CLASS_LINES = 200
 # later (offline solving in both directions, noise estimation, the prior in use, sketches and
 # their panel: 4,000 and a package; the guide for cameras, with its check of the pictures, recordings of one's own that
 # count before those of others, refusals of inputs that fuzzers
-# found, and fewer and larger steps of a frame: 900).
-TOTAL_LINES = 51_900
+# found, and fewer and larger steps of a frame: 900; feet of sketches that stand
+# and step as all examples of them do, and live edits of their paths: 300).
+TOTAL_LINES = 52_200
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
 ALLOWED: dict[str, str] = {}

@@ -20,7 +20,7 @@ _SIGMA_M = 0.05  # distance at a control that counts as one
 _FARTHEST = 4.0  # such distances, to which it is trusted
 _FOOT_SIGMA_M = 0.06  # distance from a foot's keys that counts as one
 _ROOT_WEIGHT, _OTHER_FOOT_WEIGHT = 0.3, 0.2  # in that distance, the foot's own being 1
-_HEIGHT_SCALE = 3.0  # a foot's height tells more than its place whether it stands
+_HEIGHT_SCALE = 3.0  # a foot's height shows better than its place whether it stands
 _FRAMES = 5  # of a window at which bodies are compared
 
 
@@ -149,7 +149,11 @@ def corrected(
 
 
 def _foot_weights(library: MotionLibrary, near: Looks, stretch: Stretch, windows: Windows, foot: int) -> Array | None:
-    """Return how much each window (K,) counts for a foot, 0 left and 1 right; None without its keys."""
+    """Return how much each window (K,) counts for a foot, None without its keys.
+
+    Args:
+        foot: 0 left, 1 right.
+    """
     own, other = ([library.columns[side + name] for name in ("foot", "toes")] for side in ("lr"[foot], "rl"[foot]))
     importance = np.zeros(len(library.joints))
     importance[own], importance[other], importance[library.columns["root"]] = 1.0, _OTHER_FOOT_WEIGHT, _ROOT_WEIGHT

@@ -86,7 +86,7 @@ class MotionLibrary:
             self.heights_m[part] -= self._floors_m[index]
 
     def _contacts(self) -> tuple[Mask, Mask]:
-        """Return (F, 2) whether left and right toes stand, and whether they are still, which is less often."""
+        """Return (F, 2) whether left and right toes stand, and (F, 2) if they are still."""
         toes = [self.columns[name] for name in TOES]
         result, still = np.zeros((2, self.database.frames, 2), dtype=np.bool_)
         size, second = 2 * round(_STEADY_S * self.fps / 2) + 1, 2 * round(self.fps) + 1

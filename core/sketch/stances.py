@@ -128,7 +128,12 @@ def _between(inside: IntArray, own: IntArray, values: Array) -> Array:
 
 
 def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
-    """Return the place (3,) near wanted toes (K, 3) that is a foot's length from all ankles (K, 3)."""
+    """Return the place (3,) of toes, a foot's length from all ankles (K, 3).
+
+    Args:
+        toes_m: (K, 3) wanted places, to stay near.
+        lengths_m: (K,) of the foot.
+    """
     middle = place = toes_m.mean(axis=0)
     for _ in range(_ROUNDS):
         way = place - ankles_m
@@ -140,7 +145,7 @@ def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
 
 
 def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
-    """Return wanted toes (K, 3) in some frames of a stance, turned about the ankle onto the floor if it is near."""
+    """Return wanted toes (K, 3) in frames of a stance, turned onto a near floor."""
     toes, ankles, lengths_m = foot.wanted_toes_m[own], foot.wanted_ankle_m[own], foot.length_m[own]
     way, low_m = toes - ankles, foot.toes_m[inside, 1].min()
     down_m, ahead_m = low_m - ankles[:, 1], np.hypot(way[:, 0], way[:, 2])
@@ -186,7 +191,11 @@ def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]
 
 
 def _rests(foot: Foot, first: int, last: int, share: float, fps: float) -> bool:
-    """Return whether a foot may stand in one place between two keys; `share` is the mean there."""
+    """Return whether a foot may stand in one place between two keys.
+
+    Args:
+        share: mean of the examples that stand there.
+    """
     ends, joint_m = np.array([first, last]), foot.wanted_toes_m if foot.by_toes else foot.wanted_ankle_m
     way = joint_m[last] - joint_m[first]
     if np.linalg.norm(way) < min(_STAYED_M, _STAYED_M_S * (last - first) / fps):

@@ -79,7 +79,7 @@ def targets_of(
             wanted = points[:, joints.index(leader)] - base_m[:, joints.index(leader)]
             keyed = np.flatnonzero(keyed_in[:, joints.index(leader)])
         led = [column for column, name in zip(columns, pair, strict=True) if name == leader or name not in controls]
-        foot = Foot(*base_m[:, columns].transpose(1, 0, 2), wanted, keyed, leader == pair[1])
+        foot = Foot(base_m[:, columns[0]], base_m[:, columns[1]], wanted, keyed, leader == pair[1])
         if not hold_feet:
             points[:, led] = base_m[:, led] + wanted[:, None]
             continue
