@@ -63,7 +63,13 @@ class BodyFit:
         # what the database's motion itself has is no violation
         limits = np.array((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)))
         flat, left = flat.copy(), np.arange(len(flat))
-        for _ in range(_ROUNDS):
+        for number in range(_ROUNDS + 1):
+            if number == _ROUNDS:  # stuck: on from the nearest frame that is not
+                free = np.setdiff1d(np.arange(len(flat)), left)
+                if not len(free):
+                    break
+                others = free[np.argmin(np.abs(left[:, None] - free), axis=1)]
+                flat[left], rotations[left] = flat[others], rotations[others]
             root = RootPose(rotations[left], places[left])
             change = self._change(flat[left], root, points_m[left], sigmas_m[left], limits[:, left])
             root = moved_root(root, change)
