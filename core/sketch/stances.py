@@ -6,6 +6,7 @@ whenever enough of them do. Feet without a key stand when the database's motion 
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
@@ -20,7 +21,8 @@ _STAYED_M, _STAYED_M_S = 0.04, 0.1  # a foot stands between two keys that are no
 # stand), the ankles by less on the floor, and the length of the foot by less
 _TOES_M, _STEADY_TOES_M, _ANKLES_M, _LENGTH_M = 0.03, 0.05, 0.1, 0.015
 _SOME_STAND, _MOST_STAND = 0.3, 0.7
-_STEP_M_S, _SHORTEST_STEP_S = 2.0, 0.07  # mean speed of a step
+_STEP_M_S, _SHORTEST_STEP_S = 2.0, 0.07  # mean speed of a step,
+_FASTEST_M_S = 5.0  # and from one place to the next
 _LONGEST_STEP = 0.35  # share of the time between two keys that a step takes unless examples take longer
 _SHORTEST_CONTACT_S, _CONTACT_S = 0.05, 0.13  # shorter ones are none, and those between last the second
 _MOVING_S = 0.01  # a frame of a step counts as that many shares for each metre that the database's motion moves then
@@ -176,7 +178,25 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
         stands[first + begin : first + stop] = False
     shortest_stance = round(_SHORTEST_CONTACT_S * fps)
     found = [(first, stop) for first, stop in runs(stands) if stop - first >= shortest_stance]
-    return [_widened(share, first, stop, round(_CONTACT_S * fps)) for first, stop in found]
+    found = [_widened(share, first, stop, round(_CONTACT_S * fps)) for first, stop in found]
+    return _with_time_to_step(found, foot.wanted_toes_m, share, fps)
+
+
+def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array, fps: float) -> list[tuple[int, int]]:
+    """Return stances, shortened where the next place is too far for the time between."""
+    result, least = [list(each) for each in found], round(_CONTACT_S * fps)
+    places = [toes_m[first:stop].mean(axis=0) for first, stop in found]
+    for (before, after), (place, then) in zip(pairwise(result), pairwise(places), strict=True):
+        needed = np.linalg.norm(then - place) / _FASTEST_M_S * fps
+        while after[0] - before[1] < needed:
+            can_leave, can_land = (stop - first > least for first, stop in (before, after))
+            if not can_leave and not can_land:
+                break
+            if can_leave and (not can_land or share[before[1] - 1] < share[after[0]]):
+                before[1] -= 1
+            else:
+                after[0] += 1
+    return [(first, stop) for first, stop in result]
 
 
 def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]:

@@ -92,3 +92,14 @@ def test_a_stepping_foot_is_lifted_and_a_standing_or_keyed_one_is_not():
     assert (up_m[fixed] == 0.0).all()
     assert up_m[12:14].min() > 0.015
     assert up_m.max() < 0.03
+
+
+def test_a_far_step_has_time():
+    foot = foot_through([(0.0, 0.08, 0.0), (0.0, 0.08, 1.0), (0.0, 0.08, 1.0)])
+    share = np.full(FRAMES, 0.9)
+    share[8] = 0.0
+    held = held_foot(foot, share, None, FPS)
+    speeds = np.linalg.norm(np.diff(held.toes_m, axis=0), axis=1) * FPS
+    assert held.stands[:4].all()
+    assert held.stands[12:].all()
+    assert speeds.max() < 8.0
