@@ -1,7 +1,8 @@
 """Motion between the keys, drawn from the chosen windows of the database.
 
 Each window's motion is corrected by its neighbours: a ridge regression over windows near it gives the change of poses
-with the controls' places. Windows are then blended where stretches meet.
+with the controls' places. When a keyed foot stands is asked of all windows, each counting as its foot is near the keys:
+one window alone steps at another moment too often. Windows are then blended where stretches meet.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,9 @@ from .retrieval import CONTEXT_S, Looks, Stretch, Windows, shown_at
 _CLOSEST = 32  # windows of the regression
 _SIGMA_M = 0.05  # distance at a control that counts as one
 _FARTHEST = 4.0  # such distances, to which it is trusted
+_FOOT_SIGMA_M = 0.06  # distance from a foot's keys that counts as one
+_ROOT_WEIGHT, _OTHER_FOOT_WEIGHT = 0.3, 0.2  # in that distance, the foot's own being 1
+_HEIGHT_SCALE = 3.0  # a foot's height shows better than its place whether it stands
 _FRAMES = 5  # of a window at which bodies are compared
 
 
@@ -26,7 +30,7 @@ class BaseMotion:
 
     Args:
         poses: (F, 28, 3); root_rotations: (F, 4); root_positions_m: (F, 3).
-        standing: (F, 2) share with which left and right toes stand.
+        standing: (F, 2) share of examples in which left and right toes stand.
         drawn_from: names of the clips, in order of time.
     """
 
@@ -107,6 +111,11 @@ def corrected(
     poses, turns, places = (part[0] for part in window_motions(library, own, relative_s))
     shown = np.round(_frames_of(library, own, relative_s)[0]).astype(np.int64)
     standing, names = library.contacts[shown].astype(np.float64), (library.clip_of(own.starts[0]).name,)
+    frames = np.round(_frames_of(library, windows, relative_s)).astype(np.int64)
+    for foot in range(2):
+        weights = _foot_weights(library, near, stretch, windows, foot)
+        if weights is not None:
+            standing[:, foot] = weights @ library.still_toes[frames, foot]
     if len(windows.starts) < 8 or not len(near.times_s):
         return BaseMotion(poses, turns, places, standing, names)
     moments = np.repeat(np.linspace(relative_s[0], relative_s[-1], _FRAMES), len(BODY))
@@ -137,6 +146,33 @@ def corrected(
         standing,
         names,
     )
+
+
+def _foot_weights(library: MotionLibrary, near: Looks, stretch: Stretch, windows: Windows, foot: int) -> Array | None:
+    """Return how much each window (K,) counts for a foot, None without its keys.
+
+    Args:
+        foot: 0 left, 1 right.
+    """
+    own, other = ([library.columns[side + name] for name in ("foot", "toes")] for side in ("lr"[foot], "rl"[foot]))
+    importance = np.zeros(len(library.joints))
+    importance[own], importance[other], importance[library.columns["root"]] = 1.0, _OTHER_FOOT_WEIGHT, _ROOT_WEIGHT
+    used = (near.weights == 1.0) & (importance[near.columns] > 0.0)
+    if not np.isin(near.columns[used], own).any():
+        return None
+    weights = importance[near.columns[used]]
+    weights /= weights.sum()
+    shown = shown_at(library, windows, near.times_s[used] - stretch.first_s, near.columns[used])
+    across, along, heights_m = np.split(shown, 3, axis=1)
+    # each window turned and moved once more, to where the foot fits best
+    points, goals = across + 1j * along, near.planar[used]
+    points, goals = points - (points @ weights)[:, None], goals - weights @ goals
+    off_m2 = (
+        np.abs(points) ** 2 @ weights + weights @ np.abs(goals) ** 2 - 2.0 * np.abs((points.conj() * goals) @ weights)
+    )
+    off_m2 += _HEIGHT_SCALE**2 * (heights_m - near.heights_m[used]) ** 2 @ weights
+    shares = np.exp(-0.5 * (off_m2 - off_m2.min()) / _FOOT_SIGMA_M**2)
+    return np.asarray(shares / shares.sum())
 
 
 def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:

@@ -1,7 +1,7 @@
 """Fit of poses to targets of joints, near the database's motion.
 
 The same cost as in `solver.gaussian_conditioning`, for many frames at once: there the prior differs from frame to
-frame, here all share one, so its inverse is at hand.
+frame, here all share one, so its inverse is at hand and a step solves a system of the targets' size only.
 """
 
 import numpy as np
@@ -9,22 +9,22 @@ from scipy.linalg import block_diag
 
 from ..body.skeleton import Skeleton
 from ..database.store import Database
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Mask
 from ..markers.marker_set import Marker, MarkerSet
 from ..markers.subject import Subject
 from ..solver.gaussian_conditioning import moved_root
 from ..solver.subject_model import RootPose, SubjectModel
 
-_STEPS = 10  # of Gauss-Newton at most,
+_STEPS = 20  # of Gauss-Newton at most,
 _ROUNDS = 3  # and again from there while a tight target is further off than
 _NEAR_M, _TIGHT_M = 0.01, 0.002
-_STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other
+_STRAIGHT_RAD = 0.02  # a step in which no joint turns more needs no other
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
 _LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
 _MARKER_SIGMA_M = 0.0005
 _CHANGE_SHARE = 0.1  # of the database's covariance, with which a pose varies about its motion
 _CHANGE_RAD = 0.02  # and beside that
-_ROOT_SIGMA = (0.05, 0.05)  # m, rad, about the database's motion
+_ROOT_SIGMA = (0.05, 0.015)  # m, rad, about the database's motion
 _LIMIT_PERCENTILES, _LIMIT_MARGIN_RAD = (0.5, 99.5), 0.05  # of the database's joint angles
 _MOST_BEYOND_RAD = 0.35
 _SAMPLES = 4000  # frames that these are taken over
@@ -47,8 +47,8 @@ class BodyFit:
         covariance = _CHANGE_SHARE * np.atleast_2d(np.cov(poses.T, ddof=0))
         covariance[np.diag_indices_from(covariance)] += _CHANGE_RAD**2
         # of the change of root and pose
-        self._precision = np.diag(np.repeat(np.array(_ROOT_SIGMA), 3) ** -2.0)
-        self._precision = block_diag(self._precision, np.linalg.inv(covariance))
+        self._covariance = block_diag(np.diag(np.repeat(np.array(_ROOT_SIGMA), 3) ** 2.0), covariance)
+        self._precision = np.linalg.inv(self._covariance)
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
         self._limits = np.percentile(poses, _LIMIT_PERCENTILES, axis=0) + margin
 
@@ -63,7 +63,13 @@ class BodyFit:
         # what the database's motion itself has is no violation
         limits = np.array((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)))
         flat, left = flat.copy(), np.arange(len(flat))
-        for _ in range(_ROUNDS):
+        for number in range(_ROUNDS + 1):
+            if number == _ROUNDS:  # stuck: on from the nearest frame that is not
+                free = np.setdiff1d(np.arange(len(flat)), left)
+                if not len(free):
+                    break
+                others = free[np.argmin(np.abs(left[:, None] - free), axis=1)]
+                flat[left], rotations[left] = flat[others], rotations[others]
             root = RootPose(rotations[left], places[left])
             change = self._change(flat[left], root, points_m[left], sigmas_m[left], limits[:, left])
             root = moved_root(root, change)
@@ -85,7 +91,8 @@ class BodyFit:
         """
         count, size = len(mean), len(self._precision)
         change, kept = np.zeros((2, count, size))
-        curvatures, slopes = np.zeros((count, size, size)), np.zeros((count, size))
+        rows, slopes = np.zeros((count, 3 * points_m.shape[1], size)), np.zeros((count, size))
+        is_beyond = np.zeros((count, size), dtype=np.bool_)
         damping, least, at = np.zeros(count), np.full(count, np.inf), np.arange(count)
         scales = 1.0 / np.hypot(_MARKER_SIGMA_M, sigmas_m)[:, :, None]
         for _ in range(_STEPS):
@@ -100,17 +107,14 @@ class BodyFit:
             cost = np.sum(off**2, axis=1) + np.sum(beyond**2, axis=1) + np.sum(pull * change[at], axis=1)
             is_better = cost <= least[at]
             better, worse = at[is_better], at[~is_better]
-            rows = (jacobian * scales[at, :, None]).reshape(*off.shape, size)[is_better]
-            curvatures[better] = rows.transpose(0, 2, 1) @ rows + self._precision
-            diagonal = np.arange(6, size)
-            curvatures[better[:, None], diagonal, diagonal] += (beyond[is_better] != 0.0) / _LIMIT_RAD**2
-            slopes[better] = pull[is_better] + (off[is_better, None] @ rows)[:, 0]
+            rows[better] = (jacobian * scales[at, :, None]).reshape(*off.shape, size)[is_better]
+            is_beyond[better, 6:] = beyond[is_better] != 0.0
+            slopes[better] = pull[is_better] + (off[is_better, None] @ rows[better])[:, 0]
             slopes[better, 6:] += beyond[is_better] / _LIMIT_RAD
             least[better], kept[better] = cost[is_better], change[better]
             damping[better] /= _DAMPING_GROWTH**2
             damping[worse] = np.maximum(_FIRST_DAMPING, _DAMPING_GROWTH * damping[worse])
-            system = curvatures[at] + damping[at, None, None] * self._precision
-            step = -np.linalg.solve(system, slopes[at][:, :, None])[:, :, 0]
+            step = self._step(rows[at], is_beyond[at], slopes[at], damping[at])
             change[at] = kept[at] + step
             pose = mean[at] + change[at, 6:]
             passed = np.where(beyond == 0.0, np.abs(pose - np.clip(pose, *limits[:, at])), 0.0)
@@ -119,3 +123,23 @@ class BodyFit:
                 break
         change[at] = kept[at]  # their last step was not tried
         return change
+
+    def _step(self, rows: Array, is_beyond: Mask, slopes: Array, damping: Array) -> Array:
+        """Return the steps (F, D) of damped Gauss-Newton.
+
+        The targets' rows (F, R, D) are far fewer than the pose's numbers, as are those beyond their limits (F, D): by
+        Woodbury's identity only a system of their size is solved.
+        """
+        most = int(is_beyond.sum(axis=1).max())
+        if most:
+            which = np.argsort(~is_beyond, axis=1, kind="stable")[:, :most]
+            frames, places = np.arange(len(rows))[:, None], np.arange(most)
+            limits = np.zeros((len(rows), most, rows.shape[2]))
+            limits[frames, places, which] = is_beyond[frames, which] / _LIMIT_RAD
+            rows = np.concatenate((rows, limits), axis=1)
+        share = 1.0 / (1.0 + damping)
+        spread = (rows.reshape(-1, rows.shape[2]) @ self._covariance).reshape(rows.shape) * share[:, None, None]
+        free = (slopes @ self._covariance) * share[:, None]
+        inner = spread @ rows.transpose(0, 2, 1) + np.eye(rows.shape[1])
+        held = np.linalg.solve(inner, rows @ free[:, :, None])
+        return np.asarray((held.transpose(0, 2, 1) @ spread)[:, 0] - free)

@@ -8,7 +8,7 @@ from fnmatch import fnmatch
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, minimum_filter1d
 
 from ..body.calibration_poses import hanging
 from ..body.skeleton import Skeleton, forward_kinematics
@@ -28,6 +28,7 @@ TOES = ("ltoes", "rtoes")
 _SEARCH_FPS = 30.0  # of the frames at which a stretch may begin
 _LOWEST_PERCENT = 5.0  # of a clip's frames, taken as its floor: single frames are noise
 _STANDING_M, _STANDING_M_S = 0.05, 0.35  # a standing foot is lower above that floor, and slower
+_STILL_M, _STILL_M_S = 0.05, 0.25  # still toes are lower above their lowest place within a second, and slower
 _STEADY_S = 0.1  # contact changes no faster
 _CHUNK = 1 << 15  # frames computed at once
 
@@ -71,7 +72,7 @@ class MotionLibrary:
             self.planar[frames] = world_m[..., 2] + 1j * world_m[..., 0]
             self.heights_m[frames] = world_m[..., 1]
         self._level(skeleton)
-        self.contacts = self._contacts()
+        self.contacts, self.still_toes = self._contacts()
         heights_m = forward_kinematics(skeleton, hanging(skeleton), np.zeros(3))[0][:, 1]
         self.hanging_m = float(np.mean([heights_m[skeleton.index(side + "hand")] for side in "lr"]))  # above the root
 
@@ -84,21 +85,23 @@ class MotionLibrary:
             self._floors_m[index] = lowest - standing_toes_m(skeleton)
             self.heights_m[part] -= self._floors_m[index]
 
-    def _contacts(self) -> Mask:
-        """Return (F, 2) whether left and right toes stand."""
+    def _contacts(self) -> tuple[Mask, Mask]:
+        """Return (F, 2) whether left and right toes stand, and (F, 2) if they are still."""
         toes = [self.columns[name] for name in TOES]
-        result = np.zeros((self.database.frames, 2), dtype=np.bool_)
-        size = 2 * round(_STEADY_S * self.fps / 2) + 1
+        result, still = np.zeros((2, self.database.frames, 2), dtype=np.bool_)
+        size, second = 2 * round(_STEADY_S * self.fps / 2) + 1, 2 * round(self.fps) + 1
         for clip in self.database.clips:
             part = slice(clip.start, clip.stop)
             places, heights = self.planar[part][:, toes], self.heights_m[part][:, toes]
             if len(places) < 2:
-                result[part] = True
+                result[part] = still[part] = True
                 continue
             speeds = np.abs(np.gradient(places.astype(np.complex128), axis=0)) * self.fps
             low = heights - np.percentile(heights, _LOWEST_PERCENT, axis=0) < _STANDING_M
             result[part] = median_filter(low & (speeds < _STANDING_M_S), size=(size, 1), mode="nearest")
-        return result
+            low = heights - minimum_filter1d(heights, second, axis=0, mode="nearest") < _STILL_M
+            still[part] = low & (np.hypot(speeds, np.gradient(heights, axis=0) * self.fps) < _STILL_M_S)
+        return result, still
 
     def clip_of(self, frame: float) -> Clip:
         """Return the clip of a frame."""

@@ -31,7 +31,7 @@ NEIGHBOURS = 160  # and that are known near the keys
 _APART_S = 0.1  # two candidates of one clip begin at least so far apart
 _JOIN_WEIGHT = 0.5  # of the change at a join (m2), the keys' being 1
 _VELOCITY_S = 0.15  # that a change of velocity counts
-_SAME_M = 0.002  # or s
+_SAME_M, _MOST_SAME_M = 0.002, 0.01  # or s
 # where no control says which way the body faces and where hands are, windows that go forwards are preferred (m2 a
 # squared metre gone backwards, half of it sideways), and those with hanging hands (m2 a squared metre higher)
 _FORWARDS_WEIGHT, _HANGING_WEIGHT = 0.3, 0.02
@@ -58,11 +58,13 @@ class Looks:
     weights: Array
 
     def same(self, other: "Looks") -> bool:
-        """Return whether all are where the other ones are, but for millimetres."""
+        """Return whether all are where others are, but for 2 mm, more for a small weight."""
         if len(self.times_s) != len(other.times_s) or not np.array_equal(self.columns, other.columns):
             return False
-        changes = (np.abs(one - two) for one, two in zip(vars(self).values(), vars(other).values(), strict=True))
-        return all(float(change.max(initial=0.0)) < _SAME_M for change in changes)
+        changes = [np.abs(one - two) for one, two in zip(vars(self).values(), vars(other).values(), strict=True)]
+        near_m = np.minimum(_SAME_M / np.sqrt(np.maximum(self.weights, 1e-9)), _MOST_SAME_M)
+        limits = _SAME_M, _SAME_M, near_m, near_m, _SAME_M
+        return all(bool(np.all(change < limit)) for change, limit in zip(changes, limits, strict=True))
 
     def between(self, first_s: float, last_s: float) -> "Looks":
         """Return those of a time."""

@@ -16,6 +16,7 @@ from ..animation.channels import channels_of, slot_of
 from ..capture.capture_space import CaptureSpace
 from ..character.bone_map_settings import joint_label
 from ..character.posing import bones_of
+from .path_places import places_on_path
 
 JOINT = "perfanim_joint"  # custom property of a control
 _SIZE_M = 0.08  # of a control of a person's hand
@@ -127,23 +128,30 @@ def set_keys(armature_object: bpy.types.Object, sketch: Sketch, space: CaptureSp
 
 
 def read_controls(
-    context: bpy.types.Context, armature_object: bpy.types.Object, space: CaptureSpace, dragged: bool = False
+    context: bpy.types.Context,
+    armature_object: bpy.types.Object,
+    space: CaptureSpace,
+    dragged: bool = False,
+    seen: Mapping[str, Control] | None = None,
 ) -> Sketch:
     """Return the sketch of a character's keyed controls, frames as in the scene.
 
     A control on a path or with a parent is read where the scene shows it, every few frames.
 
     Args:
-        dragged: a control that is moved off its curves has a key in the present frame; the scene stays as it is, so
-            controls on paths are left out.
+        dragged: a control that is moved off its curves has a key in the present frame. The scene stays as it is: of
+            the controls with a parent or constraints only those that follow a curve are read.
+        seen: joint -> control as read before, for those that are not read.
 
     Raises:
         SettingsError: no key, too many frames, or a control beyond all bounds.
     """
     scene, found = context.scene, []
     for joint, control in controls_of(armature_object).items():
-        keys = _keys(scene, control, dragged)
-        if keys:
+        keys = _keys(context, control, dragged)
+        if keys is None:
+            found += [seen[joint]] if seen and joint in seen else []
+        elif keys:
             frames = np.array(sorted(keys), dtype=np.float64)
             points_m = space.points_from_scene(np.array([keys[frame] for frame in sorted(keys)]))
             _check_far(control.name, points_m)
@@ -161,11 +169,15 @@ def read_controls(
     return sketch
 
 
-def _keys(scene: bpy.types.Scene, control: bpy.types.Object, dragged: bool) -> Mapping[int, Array]:
-    """Return frame -> location in the scene of each key of a control."""
-    curves = action_curves(control)
+def _keys(context: bpy.types.Context, control: bpy.types.Object, dragged: bool) -> Mapping[int, Array] | None:
+    """Return frame -> location in the scene of each key of a control.
+
+    None for one that is dragged, with a parent or constraints that place it where only other frames show.
+    """
+    scene, curves = context.scene, action_curves(control)
     if control.parent is not None or len(control.constraints):
-        return {} if dragged else _shown_along(scene, control, curves)
+        frames = _frames_along(curves)
+        return places_on_path(context, control, curves, frames) if dragged else _shown_along(scene, control, frames)
     channels = {curve.array_index: curve for curve in curves if curve.data_path == "location"}
     frames = {round(key.co.x) for curve in channels.values() for key in curve.keyframe_points}
 
@@ -180,17 +192,21 @@ def _keys(scene: bpy.types.Scene, control: bpy.types.Object, dragged: bool) -> M
     return keys
 
 
-def _shown_along(
-    scene: bpy.types.Scene, control: bpy.types.Object, curves: Iterable[bpy.types.FCurve]
-) -> Mapping[int, Array]:
-    """Return frame -> location at the keys of any channel, and often between them."""
+def _frames_along(curves: Iterable[bpy.types.FCurve]) -> list[int]:
+    """Return the frames of the keys of any channel, and often between them."""
     frames = {round(key.co.x) for curve in curves for key in curve.keyframe_points}
-    if not frames or max(frames) - min(frames) >= MOST_FRAMES:
+    if frames and max(frames) - min(frames) < MOST_FRAMES:
+        frames |= set(range(min(frames), max(frames), _ALONG_PATH))
+    return sorted(frames)
+
+
+def _shown_along(scene: bpy.types.Scene, control: bpy.types.Object, frames: list[int]) -> Mapping[int, Array]:
+    """Return frame -> location where the scene shows a control."""
+    if frames and frames[-1] - frames[0] >= MOST_FRAMES:
         return {frame: np.array(control.matrix_world.translation) for frame in frames}
-    frames |= set(range(min(frames), max(frames), _ALONG_PATH))
     found = {}
     with _present_frame(scene):
-        for frame in sorted(frames):
+        for frame in frames:
             scene.frame_set(frame)
             shown = control.evaluated_get(bpy.context.evaluated_depsgraph_get())
             found[frame] = np.array(shown.matrix_world.translation, dtype=np.float64)

@@ -51,6 +51,7 @@ class LiveSketch:
         self.noted = False
         self.shown = 0  # solutions
         self._number = self._answered = 0
+        self._seen = {each.joint: each for each in read_controls(context, found, self.body.space).controls}
         self._sent: dict[str, Any] = {}
         self._sketches: dict[int, Sketch] = {}
         self._filling: Iterator[None] | None = None
@@ -69,7 +70,7 @@ class LiveSketch:
     def _read(self, context: bpy.types.Context) -> tuple[Sketch, dict[str, Any]]:
         """Return the sketch, and it and its settings as the worker takes them."""
         found = find_armature(self.armature)
-        sketch = read_controls(context, found, self.body.space, dragged=True)
+        sketch = read_controls(context, found, self.body.space, dragged=True, seen=self._seen)
         chosen = found.perfanim_sketch.solver_settings()
         return sketch, {"sketch": sketch_table(sketch), "settings": settings_table(chosen)}
 
@@ -217,6 +218,8 @@ def _note(_scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
         names.add(control.name)
         if control.animation_data is not None and control.animation_data.action is not None:
             names.add(control.animation_data.action.name)
+        paths = (getattr(each, "target", None) for each in control.constraints)
+        names |= {data.name for path in paths if path is not None for data in (path, path.data) if data is not None}
     live.noted = any(update.id.name in names for update in graph.updates)
 
 

@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,17 @@ class Desktop:
         self.run("xdotool", "mousedown", str(button))
         time.sleep(0.08)
         self.run("xdotool", "mouseup", str(button))
+
+    def drag(self, places: Sequence[tuple[float, float]]) -> None:
+        """Draw with the left button held from place to place, as slowly as a person."""
+        self.move(*places[0])
+        time.sleep(0.5)
+        self.run("xdotool", "mousedown", "1")
+        for place in places:
+            self.move(*place)
+            time.sleep(0.03)
+        time.sleep(0.3)
+        self.run("xdotool", "mouseup", "1")
 
     def key(self, name: str) -> None:
         """Press a key."""

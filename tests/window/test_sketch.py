@@ -1,19 +1,22 @@
-"""From an empty file to a walking character by mouse and keyboard: six keys, solved, then edited live."""
+"""From an empty file to a walking character by mouse and keyboard: six keys or a drawn path, solved, edited live."""
 
 import time
 
+import numpy as np
 from desktop import BlenderWindow, Desktop
 from pointing import Hand
 
 FRAMES = 36  # between the keys
 WAY_M = 1.2
+PATH_PX = 220  # down the screen, about two metres ahead of a new character
 
 
-def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
+def with_controls(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
+    """Delete the cube of a new file, and add a character with controls."""
     window.open_tab("Perfanim")
-    hand = Hand(desktop, window, "sketch")
+    hand = Hand(desktop, window, name)
     hand.away()
-    for key in ("x", "Return"):  # the cube
+    for key in ("x", "Return"):
         desktop.key(key)
         time.sleep(0.7)
     hand.toggle("Capture")
@@ -22,6 +25,11 @@ def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
     hand.click("Add Controls", sidebar=True)
     window.wait(lambda state: state["armature"], "a character")
     hand.shot("controls")
+    return hand
+
+
+def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
+    hand = with_controls(desktop, window, "sketch")
     press(hand, desktop, "i")
     for _ in range(FRAMES):
         desktop.key("Right")
@@ -46,6 +54,32 @@ def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
     window.wait(lambda state: state["pose"] != before, "a body that follows")
     hand.shot("dragged")
     desktop.key("Escape")
+
+
+def test_a_walk_along_a_drawn_path(desktop: Desktop, window: BlenderWindow) -> None:
+    hand = with_controls(desktop, window, "sketch-path")
+    hand.click("Draw Hips Path", sidebar=True)
+    window.wait(lambda state: "draw with the left" in state["capture"]["messages"].get("sketch", ""), "a path to draw")
+    hand.shot("from-above")
+    view = window.state()["regions"]["WINDOW"]
+    x, y = window.from_top(view, 0.5 * view[2], 0.5 * view[3])
+    down = np.linspace(0.0, 1.0, 40)
+    desktop.drag([(x + 60.0 * np.sin(np.pi * share), y + PATH_PX * share) for share in down])
+    hand.shot("drawn")
+    hand.click("Follow Curve", sidebar=True)
+    told = window.wait(lambda state: "follows" in state["capture"]["messages"].get("sketch", ""), "hips on the path")
+    last = int(told["capture"]["messages"]["sketch"].rpartition(" ")[2].rstrip("."))
+    assert last > FRAMES
+    hand.click("Solve Sketch", sidebar=True)
+    solved = window.wait(lambda state: "keys are met" in state["capture"]["messages"].get("sketch", ""), "a motion")
+    (action,) = (facts for name, facts in solved["actions"].items() if "sketch" in name and "Performer" in name)
+    assert action["keys_min"] == action["keys_max"] == last
+    press(hand, desktop, "KP_3", "KP_Decimal")  # the path, from the side
+    for step in range(6):
+        hand.shot(f"walk-{step}")
+        for _ in range(last // 6):
+            desktop.key("Right")
+            time.sleep(0.05)
 
 
 def press(hand: Hand, desktop: Desktop, *keys: str) -> None:

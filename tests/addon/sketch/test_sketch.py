@@ -346,6 +346,42 @@ def test_hips_follow_a_drawn_path_and_the_body_goes_along_it(part: Any, keyed: b
             assert way[0] * left.y - way[1] * left.x > 0.0
 
 
+def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part: Any, keyed: bpy.types.Object) -> None:
+    solve(part)
+    controls, scene = part("sketch.controls"), bpy.context.scene
+    found = controls.controls_of(keyed)
+    for joint in ("lfoot", "rfoot", "rhand"):
+        bpy.data.objects.remove(found[joint])
+    hand, hips = found["lhand"], found["root"]
+    hand.parent = keyed  # where this leads is known only where the scene is shown
+    scene.frame_set(11)
+    path = drawn_path(part, keyed)
+    hips.select_set(True)
+    assert bpy.ops.perfanim.follow_curve() == {"FINISHED"}
+    space = part("sketch.write_solution").SketchBody.of(keyed).space
+    whole = controls.read_controls(bpy.context, keyed, space)
+    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
+    live = part("sketch.live_sketch")
+    bpy.app.timers.unregister(live._tick)  # the test plays it
+    try:
+        for step_m in (0.0, 0.3):
+            for point in path.data.splines[0].points[15:]:
+                point.co.z += step_m
+            path.data.update_tag()
+            bpy.context.view_layer.update()
+            assert live.current().noted or step_m == 0.0
+            play(part)
+            bpy.context.view_layer.update()
+            stored, _ = part("sketch.write_solution").kept_sketch(keyed.perfanim_sketch.action)
+            wanted = controls.read_controls(bpy.context, keyed, space) if step_m else whole
+            for one, other in zip(stored.controls, wanted.controls, strict=True):
+                np.testing.assert_array_equal(one.frames, other.frames)
+                np.testing.assert_allclose(one.positions_m, other.positions_m, atol=0.003)
+        assert scene.frame_current == 11
+    finally:
+        live.end()
+
+
 def test_a_path_without_a_length_is_refused(part: Any, keyed: bpy.types.Object) -> None:
     assert bpy.ops.perfanim.draw_hips_path() == {"FINISHED"}
     with pytest.raises(RuntimeError, match="has no length; draw it"):

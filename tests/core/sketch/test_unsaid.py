@@ -5,7 +5,6 @@ import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.sketch.sketch import Control, Sketch
 from perfanim.core.sketch.solve_sketch import solve_sketch
-from perfanim.core.sketch.targets import lifted_foot
 
 HIPS_M = 0.97
 MOVES_M_S = 0.2
@@ -37,19 +36,3 @@ def test_hips_alone_lead_a_body_that_walks_ahead(truth, database, path_m):
     cosines = np.sum(ahead * way, axis=1) / (np.linalg.norm(ahead, axis=1) * np.maximum(speeds, 1e-9))
     assert cosines[speeds > MOVES_M_S].min() > np.cos(np.radians(50.0))
     assert max(hand[0, 1] for hand in hands) < root[0, 1]
-
-
-def test_a_stepping_foot_is_lifted_and_a_standing_or_keyed_one_is_not():
-    frames = 30
-    toes = np.zeros((frames, 3))
-    toes[:, 2] = np.interp(np.arange(frames), [8, 20], [0.0, 0.6])
-    toes[:, 1] = 0.02
-    anchors = np.where((np.arange(frames) <= 8)[:, None] | (np.arange(frames) >= 20)[:, None], toes, np.nan)
-    keyed = np.array([0, 17, 29])
-    lifted = lifted_foot(toes, np.zeros_like(toes), anchors, keyed, FPS)
-    fixed = np.isfinite(anchors[:, 0])
-    fixed[keyed] = True
-    assert (lifted[fixed] == 0.0).all()
-    assert lifted[12:14, 1].min() > 0.015
-    assert lifted[:, 1].max() < 0.03
-    assert (lifted[:, [0, 2]] == 0.0).all()
