@@ -8,6 +8,7 @@ control keeps that key's displacement, after its last key the last one's, but lo
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
@@ -22,6 +23,8 @@ from .stances import Foot, held_foot
 _ANKLES = ("lfoot", "rfoot")
 _KEY_SIGMA_M, _SWING_SIGMA_M = 0.001, 0.03
 _STAND_SIGMAS_M = 0.004, 0.002  # of ankle and toes of a standing foot between its keys
+_STEP_SIGMA_M = 0.006  # of a stepping foot between its keys
+_GRIP_S = 0.03  # standard deviation of the time in which a foot's hold comes and goes: at once, it shakes the body
 _LOOSENED_S = 0.3  # in which a control becomes loose before its first key and after its last
 # distances of the controls from the database's motion at which a body begins to be turned to them, and is fully
 _TURNED_M = 0.25, 0.5
@@ -87,9 +90,12 @@ def targets_of(
         for column, target, sigma_m in zip(columns, (held.ankle_m, held.toes_m), _STAND_SIGMAS_M, strict=True):
             if column in led:
                 points[:, column] = target
-                sigmas[held.stands, column] = sigma_m
-            if joints[column] == leader:
-                sigmas[keyed, column] = _KEY_SIGMA_M
+                own = np.where(held.stands, sigma_m, np.maximum(sigmas[:, column], _STEP_SIGMA_M))
+                bound = keyed if joints[column] == leader else []
+                own[bound] = _KEY_SIGMA_M
+                own = np.exp(gaussian_filter1d(np.log(own), _GRIP_S * sketch.fps, mode="nearest"))
+                own[bound] = _KEY_SIGMA_M
+                sigmas[:, column] = own
     return Targets(joints, reach.limited(points), sigmas)
 
 
