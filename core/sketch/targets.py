@@ -91,7 +91,7 @@ def targets_of(
             if column in led:
                 points[:, column] = target
                 own = np.where(held.stands, sigma_m, np.maximum(sigmas[:, column], _STEP_SIGMA_M))
-                bound = keyed if joints[column] == leader else []
+                bound = keyed if joints[column] == leader else keyed[:0]
                 own[bound] = _KEY_SIGMA_M
                 own = np.exp(gaussian_filter1d(np.log(own), _GRIP_S * sketch.fps, mode="nearest"))
                 own[bound] = _KEY_SIGMA_M
