@@ -3,7 +3,7 @@
 Live, a pose knows the past alone. A recorded take is solved once more backwards, with the database's motion also
 backwards. The two err in their own ways: their poses are averaged, each part of the body by its expected errors, and
 low-passed: that is the course of what no marker shows. The markers, without their noise and with their gaps closed by
-that course, then determine the rest once more.
+that course, then determine the rest once more, and what still trembles is low-passed.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,6 +38,8 @@ _WEIGHT_POWER = 4.0  # of the expected error, by which a solution counts less
 _WEIGHT_S = 0.25  # standard deviation of the time over which errors are averaged for this
 _UNKNOWN_DEG = 90.0  # expected error of parts about which nothing is known
 _SMOOTH_HZ = 8.0  # cut-off for the course of what no marker shows
+# and for all in the end, as the fit follows what noise the smoothed markers still have: at most, and of the frame rate
+_CALM_HZ, _CALM_SHARE = 16.0, 0.27
 _REPORT_EVERY = 30  # frames between two signs of progress
 _TORSO = list(PARTS).index("torso")  # the root's
 
@@ -75,7 +77,7 @@ class TwoWaySolver:
         observations = _smoothed(poses, [self._observation(pose) for pose in poses])
         courses = (_live_course(poses), _backward_course(self._backward, poses, observations, progress))
         fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
-        return self._fitted(poses, _blended(courses, fps), fps, observations)
+        return self._calm(self._fitted(poses, _blended(courses, fps), fps, observations), fps)
 
     def _observation(self, pose: PerformerPose) -> Observation:
         """Return the markers of a pose, none where they do not fit the body."""
@@ -88,9 +90,7 @@ class TwoWaySolver:
     ) -> list[PerformerPose]:
         """Return the course fitted to the markers, with gaps closed by the course itself."""
         model = self._solver.subject
-        motion = Motion("", fps, model.skeleton, course.rotations, course.root_positions_m)
-        if fps > 2.0 * _SMOOTH_HZ:
-            motion = smooth_motion(motion, _SMOOTH_HZ)
+        motion = self._low_passed(course.rotations, course.root_positions_m, fps, _SMOOTH_HZ)
         marker_set = model.subject.marker_set
         take = take_of_poses(poses, marker_set.names, "", fps)
         seen = np.array([observation.points_m for observation in observations])
@@ -115,6 +115,18 @@ class TwoWaySolver:
                 )
             )
         return fitted
+
+    def _calm(self, poses: list[PerformerPose], fps: float) -> list[PerformerPose]:
+        """Return the poses of a stretch without trembling faster than bodies move."""
+        rotations, cutoff_hz = np.array([pose.rotations for pose in poses]), min(_CALM_HZ, _CALM_SHARE * fps)
+        motion = self._low_passed(rotations, np.array([pose.root_position_m for pose in poses]), fps, cutoff_hz)
+        shown = zip(poses, motion.rotations, motion.root_positions_m, strict=True)
+        return [replace(pose, rotations=turns, root_position_m=root_m) for pose, turns, root_m in shown]
+
+    def _low_passed(self, rotations: Array, root_positions_m: Array, fps: float, cutoff_hz: float) -> Motion:
+        """Return a motion low-passed, as it is at a rate that has nothing faster."""
+        motion = Motion("", fps, self._solver.subject.skeleton, rotations, root_positions_m)
+        return smooth_motion(motion, cutoff_hz) if fps > 2.0 * cutoff_hz else motion
 
 
 def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation]) -> list[Observation]:

@@ -34,7 +34,7 @@ def recorded(take, subject, database):
 def test_both_directions_are_better_than_live(live, recorded, truth):
     before, after = (evaluate(solved.motion, truth) for solved in (live, recorded))
     assert after["deg_per_joint"] < 1.03 * before["deg_per_joint"]  # no gain on this take, see docs/marker-takes.md
-    for unit, share in (("mpjpe_mm", 1.0), ("root_rotation_deg", 0.9), ("jitter_ratio", 0.9), ("foot_skate_cm_s", 0.8)):
+    for unit, share in (("mpjpe_mm", 1.0), ("root_rotation_deg", 0.9), ("jitter_ratio", 0.8), ("foot_skate_cm_s", 0.8)):
         assert after[unit] < share * before[unit]
 
 
