@@ -27,6 +27,7 @@ _REACH_M, _LONE_FRAMES, _LONE_M = 1.0, 3, 0.1
 _PIXEL_SIGMA = 0.5
 _MEETING_PX = 3.0  # reprojection error above which two rays do not belong to one marker
 _MEMORY_S = 0.1  # a velocity older than this is not used
+_BRIEFLY_S = 0.05  # a marker hidden for no longer is as well known as one that is seen
 _STEADY_M = 0.06  # from where it was going, within which a marker is surely followed if no other comes as near
 
 
@@ -113,7 +114,7 @@ class Labeller:
             elapsed_s: time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        lately = self._seen.lost_s == 0.0
+        lately = self._seen.lost_s <= _BRIEFLY_S
         expected, gates = self.expected(predicted_m, elapsed_s)
         rows, columns = assign_points(points_m, covariances_m2, expected, gates, lately)
         labels[rows] = columns
@@ -142,7 +143,7 @@ class Labeller:
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        lately = self._seen.lost_s == 0.0
+        lately = self._seen.lost_s <= _BRIEFLY_S
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
@@ -255,7 +256,7 @@ def assign_points(
         points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
         expected_m: (M, 3) where each marker should be.
         gates_m: (M,) how far off it may be.
-        lately: (M,) markers seen in the last frame; the others have what these leave. Default all.
+        lately: (M,) markers hidden for no longer than briefly; the others have what these leave. Default all.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)

@@ -240,3 +240,15 @@ def test_a_hidden_marker_takes_a_point_far_away_that_stays_and_is_nobody_elses(b
     either[3] = [0.2, 1.5, -4.0]
     assert frames_until_named([near], either, blobs) == [[0, 1, -1]] * 5  # the third's or the fourth's
     assert frames_until_named([near, [-0.1, 0.9, -4.0]], thought_m, blobs) == [[0, 1, -1, -1]] * 5  # which of the two?
+
+
+def test_a_marker_hidden_for_a_frame_keeps_its_point_from_a_neighbour_that_is_hidden_now() -> None:
+    """A hand beside the waist: its point is gone just when that of the waist is back."""
+    places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.05, 0.5, 0.0]])
+    labeller = Labeller(["a", "b", "waist", "hand"], np.array([True, True, True, False]))
+    labeller.begin(places_m, np.arange(4))
+    for _ in range(3):
+        labeller.label(places_m, spread(4), places_m, 1 / 60)
+    assert labeller.label(places_m[[0, 1, 3]], spread(3), places_m, 1 / 60).tolist() == [0, 1, 3]
+    assert labeller.label(places_m[:3], spread(3), places_m, 1 / 60).tolist() == [0, 1, 2]
+    assert labeller.label(places_m, spread(4), places_m, 1 / 60).tolist() == [0, 1, 2, 3]
