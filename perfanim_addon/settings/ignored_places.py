@@ -15,13 +15,15 @@ from ..preferences.paths import absolute
 from . import readiness
 
 Place = tuple[int, float, float]  # index of the camera, pixel
+_MOST_CAMERAS, _MOST_PX = 64, 100_000
 
 
 def ignored(settings: Any) -> list[Place]:
     """Return the ignored places of the chosen cameras."""
     rig = _rig(settings)
-    rows = _waiting(settings).get(settings.source, ()) if rig is None else rig.ignored.tolist()
-    return [(int(camera), float(x), float(y)) for camera, x, y in rows]
+    if rig is None:
+        return _waiting(settings).get(settings.source, [])
+    return [(int(camera), float(x), float(y)) for camera, x, y in rig.ignored]
 
 
 def keep(settings: Any, places: Sequence[Place]) -> None:
@@ -53,8 +55,19 @@ def _rig(settings: Any) -> CameraRig | None:
 
 
 def _waiting(settings: Any) -> dict[str, list[Place]]:
-    """Return the places of cameras without a calibration, by source."""
+    """Return the places of cameras without a calibration, by source.
+
+    They are text in a .blend that somebody else may have written: anything but such a table counts as none.
+    """
     try:
-        return dict(json.loads(settings.ignored_places or "{}"))
-    except ValueError:
+        table = json.loads(settings.ignored_places or "{}")
+        return {
+            source: [(int(camera), float(x), float(y)) for camera, x, y in rows if _may_be(camera, x, y)]
+            for source, rows in table.items()
+        }
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         return {}
+
+
+def _may_be(camera: float, x: float, y: float) -> bool:
+    return 0 <= camera < _MOST_CAMERAS and abs(x) < _MOST_PX and abs(y) < _MOST_PX

@@ -160,6 +160,21 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     assert run_job(part, check, clicked) == "mend first: reflection"  # it is there as before
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[1]", "{", "7", '{"SIMULATED": 3}', '{"SIMULATED": [[0, 1]]}', '{"SIMULATED": [["a", 1, 2]]}',
+        '{"SIMULATED": [[0, NaN, 2], [0, 2, NaN]]}', '{"SIMULATED": [[0, 1e999, 2]]}', '{"SIMULATED": [[-1, 5, 2], [1e9, 5, 2]]}',
+        "[" * 100_000, '{"SIMULATED": [null]}',
+    ],
+)  # fmt: skip
+def test_damaged_places_of_a_foreign_scene_are_none(part: Any, chosen: Any, text: str) -> None:
+    places = part("settings.ignored_places")
+    chosen.ignored_places = text
+    assert places.ignored(chosen) == []
+    assert places.sentences(chosen) == []
+
+
 def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any, chosen: Any) -> None:
     live = part("capture.live_capture")
     capture = live.LiveCapture(None, [])
