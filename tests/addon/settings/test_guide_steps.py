@@ -164,8 +164,8 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     "text",
     [
         "[1]", "{", "7", '{"SIMULATED": 3}', '{"SIMULATED": [[0, 1]]}', '{"SIMULATED": [["a", 1, 2]]}',
-        '{"SIMULATED": [[0, NaN, 2], [0, 2, NaN]]}', '{"SIMULATED": [[0, 1e999, 2]]}', '{"SIMULATED": [[-1, 5, 2], [1e9, 5, 2]]}',
-        "[" * 100_000, '{"SIMULATED": [null]}',
+        '{"SIMULATED": [[0, NaN, 2], [0, 2, NaN]]}', '{"SIMULATED": [[0, 1e999, 2]]}', '{"SIMULATED": [null]}',
+        '{"SIMULATED": [[-1, 5, 2], [1e9, 5, 2]]}', "[" * 100_000,
     ],
 )  # fmt: skip
 def test_damaged_places_of_a_foreign_scene_are_none(part: Any, chosen: Any, text: str) -> None:
