@@ -27,7 +27,7 @@ _REACH_M, _LONE_FRAMES, _LONE_M = 1.0, 3, 0.1
 _PIXEL_SIGMA = 0.5
 _MEETING_PX = 3.0  # reprojection error above which two rays do not belong to one marker
 _MEMORY_S = 0.1  # a velocity older than this is not used
-_BRIEFLY_S = 0.05  # a marker hidden for no longer is as well known as one that is seen
+_BRIEFLY_S = 0.05  # a torso's marker hidden for no longer is as well known as one that is seen
 _STEADY_M = 0.06  # from where it was going, within which a marker is surely followed if no other comes as near
 
 
@@ -74,6 +74,21 @@ class LabelledBlobs:
         return np.where(alone, np.argmax(shown, axis=1), -1)
 
 
+@dataclass(frozen=True)
+class Turns:
+    """Order of the markers (M,) when points or blobs are given to them.
+
+    Args:
+        lately: seen in the last frame: they come first.
+        torso: those of them on the torso.
+        returning: of the torso, hidden briefly: they come first, too, where none of these may be.
+    """
+
+    lately: Mask
+    torso: Mask
+    returning: Mask
+
+
 class Labeller:
     """Labels the points of successive frames of one capture.
 
@@ -114,9 +129,11 @@ class Labeller:
             elapsed_s: time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        lately = self._seen.lost_s <= _BRIEFLY_S
+        lately = self._seen.lost_s == 0.0
+        returning = self._torso & ~lately & (self._seen.lost_s <= _BRIEFLY_S)
+        turns = Turns(lately, self._torso & lately, returning)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        rows, columns = assign_points(points_m, covariances_m2, expected, gates, lately)
+        rows, columns = assign_points(points_m, covariances_m2, expected, gates, turns)
         labels[rows] = columns
         rows, columns = self._lone_points(points_m, np.flatnonzero(labels < 0), expected, columns)
         labels[rows] = columns
@@ -143,13 +160,16 @@ class Labeller:
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        lately = self._seen.lost_s <= _BRIEFLY_S
+        lately = self._seen.lost_s == 0.0
+        # in an image a marker is hidden by what has come before it, so the nearest blob is hardly its own
+        never = np.zeros_like(lately)
+        turns = Turns(lately, never, never)
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
         strangeness = np.full((count, len(cameras)), np.inf)
         for index, camera in enumerate(cameras):
-            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, lately)
+            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, turns)
             blobs[columns, index] = rows
             strangeness[columns, index] = shares
         gates[self._take_lone_points(frame, blobs, expected)] = _REACH_M
@@ -248,7 +268,7 @@ class Labeller:
 
 
 def assign_points(
-    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, lately: Mask | None = None
+    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, turns: Turns | None = None
 ) -> tuple[IntArray, IntArray]:
     """Return (points, markers) that belong together.
 
@@ -256,40 +276,44 @@ def assign_points(
         points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
         expected_m: (M, 3) where each marker should be.
         gates_m: (M,) how far off it may be.
-        lately: (M,) markers hidden for no longer than briefly; the others have what these leave. Default all.
+        turns: which markers come first; default all.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
-    return _assign_in_turn((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2, lately)
+    return _assign_in_turn((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2, turns)
 
 
 def assign_blobs(
-    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, lately: Mask | None = None
+    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, turns: Turns | None = None
 ) -> tuple[IntArray, IntArray, Array]:
     """Return matching (blobs, markers) of one image, and distances as shares of gates.
 
     Args:
         blobs: (n, 5) as a `MarkerFrame` has them.
-        expected_m, gates_m, lately: as of `assign_points`.
+        expected_m, gates_m, turns: as of `assign_points`.
     """
     pixels = blobs[:, :2].astype(np.float64)
     depth = np.maximum(camera.to_camera(expected_m)[:, 2], 0.1)
     with np.errstate(invalid="ignore"):
         distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
     limits = gates_m * camera.focal_px / depth
-    rows, columns = _assign_in_turn((np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2, lately)
+    rows, columns = _assign_in_turn((np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2, turns)
     return rows, columns, distances[rows, columns] / limits[columns]
 
 
-def _assign_in_turn(costs: Array, lately: Mask | None) -> tuple[IntArray, IntArray]:
-    """Return rows and columns assigned: columns seen lately first, then the others.
+def _assign_in_turn(costs: Array, turns: Turns | None) -> tuple[IntArray, IntArray]:
+    """Return rows and columns assigned: first those that come first.
 
     Together they would leave as few as possible over: a lost marker, allowed anywhere near, would push others aside.
     """
-    if lately is None or lately.all():
+    if turns is None or turns.lately.all():
         return assign(costs)
-    first = np.flatnonzero(lately)
-    rows, columns = assign(costs[:, first])
+    first = np.flatnonzero(turns.lately | turns.returning)
+    own = costs[:, first]
+    if turns.returning.any():
+        is_taken = np.any(costs[:, turns.torso] < 1.0, axis=1)
+        own = np.where(is_taken[:, None] & turns.returning[first], np.inf, own)
+    rows, columns = assign(own)
     columns = first[columns]
     left = np.setdiff1d(np.arange(len(costs)), rows)
     others = np.setdiff1d(np.arange(costs.shape[1]), columns)
