@@ -265,11 +265,12 @@ coverage: $(QUALITY_STAMP)
 	$(QUALITY_VENV)/bin/python -m coverage report
 
 # Share of small changes of the code that its tests notice, and those that survive. All of geometry, solver and labelling
-# takes days on one core; MUTATED=core/geometry/two_bone_ik.py takes minutes.
+# takes days on one core; MUTATED=core/geometry/two_bone_ik.py takes minutes, SHARE=0.03 draws so many by chance.
 MUTATED ?= core/geometry core/solver core/labelling
+SHARE ?= 1
 mutation: export OPENBLAS_NUM_THREADS := 1
 mutation: $(QUALITY_STAMP)
-	$(QUALITY_VENV)/bin/python tools/mutation.py --out out/mutation $(MUTATED)
+	$(QUALITY_VENV)/bin/python tools/mutation.py --out out/mutation --share $(SHARE) $(MUTATED)
 
 clean:
 	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api

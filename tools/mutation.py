@@ -1,23 +1,31 @@
 """Measure the share of small changes of the code that its tests notice.
 
-    python tools/mutation.py [--out DIR] [--tests PATH...] MODULE_OR_FOLDER...
+    python tools/mutation.py [--out DIR] [--tests PATH...] [--share S] [--seed N] MODULE_OR_FOLDER...
 
 cosmic-ray changes one operator, number or condition at a time in a copy of the package, and runs the tests that mirror
-the module (or --tests) until one fails. Survivors are listed; `OUT/survivors.txt` shows each as a difference.
+the module (or --tests) until one fails. Survivors are listed; `OUT/survivors.txt` shows each as a difference. All
+changes take days: with --share a part of each module's is drawn by chance, which is enough for a percentage.
 """
 
 import argparse
+import ast
+import math
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 _COPIED = ("core", "assets", "tests", "tools", "__init__.py", "pyproject.toml", "README.md", "docs")
 _SLOWER = 5.0  # than without a change: then a changed loop does not end
 _LEAST_S = 20.0
+
+Span: TypeAlias = tuple[tuple[int, int], tuple[int, int]]  # two lines and columns
 
 
 def copy_package(out: Path) -> Path:
@@ -51,8 +59,10 @@ def modules_of(names: list[str]) -> Iterator[str]:
                 yield file.relative_to(ROOT).as_posix()
 
 
-def mutate(place: Path, out: Path, module: str, tests: list[str], seconds: float) -> Path:
-    """Run all changes of a module; return the session's file."""
+def mutate(
+    place: Path, out: Path, module: str, tests: list[str], seconds: float, share: float, chance: np.random.Generator
+) -> Path:
+    """Run a share of the changes of a module; return the session's file."""
     name = module.removesuffix(".py").replace("/", "-")
     config, session = out / f"{name}.toml", out / f"{name}.sqlite"
     session.unlink(missing_ok=True)
@@ -62,11 +72,42 @@ def mutate(place: Path, out: Path, module: str, tests: list[str], seconds: float
         f'test-command = "{command}"\n[cosmic-ray.distributor]\nname = "local"\n',
         encoding="utf-8",
     )
+    command_line = [sys.executable, "-m", "cosmic_ray.cli"]
     environment = {**os.environ, "PYTHONPATH": str(place)}
-    for step in ("init", "exec"):
-        arguments = ["-m", "cosmic_ray.cli", step, str(config), str(session)]
-        subprocess.run([sys.executable, *arguments], cwd=place, check=True, env=environment)
+    subprocess.run([*command_line, "init", str(config), str(session)], cwd=place, check=True, env=environment)
+    keep_share(session, annotations_of(ROOT / module), share, chance)
+    subprocess.run([*command_line, "exec", str(config), str(session)], cwd=place, check=True, env=environment)
     return session
+
+
+def annotations_of(module: Path) -> list[Span]:
+    """Return where a module's annotations begin and end."""
+    nodes = list(ast.walk(ast.parse(module.read_text(encoding="utf-8"))))
+    annotations = [node.annotation for node in nodes if isinstance(node, ast.arg | ast.AnnAssign)]
+    annotations += [node.returns for node in nodes if isinstance(node, ast.FunctionDef)]
+    return [
+        ((node.lineno, node.col_offset), (node.end_lineno or 0, node.end_col_offset or 0))
+        for node in annotations
+        if node is not None
+    ]
+
+
+def keep_share(session: Path, annotations: list[Span], share: float, chance: np.random.Generator) -> None:
+    """Keep so many of a session's changes outside annotations, drawn by chance.
+
+    A changed annotation fails at import, whatever is tested.
+    """
+    from cosmic_ray.work_db import WorkDB, use_db
+
+    with use_db(session, WorkDB.Mode.open) as database:
+        changes = [
+            item
+            for item in sorted(database.work_items, key=lambda item: str(item.mutations))  # their ids are new each time
+            if not any(begin <= mutation.start_pos <= end for mutation in item.mutations for begin, end in annotations)
+        ]
+        database.clear()
+        drawn = chance.permutation(len(changes))[: math.ceil(share * len(changes))]
+        database.add_work_items([changes[index] for index in drawn])
 
 
 def time_tests(place: Path, tests: list[str]) -> float:
@@ -99,17 +140,19 @@ def main() -> int:
     parser.add_argument(
         "--tests", nargs="+", metavar="PATH", help="tests to run (default: those that mirror the module)"
     )
+    parser.add_argument("--share", type=float, default=1.0, metavar="S", help="of each module's changes, 0 to 1")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the chance that draws them")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "mutation", help="folder for the results")
     options = parser.parse_args()
     out = options.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
-    place = copy_package(out)
+    place, chance = copy_package(out), np.random.default_rng(options.seed)
     killed = total = 0
     survivors = []
     for module in modules_of(options.modules):
         tests = options.tests or tests_of(module)
         seconds = max(_LEAST_S, _SLOWER * time_tests(place, tests))
-        count, alive = outcomes_of(mutate(place, out, module, tests, seconds))
+        count, alive = outcomes_of(mutate(place, out, module, tests, seconds, options.share, chance))
         survivors += [f"{module}\n{difference}\n" for difference in alive]
         killed, total = killed + count - len(alive), total + count
         sys.stdout.write(f"{module}: {count - len(alive)} of {count} changes noticed\n")
