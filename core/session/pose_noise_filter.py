@@ -29,6 +29,7 @@ _SEEN_SHARES[-1] = 0.5  # the root's path
 _UNKNOWN = 1e-3  # rad or m, in the first frames
 _MOST = np.append(np.full(len(JOINT_NAMES), 0.05), 0.01)
 _PAUSE_S = 0.25
+_SLOW_RAD = 0.035  # in one frame, which a joint may always turn
 
 
 class PoseNoiseFilter:
@@ -37,6 +38,7 @@ class PoseNoiseFilter:
     def __init__(self) -> None:
         self._start_over()
         self._time_s, self._rotations = -np.inf, np.zeros((len(JOINT_NAMES), 4))
+        self._calm = self._rotations
 
     def _start_over(self) -> None:
         joints = len(JOINT_NAMES)
@@ -45,9 +47,15 @@ class PoseNoiseFilter:
         self._turned_rad = np.zeros((joints, 3))
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
-        """Return rotations (J, 4) and root (3,) without noise; a pause starts over."""
+        """Return rotations (J, 4) and root (3,) without noise; a pause starts over.
+
+        No joint turns further in a frame than without the filter, which passes a bend that comes all at once.
+        """
+        most_rad = np.full(len(rotations), np.inf)
         if 0.0 < time_s - self._time_s < _PAUSE_S:
-            self._turned_rad += rot.to_rotation_vector(rot.multiply(rot.conjugate(self._rotations), rotations))
+            turns = rot.to_rotation_vector(rot.multiply(rot.conjugate(self._rotations), rotations))
+            self._turned_rad += turns
+            most_rad = np.maximum(np.linalg.norm(turns, axis=-1), _SLOW_RAD)
         else:
             self._start_over()
         self._time_s, self._rotations = time_s, rotations
@@ -56,4 +64,7 @@ class PoseNoiseFilter:
         seen = self._noise.step(time_s, path)
         self._follower.observe(path, np.minimum(np.where(seen > 0.0, seen / _SEEN_SHARES, _UNKNOWN), _MOST))
         away = self._follower.means()[0] - path
-        return rot.multiply(rotations, rot.from_rotation_vector(away[:-1])), root_position_m + away[-1]
+        calm = rot.multiply(rotations, rot.from_rotation_vector(away[:-1]))
+        share = most_rad / np.maximum(rot.angle_between(self._calm, calm), 1e-9)
+        self._calm = np.where(share[:, None] < 1.0, rot.slerp(self._calm, calm, np.minimum(share, 1.0)), calm)
+        return self._calm, root_position_m + away[-1]

@@ -67,3 +67,14 @@ def test_after_a_pause_it_starts_over() -> None:
     back = turning(np.array([0.1 + 2.0 * TIMES_S[-1]]))[0]
     shown, _ = pose_filter.step(TIMES_S[-1] + 2.0, back, root_m)
     np.testing.assert_allclose(np.abs(np.sum(shown * back, axis=-1)), 1.0, atol=1e-9)
+
+
+def test_no_joint_turns_further_in_a_frame_than_it_did() -> None:
+    """A limb in trembling poses that begins to turn at the greatest speed at once, as limited poses do."""
+    chance = np.random.default_rng(1)
+    most = np.radians(9.0)
+    turns = np.clip(np.where((TIMES_S % 1.0) < 0.15, 1.0, chance.normal(0.0, 0.3, len(TIMES_S))), -1.0, 1.0) * most
+    truth = turning(np.cumsum(turns))
+    shown, _ = filtered(truth, np.zeros((len(TIMES_S), 3)))
+    turned = rot.angle_between(shown[:-1, ARM], shown[1:, ARM])
+    assert np.all(turned <= np.maximum(np.abs(turns[1:]), np.radians(2.1)) + 1e-9)
