@@ -41,6 +41,7 @@ _SMOOTH_HZ = 8.0  # cut-off for the course of what no marker shows
 # and for all in the end, as the fit follows what noise the smoothed markers still have: at most, and of the frame rate
 _CALM_HZ, _CALM_SHARE = 16.0, 0.27
 _REPORT_EVERY = 30  # frames between two signs of progress
+_WAITS = frozenset((TrackingNote.WAITING.value, TrackingNote.REFUSED.value))  # of poses that are not solved
 _TORSO = list(PARTS).index("torso")  # the root's
 
 
@@ -71,7 +72,7 @@ class TwoWaySolver:
         for start, stop in _stretches(poses):
             share, done = (stop - start) / len(poses), start / len(poses)
             result[start:stop] = self._solve(poses[start:stop], lambda part: progress(done + share * part))  # noqa: B023
-        return result
+        return _started(result)
 
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
         observations = _smoothed(poses, [self._observation(pose) for pose in poses])
@@ -138,14 +139,20 @@ def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation
 
 def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
     """Return the stretches of one motion, long enough to be solved again."""
-    waits = {TrackingNote.WAITING.value, TrackingNote.REFUSED.value}
-    solved = np.array([waits.isdisjoint(pose.notes) for pose in poses])
+    solved = np.array([_WAITS.isdisjoint(pose.notes) for pose in poses])
     begins = np.array([True, *(_begins(before, pose) for before, pose in pairwise(poses))])
     found = []
     for start, stop in runs(solved):
         cuts = [start, *(start + 1 + np.flatnonzero(begins[start + 1 : stop])).tolist(), stop]
         found += [(at, end) for at, end in pairwise(cuts) if end - at >= _SHORTEST]
     return found
+
+
+def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
+    """Return poses where those before the first solved one are this one, no T pose."""
+    first = next((index for index, pose in enumerate(poses) if _WAITS.isdisjoint(pose.notes)), 0)
+    turns, root_m = poses[first].rotations, poses[first].root_position_m
+    return [*(replace(pose, rotations=turns, root_position_m=root_m) for pose in poses[:first]), *poses[first:]]
 
 
 def _begins(before: PerformerPose, pose: PerformerPose) -> bool:

@@ -104,6 +104,7 @@ def noisy_row(
     known = np.isfinite(solved.expected_deg)
     within = (part_errors(solved, truth) <= 2.0 * solved.expected_deg)[known]
     jumps = _changes_deg(solved.motion) - _changes_deg(truth)
+    jumped = (jumps > JUMP_DEG).any(axis=1)
     over = error / np.maximum(nearest, 1e-6)
     late = round(_WORSE_S * FPS)
     too_long = sum(max(stop - begin - late, 0) for begin, stop in runs(over > _WORSE))
@@ -127,7 +128,8 @@ def noisy_row(
         "deg_per_joint": round(float(error.mean()), 4),
         "nearest_deg_per_joint": round(float(nearest.mean()), 4),
         "worse_explained_frames": int((further > 0.0).sum()),
-        "jump_frames": int((jumps > JUMP_DEG).any(axis=1).sum()),
+        "jump_frames": int(jumped.sum()),
+        "first_jumps": int((jumped & ~known[:-1].any(axis=1)).sum()),
         "long_worse_frames": too_long,
         "ghost_shown_markers": ghostly["shown_markers"],
         "ghost_right_markers": ghostly["right_markers"],

@@ -283,6 +283,7 @@ def _noise_summary(noisy: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ("noise: degrees per joint of nearest", round(nearest, 4), ""),
         ("noise: frames further off than nearest", sum(row["worse_explained_frames"] for row in noisy), "0"),
         (f"noise: frames with a jump over {JUMP_DEG:g} deg", sum(row["jump_frames"] for row in noisy), "0"),
+        ("noise: these that are the first pose, after the T pose", sum(row["first_jumps"] for row in noisy), ""),
         ("noise: share of parts' errors within twice the expected", round(within, 4), "0.93 to 0.97"),
         ("noise: frames too long over 1.2 of nearest", sum(row["long_worse_frames"] for row in noisy), "0"),
         (

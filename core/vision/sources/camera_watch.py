@@ -1,8 +1,10 @@
 """Health of one camera, by the times and content of its images."""
 
+from collections import deque
+
 import numpy as np
 
-from ...geometry.arrays import Image
+from ...geometry.arrays import Image, Mask, runs
 
 # Reported within a quarter of a second; the rest of it is for the way to the panel.
 _SILENT_S = 0.12
@@ -11,11 +13,14 @@ _STALE_S = 0.1
 _TOO_OFTEN = 0.6  # periods between images of a camera that runs at another rate
 _BLACK_LEVEL = 24  # grey levels: above the noise of a covered sensor
 _CONTRAST = 2  # what has been so many times brighter than black can become black
-_COMPARED_ROWS = 16
+_COMPARED_ROWS = 16  # every so many rows of pixels one is compared
+_FRESH_IMAGES = 60  # in a row, so long is a row never the same where a sensor's noise shows
+_TORN_ROWS = 4  # compared rows beside each other that are the last image's
+_TEARS, _TEARS_S = 2, 0.5  # torn images, and within which time they are reported
 
 
 class CameraHealth:
-    """Health of a camera: frozen, unplugged, black, changed, or repeating an image."""
+    """Health of a camera: frozen, gone, black, changed, torn, or repeating an image."""
 
     def __init__(self, title: str, period_s: float, now_s: float, shape: tuple[int, ...]) -> None:
         self._title = title
@@ -28,13 +33,16 @@ class CameraHealth:
         self._black_since_s: float | None = None
         self._often_since_s: float | None = None
         self._is_resized = False
+        self._tears = _TearWatch()
 
     def update(self, time_s: float, image: Image) -> bool:
         """Take the next image; return whether it shows something new."""
         too_often = 0.0 <= time_s - self._last_s < _TOO_OFTEN * self._period_s
         self._often_since_s = _since(self._often_since_s, time_s, too_often)
         self._last_s, self._is_resized = time_s, image.shape != self._shape
-        repeated = self._last is not None and is_repeated(self._last, image)
+        same_rows = _same_rows(self._last, image)
+        repeated = self._last is not None and bool(same_rows.all()) and np.array_equal(self._last, image)
+        self._tears.update(time_s, same_rows)
         brightest = int(image.max())
         black = self._has_shown and brightest < _BLACK_LEVEL
         self._has_shown = self._has_shown or brightest >= _CONTRAST * _BLACK_LEVEL
@@ -67,14 +75,52 @@ class CameraHealth:
             return f"{self._title} is black, check its lens cap and the lamp"
         if self._repeats_since_s is not None and now_s - self._repeats_since_s > _STALE_S:
             return f"{self._title} repeats one image"
+        if self._tears.are_many(now_s):
+            return f"{self._title} gives torn images, choose a lower rate or size, or another USB port"
         return ""
+
+
+class _TearWatch:
+    """Watch for images with the lower part of the last image.
+
+    Found by rows of pixels that were never the same as in the last image, as a sensor has noise, and are so now while
+    others are not. An edge that stays at one height is not seen: there, the lower part is always one image late.
+    """
+
+    def __init__(self) -> None:
+        self._fresh_images = np.zeros(0, dtype=int)  # per row, in a row
+        self._same_rows: Mask = np.zeros(0, dtype=bool)  # of the last image
+        self._times_s: deque[float] = deque(maxlen=_TEARS)
+
+    def update(self, time_s: float, same_rows: Mask) -> None:
+        """Take the next image's mask (N,) of rows that are the last image's."""
+        if len(same_rows) != len(self._fresh_images):
+            self._fresh_images, self._same_rows = np.zeros(len(same_rows), dtype=int), same_rows
+        if same_rows.all():
+            return  # the last image once more
+        torn = same_rows & ~self._same_rows & (self._fresh_images >= _FRESH_IMAGES)
+        is_torn = any(stop - start >= _TORN_ROWS for start, stop in runs(torn))
+        if is_torn:
+            self._times_s.append(time_s)
+        self._fresh_images[~same_rows] += 1
+        self._fresh_images[same_rows & ~(torn & is_torn)] = 0
+        self._same_rows = same_rows
+
+    def are_many(self, now_s: float) -> bool:
+        """Return whether several of the latest images were torn."""
+        return len(self._times_s) == _TEARS and now_s - self._times_s[0] < _TEARS_S
 
 
 def is_repeated(last: Image, image: Image) -> bool:
     """Return whether an image is exactly the one before it."""
-    if last.shape != image.shape or not np.array_equal(last[::_COMPARED_ROWS], image[::_COMPARED_ROWS]):
-        return False
-    return np.array_equal(last, image)
+    return bool(_same_rows(last, image).all()) and np.array_equal(last, image)
+
+
+def _same_rows(last: Image | None, image: Image) -> Mask:
+    """Return a mask (N,) of the compared rows that are the last image's."""
+    if last is None or last.shape != image.shape:
+        return np.zeros(len(image[::_COMPARED_ROWS]), dtype=bool)
+    return np.all(last[::_COMPARED_ROWS] == image[::_COMPARED_ROWS], axis=tuple(range(1, image.ndim)))
 
 
 def _since(start_s: float | None, now_s: float, holds: bool) -> float | None:

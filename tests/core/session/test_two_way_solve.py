@@ -68,6 +68,15 @@ def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, data
     np.testing.assert_array_equal(whole.motion.rotations[:first], alone.motion.rotations)
 
 
+def test_before_the_torso_is_first_seen_the_character_waits_in_its_first_pose(take, subject, database):
+    hidden, positions_m = 5, take.positions_m.copy()
+    positions_m[:hidden] = np.nan
+    motion = solve_take(replace(take, positions_m=positions_m), subject, database, SolveSettings(), silent).motion
+    for frame in range(hidden):
+        np.testing.assert_array_equal(motion.rotations[frame], motion.rotations[hidden])
+        np.testing.assert_array_equal(motion.root_positions_m[frame], motion.root_positions_m[hidden])
+
+
 def test_what_cancels_comes_through_at_any_moment(take, subject, database):
     for at in (0.1, 0.5, 0.8):
 
