@@ -1,5 +1,6 @@
 """Course of one live capture, without Blender."""
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -22,6 +23,7 @@ from .pose_log import PoseLog
 STOP_LIMIT_S = 8.0
 FREEZE_NOTICE_S = 0.2
 _RATE_WINDOW_S = 1.0
+_SHOWN_TIMES = (3, 5, 10, 20, 50)  # slowness in words: few, so that the text does not change with every reading
 
 
 class Phase(Enum):
@@ -102,8 +104,8 @@ class CaptureRun:
         if self.persistent_warning:
             return self.persistent_warning
         if self.statistics.slowness > BUSY:
-            times = f"{self.statistics.slowness:.0f} times"
-            return f"this computer is busy: work takes {times} as long as otherwise; close other programs"
+            times = min(_SHOWN_TIMES, key=lambda each: abs(math.log(each / self.statistics.slowness)))
+            return f"this computer is busy: work takes {times} times as long as otherwise; close other programs"
         silent_s = self._clock() - self._last_arrival
         if self.phase is Phase.RUNNING and silent_s > FREEZE_NOTICE_S:
             return f"no images for {silent_s:.1f} s"

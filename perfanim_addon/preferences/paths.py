@@ -50,6 +50,8 @@ def _chosen(parts: Sequence[str]) -> tuple[str, Sequence[str]]:
 
 def _make(folder: Path) -> str:
     """Create a folder; return the reason why it cannot be written to, "" for none."""
+    if not folder.is_absolute():
+        return "give its whole path"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -214,6 +214,16 @@ def test_dropped_frames_and_silence_are_told() -> None:
     assert run.notice == "no images for 3.0 s"
 
 
+def test_how_busy_a_computer_is_does_not_change_with_every_reading() -> None:
+    run, worker, _ = a_run()
+    notices = set()
+    for slowness in np.linspace(4.2, 6.8, 14):
+        worker.say(encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": slowness}))
+        run.tick()
+        notices.add(run.notice)
+    assert notices == {"this computer is busy: work takes 5 times as long as otherwise; close other programs"}
+
+
 def test_a_busy_computer_is_told_and_stop_has_more_time() -> None:
     run, worker, clock = a_run()
     worker.say(*poses([0]), encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": 5.2}))

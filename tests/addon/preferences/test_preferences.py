@@ -45,6 +45,18 @@ def test_a_folder_that_cannot_be_used_loses_nothing_and_is_told(part: Any, prefe
     assert "cannot be used" in place.folder_problem("profiles")
 
 
+def test_a_relative_folder_makes_none_where_blender_was_started(
+    part: Any, preferences: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = part("preferences.paths")
+    own = place.user_folder("takes")
+    monkeypatch.chdir(tmp_path)
+    preferences.takes_folder = "Takes"
+    assert place.user_folder("takes") == own
+    assert "Takes cannot be used (give its whole path)" in place.folder_problem("takes")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_new_files_begin_with_the_defaults_of_the_preferences(
     part: Any, preferences: Any, extension: str, tmp_path: Path
 ) -> None:
