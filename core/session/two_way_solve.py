@@ -151,8 +151,11 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
     """Return poses where those before the first solved one are this one, no T pose."""
     first = next((index for index, pose in enumerate(poses) if _WAITS.isdisjoint(pose.notes)), 0)
-    turns, root_m = poses[first].rotations, poses[first].root_position_m
-    return [*(replace(pose, rotations=turns, root_position_m=root_m) for pose in poses[:first]), *poses[first:]]
+    started = list(poses)
+    for index in range(first):
+        shown = poses[first]
+        started[index] = replace(poses[index], rotations=shown.rotations, root_position_m=shown.root_position_m)
+    return started
 
 
 def _begins(before: PerformerPose, pose: PerformerPose) -> bool:

@@ -44,6 +44,7 @@ def capture_facts():
         return {"registered": False}
     messages = {panel: text for panel, (text, _icon) in running._state.messages.items()}
     facts = {"registered": True, "messages": messages, "activity": None, "heading": ""}
+    facts["walk"] = part("settings.guide_steps").walk()
     activity = running.current()
     facts["timer"] = running._state.timer is not None
     if activity is not None:

@@ -104,7 +104,9 @@ def test_the_guide_leads_from_cameras_to_a_capture(desktop: Desktop, window: Ble
     assert "residual" in press(window, hand, "Calibrate Performer", "subject")
     hand.shot("ready")
     hand.click("Start Capture", sidebar=True)
-    wait_for_frames(window, 0)
+    wait_for_frames(window, SHOWN_FRAMES)
     hand.shot("live")
     hand.click("Stop Capture", sidebar=True)
-    window.wait(lambda s: s["capture"]["activity"] is None, "end")
+    ended = window.wait(lambda s: s["capture"]["activity"] is None, "end")
+    hand.shot("walk-test")
+    assert ended["capture"]["walk"].startswith("captures will be "), ended["capture"]
