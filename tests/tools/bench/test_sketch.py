@@ -7,7 +7,20 @@ import numpy as np
 import pytest
 from bench.data import TestTake as Take
 from bench.methods import METHODS
-from bench.sketch import BEST, CONTROLS, IK, NEAREST, OURS, UNSEEN, sketch, sketch_of, without_takes
+from bench.sketch import (
+    ANEW,
+    BEST,
+    CONTROLS,
+    IK,
+    NEAREST,
+    OURS,
+    TOLD,
+    UNSEEN,
+    sketch,
+    sketch_of,
+    standing_feet,
+    without_takes,
+)
 from bench.sketch_references import inverse_kinematics, solved_as_markers
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import forward_kinematics
@@ -60,6 +73,14 @@ def test_takes_are_out_of_the_database_or_end_early(database, tmp_path):
     assert set(clips) == {clip.name for clip in database.clips} - {"walking-01-neutral"}
 
 
+def test_standing_feet_are_low_and_slow(truth):
+    stands, positions = standing_feet(truth), positions_of(truth)
+    toes = positions[:, [truth.skeleton.index(name) for name in ("ltoes", "rtoes")]]
+    speeds_m_s = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) * truth.fps
+    assert stands.any(axis=0).all() and not stands.all(axis=0).any()
+    assert speeds_m_s[stands].max() < 0.4 < speeds_m_s[~stands].mean()
+
+
 def test_table_compares_all_methods(embedded_motion, tmp_path, monkeypatch):
     folder = tmp_path / "cmu"
     folder.mkdir()
@@ -70,10 +91,12 @@ def test_table_compares_all_methods(embedded_motion, tmp_path, monkeypatch):
     ):
         write_bvh(sliced(embedded_motion[name], 0, 60), folder / f"{trial}.bvh")
     monkeypatch.setattr("bench.sketch.TAKES", (Take("walk (16_16)", "16_16"),))
+    monkeypatch.setattr("bench.sketch.FRESH", (Take("walk (16_15)", "16_15"),))
     monkeypatch.setattr("bench.sketch.KEYS", ("16",))
     figures = sketch(tmp_path, tmp_path / "out", 1, lambda fraction, text: None)
-    assert [row["method"] for row in figures["rows"]] == 3 * [OURS, IK, BEST, NEAREST]
-    assert [row["controls"] for row in figures["rows"][::4]] == ["five", "three", UNSEEN]
+    methods = [OURS, IK, BEST, NEAREST]
+    assert [row["method"] for row in figures["rows"]] == [*methods, TOLD, *methods, *methods, *methods, TOLD]
+    assert [row["controls"] for row in figures["rows"]] == 5 * ["five"] + 4 * ["three"] + 4 * [UNSEEN] + 5 * [ANEW]
     clips = {
         clip.subject for clip in open_database(tmp_path / "out/databases/cmu-without-sketched-and-16_16.pfdb").clips
     }
