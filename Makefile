@@ -273,4 +273,4 @@ mutation: $(QUALITY_STAMP)
 	$(QUALITY_VENV)/bin/python tools/mutation.py --out out/mutation --share $(SHARE) $(MUTATED)
 
 clean:
-	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api
+	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api docs/toml-files.md

@@ -128,7 +128,7 @@ def test_anipose_with_the_first_cameras_frame_in_millimetres(rig: CameraRig, tmp
         ("cameras = 5", "holds no tables"),
         ("[cameras.1]\nignore = true", "holds no cameras"),
         ('[cameras.1]\nrotation = "null"\ntranslation = "null"', "camera 1 has no rotation"),
-        ("[cameras.1]\nrotation = [0, 0, 0]\ntranslation = [0, 0, 0]", "incomplete"),
+        ("[cameras.1]\nrotation = [0, 0, 0]\ntranslation = [0, 0, 0]", "lacks 'size', two whole"),
     ],
 )
 def test_damaged_files_are_one_line(tmp_path: Path, text: str, said: str) -> None:

@@ -54,8 +54,10 @@ def test_offsets_and_subset() -> None:
     ("text", "message"),
     [
         ("", "needs markers"),
-        ("marker = 5", r"no \[\[marker\]\] entries"),
-        ("marker = [1, 2]", r"no \[\[marker\]\] entries"),
+        ("marker = 5", r"marker must be a list of tables \[\[marker\]\]"),
+        ("marker = [1, 2]", r"marker must be a list of tables \[\[marker\]\]"),
+        ('[[marker]]\nname = "A"\njoint = "root"\noffset_m = [3, 0, 0]', "A: offset_m must be .* from -2 to 2 m"),
+        ('[[marker]]\nname = "A"\njoint = "root"\ntorso = 1', "A: torso must be true or false"),
         ('[[marker]]\njoint = "root"', "lacks 'name'"),
         ('[[marker]]\nname = "A"', "lacks 'joint'"),
         ('[[marker]]\nname = "A"\njoint = "root"\noffset_m = [1.0]', "A: offset_m must be three numbers"),
@@ -107,10 +109,10 @@ def test_subject_round_trip(tmp_path: Path) -> None:
     [
         ("", "not a subject file"),
         (HEADER.replace("version = 1", "version = 2"), "not a subject file of this version; calibrate"),
-        (HEADER, "is damaged"),
-        (HEADER + "joint = 3\nmarker_set = 3\n", "is damaged"),
-        (HEADER + "joint = [1]\n[marker_set]\n", "is damaged"),
-        (HEADER + 'marker_set = "a"\n[[joint]]\nname = "a"\nparent = "b"', "is damaged"),
+        (HEADER, "lacks 'marker_set', a table .marker_set.; calibrate the subject again"),
+        (HEADER + "joint = 3\nmarker_set = 3\n", "marker_set must be a table"),
+        (HEADER + "joint = [1]\n[marker_set]\n", "joint must be a list of tables"),
+        (HEADER + 'marker_set = "a"\n[[joint]]\nname = "a"\nparent = "b"', "marker_set must be a table"),
     ],
 )
 def test_broken_subject_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
