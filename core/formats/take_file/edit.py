@@ -7,7 +7,7 @@ from io import FileIO
 from pathlib import Path
 
 from ...errors import TakeError
-from ...system.files import writing
+from ...system.files import exists, writing
 from .chunks import ChunkKind, encode_chunk
 from .footer import Footer, find_footer
 from .lock import is_locked, lock
@@ -54,7 +54,7 @@ def recover(take: TakeFile, path: Path | str) -> None:
         FormatError: `path` cannot be written.
     """
     path = Path(path)
-    if path.exists() and path.samefile(take.path):
+    if exists(path) and path.samefile(take.path):
         raise TakeError("would be overwritten", where=str(path), advice="give another name")
     if is_locked(take.path):
         raise TakeError("is being recorded", where=str(take.path), advice="wait for the end of the capture")
