@@ -81,6 +81,8 @@ def control_residual(observation: Observation, markers_m: Array) -> Array:
 def control_jacobian(observation: Observation, jacobian: Array) -> Array:
     """Return d `control_residual` from d markers (M, 3, n): its twin."""
     located, single = observation.located, observation.single
+    if located.all():
+        return jacobian.reshape(-1, jacobian.shape[-1])
     parts = [jacobian[located].reshape(-1, jacobian.shape[-1])]
     if not single.any():
         return np.asarray(parts[0])
