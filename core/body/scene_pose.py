@@ -86,7 +86,9 @@ class PerformerPose:
 
 def doubtful_parts(errors_deg: Array) -> list[str]:
     """Return the parts with large expected errors (P,), none of no errors."""
-    return [part for part, error, most in zip(PARTS, errors_deg, DOUBTFUL_PART_DEG, strict=False) if error > most]
+    if not len(errors_deg):
+        return []
+    return [part for part, large in zip(PARTS, (errors_deg > DOUBTFUL_PART_DEG).tolist(), strict=True) if large]
 
 
 @dataclass(frozen=True)

@@ -21,27 +21,29 @@ class PartErrors:
     def __init__(self, subject: SubjectModel) -> None:
         carried = subject.skeleton.is_ancestor[subject.joints] & ~subject.torso[:, None]
         self._markers: list[Mask] = [carried[:, joints].any(axis=1) for joints in PART_JOINTS.values()]
-        self._joints = [np.array(joints) - 1 for joints in PART_JOINTS.values()]
+        # (P, J - 1) means over their joints
+        self._means = np.zeros((len(PARTS), len(subject.skeleton) - 1))
+        for row, joints in zip(self._means, PART_JOINTS.values(), strict=True):
+            row[np.array(joints) - 1] = 1.0 / len(joints)
         self._scales = np.array([_ERRORS_DEG[part.split()[-1]] for part in PARTS])
 
     def expected_deg(self, solution: Solution) -> Array:
         """Return the expected errors (P,) of parts, empty of methods but "best"."""
         if solution.sigmas_rad is None or not np.isfinite(solution.nearest_m):
             return np.empty(0)
-        variances = np.sum(np.degrees(solution.sigmas_rad) ** 2, axis=-1)
-        sigmas_deg = np.sqrt([variances[joints].mean() for joints in self._joints])
+        sigmas_deg = np.degrees(np.sqrt(self._means @ np.add.reduce(np.square(solution.sigmas_rad), axis=-1)))
         nearest = (solution.nearest_m + _NEAREST_M) ** _NEAREST_POWER
         return np.asarray(self._scales * sigmas_deg**_SIGMA_POWER * nearest)
 
     def notes(self, pose: PerformerPose) -> list[str]:
         """Return doubtful parts of a pose with the reason, in plain words."""
-        if pose.doubtful:
+        if pose.doubtful or not (parts := pose.doubtful_parts):
             return []
         seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
         fits = ~(np.linalg.norm(pose.markers_m - pose.observed_m, axis=1) > _FAR_M)
         notes = []
         for part, markers in zip(PARTS, self._markers, strict=True):
-            if part not in pose.doubtful_parts:
+            if part not in parts:
                 continue
             worn = "marker is" if np.sum(markers) == 1 else "markers are"
             if markers.any() and not (seen & markers).any():

@@ -36,6 +36,16 @@ def test_product_and_turned_vectors_agree_with_scipy() -> None:
     np.testing.assert_allclose(rot.rotate(rot.conjugate(a), rot.rotate(a, v)), v, atol=1e-14)
 
 
+def test_many_rotations_are_as_few_of_them() -> None:
+    a, b = random_rotations(5000), random_rotations(5000, seed=1)
+    few = range(0, 5000, 100)
+    for found, parts in (
+        (rot.multiply(a, b), [rot.multiply(a[i : i + 100], b[i : i + 100]) for i in few]),
+        (rot.to_matrix(a), [rot.to_matrix(a[i : i + 100]) for i in few]),
+    ):
+        np.testing.assert_allclose(found, np.concatenate(parts), rtol=0.0, atol=1e-15)
+
+
 def test_a_quarter_turn_about_y_takes_z_to_x() -> None:
     quarter = rot.from_rotation_vector([0.0, np.pi / 2.0, 0.0])
     np.testing.assert_allclose(quarter, [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
