@@ -141,16 +141,18 @@ def summary_text(summary: dict[str, Any]) -> str:
         label = key.replace("_", " ")
         if isinstance(value, float):
             lines.append(f"{label}: {value:.4g}")
-        elif isinstance(value, dict) and value and all(isinstance(row, dict) for row in value.values()):
+        elif isinstance(value, dict | list) and not value:
+            lines.append(f"{label}: none")
+        elif isinstance(value, dict) and all(isinstance(row, dict) for row in value.values()):
             lines.append(f"{label}:")
             lines += _rows([f"{name}: {_short(row)}" for name, row in value.items()])
-        elif isinstance(value, dict) and value:
+        elif isinstance(value, dict):
             parts = [f"{k} {_short(v)}" for k, v in list(value.items())[:_MOST_PARTS]]
             more = [f"and {len(value) - _MOST_PARTS} more, see --json"] if len(value) > _MOST_PARTS else []
             lines.append(f"{label}: " + ", ".join([*parts, *more]))
-        elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+        elif isinstance(value, list) and all(isinstance(row, dict) for row in value):
             lines.append(f"{label}: {len(value)}")
-            lines += _rows([", ".join(_row_value(key, item) for key, item in row.items() if item) for row in value])
+            lines += _rows([", ".join(_row_value(*item) for item in row.items() if _is_said(item[1])) for row in value])
         elif isinstance(value, list):
             lines.append(f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}")
         else:
@@ -161,6 +163,11 @@ def summary_text(summary: dict[str, Any]) -> str:
 def _rows(rows: list[str]) -> list[str]:
     shown = [f"  {row}" for row in rows[:_MOST_ROWS]]
     return [*shown, f"  and {len(rows) - _MOST_ROWS} more, see --json"] if len(rows) > _MOST_ROWS else shown
+
+
+def _is_said(value: Any) -> bool:
+    """Return whether a value of a row says anything; a moment of zero does."""
+    return bool(value) or isinstance(value, float)
 
 
 def _row_value(key: str, value: Any) -> str:

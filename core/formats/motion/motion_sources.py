@@ -87,7 +87,7 @@ def _is_used(name: str) -> bool:
 def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     with zipfile.ZipFile(source) as archive:
-        _check_size(source, sum(member.file_size for member in archive.infolist()))
+        check_unpacked_size(source, sum(member.file_size for member in archive.infolist()))
         for member in archive.infolist():
             if not member.is_dir() and _is_used(member.filename):
                 target = _target(scratch, len(found), member.filename)
@@ -103,7 +103,7 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
         size = 0
         for member in archive:
             size += member.size
-            _check_size(source, size)
+            check_unpacked_size(source, size)
             packed = archive.extractfile(member) if member.isfile() and _is_used(member.name) else None
             if packed is not None:
                 target = _target(scratch, len(found), member.name)
@@ -113,7 +113,8 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     return found
 
 
-def _check_size(source: Path, size: int) -> None:
+def check_unpacked_size(source: Path, size: int) -> None:
+    """Raise FormatError where an archive holds far more than its own size."""
     if size > _MOST_TIMES * source.stat().st_size + SLACK_BYTES:
         raise FormatError("holds far more than its own size", where=str(source), advice="give its files in a folder")
 

@@ -242,6 +242,9 @@ def test_rows_of_a_report_get_a_line_each():
         "  root: deg=1.235",
         "  head: deg=2 twist_deg=0.5",
     ]
+    stretches = [{"start_s": 0.0, "stop_s": 1.5, "reason": ""}]  # from the very beginning
+    assert summary_text({"doubtful": stretches}).splitlines() == ["doubtful: 1", "  start s 0, stop s 1.5"]
+    assert summary_text({"doubtful": {}, "warnings": []}).splitlines() == ["doubtful: none", "warnings: none"]
     assert summary_text({"worst": [{"frame": 220, "error_mm": 51.42527}]}).splitlines()[1] == "  220, error mm 51.43"
     lines = summary_text({"skipped": rows * 100}).splitlines()
     assert (lines[0], lines[-1], len(lines)) == ("skipped: 200", "  and 140 more, see --json", 62)
