@@ -2,10 +2,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.labelling.trajectory_linking import track_markers
-from perfanim.core.labelling.trajectory_naming import match_trajectories, name_trajectories
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.marker_take import MarkerTake
 
 BODY = np.array(
     [[0.0, 1.2, 0.1], [0.0, 1.0, 0.12], [-0.12, 0.9, 0.12], [0.12, 0.88, 0.12],
@@ -105,47 +102,3 @@ def test_nothing_to_track_is_told():
     frames, _ = frames_of(walk(20, 30.0), 30.0)
     with pytest.raises(TakeError, match="at most 10 of 12"):
         track_markers(frames, "walk", 30.0, count=12)
-
-
-def standing_take(marker_set, seed: int = 0) -> tuple[MarkerTake, np.ndarray]:
-    """A person of 1.68 m who stands and sways, markers in random order; and that order."""
-    from perfanim.core.body.calibration_poses import standing
-    from perfanim.core.body.skeleton import marker_positions
-    from perfanim.core.body.standard_skeleton import default_skeleton
-
-    rng = np.random.default_rng(seed)
-    skeleton = default_skeleton(1.68)
-    joints = marker_set.joint_indices(skeleton)
-    row = marker_positions(skeleton, joints, marker_set.offsets_m, standing(skeleton), np.array([0.3, 1.0, -3.0]))
-    order = rng.permutation(len(marker_set))
-    sway = np.cumsum(rng.normal(0, 0.004, (40, 1, 3)), axis=0)
-    positions = row[None, order] + sway + rng.normal(0, 0.01, (40, len(marker_set), 3))
-    return MarkerTake("stand", 30.0, tuple(f"M{i}" for i in range(len(marker_set))), positions), order
-
-
-@pytest.mark.parametrize("name", ["two-webcams", "locomotion", "boxing"])
-def test_trajectories_get_the_names_of_the_marker_set(name):
-    marker_set = load_marker_set(name)
-    take, order = standing_take(marker_set)
-    named = name_trajectories(take, marker_set)
-    assert named.names == marker_set.names
-    np.testing.assert_array_equal(named.positions_m, take.positions_m[:, np.argsort(order)])
-
-
-def test_takes_that_do_not_fit_the_marker_set_are_refused():
-    marker_set = load_marker_set("two-webcams")
-    take, _ = standing_take(marker_set)
-    with pytest.raises(TakeError, match="has 12 markers, the marker set locomotion has 8"):
-        name_trajectories(take, load_marker_set("locomotion"))
-    scattered = MarkerTake("x", 30.0, take.names, np.random.default_rng(0).uniform(-3, 3, take.positions_m.shape))
-    with pytest.raises(TakeError, match="not where the marker set"):
-        name_trajectories(scattered, marker_set)
-
-
-def test_trajectories_are_paired_by_distance():
-    points = walk(30, 30.0)
-    order = np.random.default_rng(1).permutation(10)
-    other = points[:, order].copy()
-    other[:5, 3] = np.nan
-    rows, columns = match_trajectories(points, other)
-    np.testing.assert_array_equal(order[columns], rows)
