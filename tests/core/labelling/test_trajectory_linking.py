@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
@@ -102,3 +104,95 @@ def test_nothing_to_track_is_told():
     frames, _ = frames_of(walk(20, 30.0), 30.0)
     with pytest.raises(TakeError, match="at most 10 of 12"):
         track_markers(frames, "walk", 30.0, count=12)
+
+
+def test_the_take_holds_the_points_under_their_labels_and_the_frames_numbers_and_times():
+    frames, _ = frames_of(walk(40, 30.0), 30.0, ghosts=2)
+    frames = [replace(frame, number=2 * f + 7, time_s=frame.time_s + 3.0) for f, frame in enumerate(frames)]
+    tracking = track_markers(frames, "walk", 30.0)
+    take = tracking.take
+    assert (take.name, take.fps, take.names) == ("walk", 30.0, tuple(f"M{i:02d}" for i in range(1, 11)))
+    np.testing.assert_array_equal(take.frame_numbers, 2 * np.arange(40) + 7)
+    np.testing.assert_allclose(take.times_s, np.arange(40) / 30.0 + 3.0)
+    for frame, labels, row in zip(frames, tracking.labels, take.positions_m, strict=True):
+        expected = np.full((10, 3), np.nan)
+        expected[labels[labels >= 0]] = frame.points_m[labels >= 0]
+        np.testing.assert_array_equal(row, expected)
+        assert len(labels) == 12
+
+
+@pytest.mark.parametrize(("share", "worn"), [(0.35, 10), (0.15, 8)])
+def test_as_many_markers_are_worn_as_a_quarter_of_the_frames_shows(share, worn):
+    hidden = np.zeros((100, 10), dtype=bool)
+    hidden[int(100 * share) :, [0, 9]] = True
+    frames, truth = frames_of(walk(100, 30.0, speed=0.3), 30.0, hidden)
+    tracking = track_markers(frames, "walk", 30.0)
+    assert len(tracking.take.names) == worn
+    assert tracking.dropped_tracklets == 10 - worn
+    assert right_share(tracking, truth) == 1.0
+
+
+@pytest.mark.parametrize(("shown", "found"), [(32, True), (20, False)])
+def test_markers_that_hardly_any_frame_shows_are_none(shown, found):
+    frames, _ = frames_of(walk(100, 30.0)[:, :5], 30.0)
+    frames = [frame if f < shown else MarkerFrame(f, f / 30.0) for f, frame in enumerate(frames)]
+    if found:
+        assert track_markers(frames, "short", 30.0).take.visible.sum() == 5 * shown
+    else:
+        with pytest.raises(TakeError, match="hardly any markers"):
+            track_markers(frames, "short", 30.0)
+
+
+def test_a_false_point_that_stays_is_not_taken_for_a_hidden_marker():
+    points = np.concatenate((walk(100, 30.0, speed=0.0), np.tile([0.7, 0.4, -4.9], (100, 1, 1))), axis=1)
+    hidden = np.zeros((100, 11), dtype=bool)
+    hidden[30:70, 9] = True
+    hidden[:35, 10] = hidden[65:, 10] = True
+    frames, truth = frames_of(points, 30.0, hidden)
+    tracking = track_markers(frames, "walk", 30.0)
+    assert tracking.dropped_tracklets == 1
+    for labels, order in zip(tracking.labels, truth, strict=True):
+        assert np.all(labels[order == 10] == -1)
+        assert np.all(labels[order < 10] >= 0)
+    assert tracking.take.visible.sum() == 10 * 100 - 40
+
+
+def test_limbs_that_have_moved_while_they_were_hidden_are_told_by_what_stays_at_its_distance():
+    """Both hands come back with the arms crossed: each lies where the other was, but at its own forearm."""
+    time_s = np.arange(140)[:, None] / 30.0
+    torso = np.array([[-0.15, 1.4, 0.0], [0.15, 1.4, 0.0], [-0.12, 1.0, 0.0], [0.12, 1.0, 0.0], [0.0, 1.6, 0.0]])
+    crossed = np.clip((time_s - 2.2) / 1.0, 0.0, 1.0)
+    arms = []
+    for side, phase in ((-1.0, 0.0), (1.0, 2.0)):
+        swing = np.concatenate([np.sin(rate * time_s + phase) for rate in (3.0, 4.1, 2.3)], axis=1)
+        home = np.array([0.4 * side, 1.1, 0.1 + 0.1 * side])
+        forearm = home + 0.12 * swing * (1.0 - crossed) - crossed * np.array([0.8 * side, 0.0, 0.0])
+        arms += [forearm, forearm + np.array([0.0, -0.22, 0.0])]
+    points = np.concatenate((np.tile(torso, (140, 1, 1)), np.stack(arms, axis=1)), axis=1) - [0.0, 0.0, 4.0]
+    hidden = np.zeros((140, 9), dtype=bool)
+    hidden[60:105, [6, 8]] = True
+    frames, truth = frames_of(points, 30.0, hidden)
+    tracking = track_markers(frames, "arms", 30.0)
+    assert tracking.dropped_tracklets == 0
+    assert right_share(tracking, truth) == 1.0
+
+
+def test_whoever_is_elsewhere_from_one_frame_to_the_next_was_not_walking():
+    """At five frames per second: three metres aside are a cut, or another person."""
+    points = walk(20, 5.0, 0.0)
+    points[12:, :, 0] += 3.0
+    frames, _ = frames_of(points, 5.0)
+    tracking = track_markers(frames, "cut", 5.0)
+    assert tracking.dropped_tracklets == 10
+    assert tracking.take.visible.sum() == 10 * 12
+
+
+def test_who_stands_while_slow_cameras_look_moves_nothing():
+    """All markers but three are hidden for a frame: the others' places must not pull the body aside."""
+    points = walk(12, 5.0, 0.0)
+    hidden = np.zeros((12, 10), dtype=bool)
+    hidden[6, 3:] = True
+    frames, truth = frames_of(points, 5.0, hidden)
+    tracking = track_markers(frames, "stand", 5.0)
+    assert right_share(tracking, truth) == 1.0
+    assert tracking.take.visible.sum() == 12 * 10 - 7
