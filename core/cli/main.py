@@ -34,7 +34,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # OpenCV and its video reader would write their own lines beside ours.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 27))  # a small file may declare any size
 
 _NOBODY_READS = 128 + 13  # as shells tell the end by SIGPIPE
 _MOST_PARTS = 12

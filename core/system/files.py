@@ -129,16 +129,16 @@ def _unreadable(path: Path | str, error: Exception, kind: type[PerfanimError]) -
     return kind(f"cannot be read ({getattr(error, 'strerror', error)})", where=str(path), advice="check the path")
 
 
-def read_bytes(path: Path | str, most: int = _MOST_BYTES) -> bytes:
-    """Return the content of a file; FormatError if unreadable or too large."""
-    with open_foreign(path) as file:
+def read_bytes(path: Path | str, most: int = _MOST_BYTES, kind: type[PerfanimError] = FormatError) -> bytes:
+    """Return the content of a file; `kind` is raised if unreadable or too large."""
+    with open_foreign(path, kind) as file:
         try:
             size = os.fstat(file.fileno()).st_size
             if size > most:
-                raise FormatError(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
+                raise kind(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
             return file.read()
         except OSError as error:
-            raise _unreadable(path, error, FormatError) from error
+            raise _unreadable(path, error, kind) from error
 
 
 @contextmanager
