@@ -1,6 +1,7 @@
 """The `perfanim` command: parse, run one command, print its summary.
 
-Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted.
+Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted; 141 nobody
+reads the output, as of any program in a pipe.
 """
 
 import argparse
@@ -12,7 +13,8 @@ import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
+from pathlib import Path
+from typing import Any, TextIO
 
 from .. import __version__
 from ..errors import PerfanimError
@@ -32,8 +34,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # OpenCV and its video reader would write their own lines beside ours.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 27))  # a small file may declare any size
 
+_NOBODY_READS = 128 + 13  # as shells tell the end by SIGPIPE
 _MOST_PARTS = 12
 _MOST_ROWS = 60  # of a report that are printed
 
@@ -86,6 +88,32 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
+    # a stream that the caller closed; else the next file that is opened would be it for libraries in C
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
+    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
+    try:
+        try:
+            return _run(argv)
+        finally:
+            sys.stdout.flush()  # what --help printed, too, so that no error is left for Python's own end
+    except BrokenPipeError:
+        _forget(sys.stdout)
+        _forget(sys.stderr)
+        return _NOBODY_READS
+    except OSError as error:
+        _forget(sys.stdout)
+        sys.stderr.write(f"perfanim: the output cannot be written ({error.strerror})\n")
+        return 1
+
+
+def _forget(stream: TextIO) -> None:
+    """Let the unwritten rest of a stream go nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def _run(argv: Sequence[str] | None) -> int:
     given = sys.argv[1:] if argv is None else argv
     args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()

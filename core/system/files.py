@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import shutil
 import stat
 import tempfile
@@ -18,6 +19,16 @@ SLACK_BYTES = 64 << 20  # that any input may take beside some times its own size
 _MOST_BYTES = 8 << 30  # of a file that is read whole
 _MOST_TOML = 4 << 20
 _DEEPEST_TOML = 32
+_MOST_TABLES = 30_000  # of TOML: Python's parser takes a kilobyte for each
+_KEYS_A_TABLE = 8  # that take as much
+# Text and comments of TOML. Possessive, and an end of the file ends them: one pass, without a stack.
+_QUOTED = re.compile(
+    r"""#[^\n]*+|\"{3}(?:[^"\\]|\\.?|"(?!""))*+"{0,5}|'{3}(?:[^']|'(?!''))*+'{0,5}"""
+    r"""|"(?:[^"\\\n]|\\[^\n]?)*+"?|'[^'\n]*+'?""",
+    re.DOTALL,
+)
+_DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with its square
+_LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser takes a hundred bytes for a digit
 _LARGEST_NUMBER = 1e18  # of TOML: its square is still a number
 _LEFT_BEHIND_S = 3600.0  # without a byte written, after which a temporary file's process is gone
 _RANDOM_LETTERS = 8  # of `tempfile`
@@ -118,16 +129,16 @@ def _unreadable(path: Path | str, error: Exception, kind: type[PerfanimError]) -
     return kind(f"cannot be read ({getattr(error, 'strerror', error)})", where=str(path), advice="check the path")
 
 
-def read_bytes(path: Path | str, most: int = _MOST_BYTES) -> bytes:
-    """Return the content of a file; FormatError if unreadable or too large."""
-    with open_foreign(path) as file:
+def read_bytes(path: Path | str, most: int = _MOST_BYTES, kind: type[PerfanimError] = FormatError) -> bytes:
+    """Return the content of a file; `kind` is raised if unreadable or too large."""
+    with open_foreign(path, kind) as file:
         try:
             size = os.fstat(file.fileno()).st_size
             if size > most:
-                raise FormatError(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
+                raise kind(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
             return file.read()
         except OSError as error:
-            raise _unreadable(path, error, FormatError) from error
+            raise _unreadable(path, error, kind) from error
 
 
 @contextmanager
@@ -150,28 +161,44 @@ def read_toml(path: Path | str) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
     Raises:
-        FormatError: it is missing, malformed, nested too deeply, or a number is not finite or beyond all use.
+        FormatError: it is missing, malformed, holds too many tables or is nested too deeply, or a number is not finite
+            or beyond all use.
     """
     with reading(path, what="is not valid TOML"):
-        tables = tomllib.loads(read_bytes(path, _MOST_TOML).decode("utf-8"))
-        level: list[tuple[Any, Any]] = list(tables.items())
-        for _ in range(_DEEPEST_TOML):
-            for key, value in level:
-                if isinstance(value, int | float) and not abs(value) < _LARGEST_NUMBER:
-                    raise ValueError(f"a number of {shorten(str(key), 40)} is not finite, or too large")
-                if isinstance(value, str) and "\0" in value:  # no path can hold it
-                    raise ValueError(f"a text of {shorten(str(key), 40)} holds NUL")
-            level = [
-                row
-                for key, value in level
-                for row in (
-                    value.items() if isinstance(value, dict)
-                    else [(key, item) for item in value] if isinstance(value, list) else ()
-                )
-            ]  # fmt: skip
-        if level:
-            raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+        text = read_bytes(path, _MOST_TOML).decode("utf-8")
+        _check_toml_text(text)
+        tables = tomllib.loads(text)
+        for key, value in tables.items():
+            _check_toml_value(key, value, _DEEPEST_TOML)
     return tables
+
+
+def _check_toml_text(text: str) -> None:
+    """Raise ValueError for a text of few bytes and much work for the parser."""
+    bare = _QUOTED.sub("", text)
+    if _DEEP_KEY.search(bare):
+        raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+    if _LONG_WORD.search(bare):
+        raise ValueError("a number or key without quotes has more than 1000 letters")
+    tables = sum(map(bare.count, ".[{")) + bare.count("=") // _KEYS_A_TABLE  # a number's point counts, too
+    if tables > _MOST_TABLES:
+        raise ValueError(f"more than {_MOST_TABLES} tables and fractions")
+
+
+def _check_toml_value(key: str, value: Any, levels: int) -> None:
+    """Raise ValueError for numbers and texts that no file needs."""
+    if levels == 0:
+        raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+    if isinstance(value, int | float) and not abs(value) < _LARGEST_NUMBER:
+        raise ValueError(f"a number of {shorten(key, 40)} is not finite, or too large")
+    if isinstance(value, str) and "\0" in value:  # no path can hold it
+        raise ValueError(f"a text of {shorten(key, 40)} holds NUL")
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _check_toml_value(name, item, levels - 1)
+    elif isinstance(value, list):
+        for item in value:
+            _check_toml_value(key, item, levels - 1)
 
 
 def write_toml(path: Path | str, tables: Mapping[str, Any]) -> None:

@@ -12,6 +12,7 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import is_file
 from .camera_watch import is_repeated
+from .image_header import check_image_size
 from .image_set import ClosableSource, ImageSet, next_number
 
 _SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
@@ -171,6 +172,8 @@ def _open(path: str) -> Any:
     if not capture.isOpened():
         capture.release()
         raise CaptureError("cannot be opened as a video", where=path, advice="use MP4 (H.264) or AVI (MJPEG)")
+    size = (int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+    check_image_size(size, 0 if is_stream(path) else Path(path).stat().st_size, path)
     return capture
 
 

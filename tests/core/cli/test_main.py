@@ -209,6 +209,36 @@ def test_the_command_as_a_process(inputs, tmp_path):
     assert bad.stderr.startswith("perfanim: ") and bad.stderr.count("\n") == 1
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such pipes")
+@pytest.mark.parametrize("line", ["database info {} --json", "database info {}", "--version", "database info gone.db"])
+def test_an_output_that_nobody_reads_ends_the_command_quietly(inputs, line):
+    command = [sys.executable, "-m", "perfanim.core.cli.main", *line.format(inputs / "good.db").split()]
+    reading, writing = os.pipe()
+    os.close(reading)
+    pipes = (subprocess.PIPE, writing) if line.endswith("gone.db") else (writing, subprocess.PIPE)
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}  # written at the end
+    done = subprocess.run(command, stdout=pipes[0], stderr=pipes[1], env=environment, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stdout or b"", done.stderr or b"") == (141, b"", b"")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such shell")
+@pytest.mark.parametrize(("closed", "status"), [("database info {} >&-", 0), ("database info gone.db 2>&-", 1)])
+def test_closed_outputs_are_like_none(inputs, closed, status):
+    line = f"exec {sys.executable} -m perfanim.core.cli.main {closed.format(inputs / 'good.db')}"
+    done = subprocess.run(["/bin/sh", "-c", line], capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (status, b"", b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_an_output_on_a_full_disk_is_one_line(inputs):
+    with Path("/dev/full").open("wb") as full:
+        command = [sys.executable, "-m", "perfanim.core.cli.main", "database", "info", str(inputs / "good.db")]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith("perfanim: the output cannot be written (No space left")
+
+
 def test_figures_without_a_value_are_null_in_json():
     value = cli.jsonable(
         {"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": (np.int64(3), Path("/x")), 4: None}
