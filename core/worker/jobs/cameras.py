@@ -103,8 +103,7 @@ def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tupl
         if takes_place and kept.is_file():
             pipeline.set_backgrounds(_read_backgrounds(kept))
         else:
-            seconds = float(request.get("background_s", 2.0))
-            if learned := learn_room(source, str(spec.get("kind", "")), seconds, channel):
+            if learned := learn_room(source, request, channel):
                 pipeline.set_backgrounds(learned)
             if kept.name:
                 _keep_backgrounds(pipeline, kept)
@@ -147,16 +146,16 @@ def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
     return rig
 
 
-def learn_room(source: Any, kind: str, seconds: float, channel: Channel) -> list[Background]:
-    """Return the learned backgrounds of the cameras; none of a stream.
+def learn_room(source: Any, request: Mapping[str, Any], channel: Channel) -> list[Background]:
+    """Return the learned backgrounds of the cameras; none of a film of unknown length.
 
     Raises:
         Stopped: a stop was requested meanwhile. PerfanimError: the source gives no images.
     """
-    if kind == "simulated":
+    if is_simulated(request):
         return learn_backgrounds(_report_learning(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
-    if kind == "cameras":
-        count = max(2, round(seconds * source.fps))
+    if is_live(request):
+        count = max(2, round(float(request.get("background_s", 2.0)) * source.fps))
         return learn_backgrounds(_report_learning(source.samples(count), count, ": stay out of sight", channel))
     moments = list(_report_learning(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
     return [background_from_take(column) for column in zip(*moments, strict=True)]
