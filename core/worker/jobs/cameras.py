@@ -23,8 +23,8 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
+from ...geometry.npz import read_arrays, write_arrays
 from ...geometry.rig_file import rig_from
-from ...system.files import atomic_path
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
 from ...vision.live import live_frames, live_settings
@@ -116,14 +116,12 @@ def _keep_backgrounds(pipeline: MarkerPipeline, path: Path) -> None:
     known = [background for background in pipeline.backgrounds if background is not None]
     arrays = [array for background in known for array in (background.mean, background.deviation)]
     if len(known) == len(pipeline.backgrounds):
-        with atomic_path(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, *arrays)
+        write_arrays(path, {str(number): array for number, array in enumerate(arrays)}, packed=False)
 
 
 def _read_backgrounds(path: Path) -> list[Background]:
-    with np.load(path) as arrays:
-        pairs = [(arrays[f"arr_{i}"], arrays[f"arr_{i + 1}"]) for i in range(0, len(arrays.files), 2)]
-    return [Background(mean, deviation) for mean, deviation in pairs]
+    arrays = read_arrays(path, CaptureError)
+    return [Background(arrays[str(i)], arrays[str(i + 1)]) for i in range(0, len(arrays), 2)]
 
 
 def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
