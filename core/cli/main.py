@@ -18,6 +18,7 @@ from typing import Any, TextIO
 
 from .. import __version__
 from ..errors import PerfanimError
+from .guarded_run import guarded_run
 from .partial_result import PartialResult
 
 # Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
@@ -122,7 +123,7 @@ def _run(argv: Sequence[str] | None) -> int:
     # SIGTERM ends like any error: half-written files are removed on the way out
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
-        summary = args.run(args, progress)
+        summary = guarded_run(args, progress)
     except (PerfanimError, OSError, MemoryError, UnicodeError) as error:
         progress.clear()
         own = error if isinstance(error, PerfanimError) else PerfanimError(f"failed ({error or 'out of memory'})")

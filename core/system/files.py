@@ -9,11 +9,12 @@ import tempfile
 import time
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import FormatError, PerfanimError, shorten
+from .outputs import is_claimed, writer_lock
 
 SLACK_BYTES = 64 << 20  # that any input may take beside some times its own size
 _MOST_BYTES = 8 << 30  # of a file that is read whole
@@ -42,11 +43,19 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     A link stays one: the file that it names is replaced. Temporary files of processes that were killed are removed.
 
     Raises:
-        FormatError: the folder cannot be written, `target` is a folder, or the disk is full.
+        FormatError: the folder cannot be written, `target` is a folder, another program writes it, or the disk is full.
     """
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
+    with nullcontext() if is_claimed(target) else writer_lock(target), _replacing(target) as temporary:
+        yield temporary
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    """Yield a temporary path beside `target`; on success sync and rename it."""
+    with writing(target):
         start, end = f".{target.stem}.", target.suffix
         if not end and target.name.startswith("."):  # ".glb": writers go by the temporary file's ending, or add theirs
             start, end = ".", target.name

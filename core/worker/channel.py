@@ -184,20 +184,26 @@ class Channel:
                 data = b""
             if not data:
                 break
-            for message in decoder.feed(data):
-                if message.kind is MessageKind.STOP:
-                    self._request_stop()
-                elif message.kind is MessageKind.ACK:
-                    with self._state_changed:
-                        self.acknowledged = int(message.json().get("frames", 0))
-                        self._state_changed.notify_all()
-                elif message.kind is MessageKind.FILTER:
-                    self._filter_settings = message.json()
-                else:
-                    self._requests.put(message)
+            try:
+                for message in decoder.feed(data):
+                    self._take(message)
+            except CaptureError:  # damaged: a STOP among what follows would not be understood
+                break
         # A job that does not end by itself now must not stay as an orphan.
         self.disconnected.set()
         self._request_stop()
         self._requests.put(Message(MessageKind.REQUEST))
         time.sleep(_PARENT_GONE_GRACE_S)
         os._exit(3)
+
+    def _take(self, message: Message) -> None:
+        if message.kind is MessageKind.STOP:
+            self._request_stop()
+        elif message.kind is MessageKind.ACK:
+            with self._state_changed:
+                self.acknowledged = int(message.json().get("frames", 0))
+                self._state_changed.notify_all()
+        elif message.kind is MessageKind.FILTER:
+            self._filter_settings = message.json()
+        else:
+            self._requests.put(message)

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...errors import SettingsError
-from ...formats.take_file.lock import lock
 from ...system.files import is_file, writing
+from ...system.lock import lock
 from ...system.progress import Progress
 from .content_hash import ContentDigests, take_digest
 from .plan import TakePlan

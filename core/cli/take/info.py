@@ -9,10 +9,10 @@ import numpy as np
 
 from ...body.scene_pose import doubtful_stretches
 from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
-from ...formats.take_file.lock import is_locked
 from ...formats.take_file.reading import TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...markers.subject import Subject
+from ...system.lock import is_locked
 from ...system.progress import Progress
 
 _UNSOLVED = "has no labels and poses yet: perfanim solve finds them"

@@ -15,9 +15,9 @@ from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed_reco
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.lock import lock
 from perfanim.core.session.save_solved_take import save_imported_take
 from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.lock import lock
 from perfanim.tests.core.cli.batch.conftest import FRAMES, do_here, files, in_others, run
 
 REASONS = {
