@@ -172,7 +172,7 @@ def _open(path: str) -> Any:
         capture.release()
         raise CaptureError("cannot be opened as a video", where=path, advice="use MP4 (H.264) or AVI (MJPEG)")
     size = (int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
-    check_image_size(size, 0 if is_stream(path) else Path(path).stat().st_size, path)
+    check_image_size(size, 0 if is_address(path) else Path(path).stat().st_size, path)
     return capture
 
 
