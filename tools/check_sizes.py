@@ -54,7 +54,8 @@ def main(arguments: list[str]) -> int:
             file.read_text(encoding="utf-8").count("\n") for name in ENTRIES for file in (ROOT / name).rglob("*.py")
         )
         if lines > TOTAL_LINES:
-            findings.append(f"core and perfanim_addon have {lines} lines, {TOTAL_LINES} at most")
+            rise = "raise TOTAL_LINES in tools/check_sizes.py and say there why"
+            findings.append(f"core and perfanim_addon have {lines} lines, {TOTAL_LINES} at most: {rise}")
         for name, most in ENTRIES.items():
             entries = [entry for entry in (ROOT / name).iterdir() if entry.name != "__pycache__"]
             if len(entries) > most:
