@@ -146,6 +146,13 @@ def test_names_that_are_no_text_are_taken_like_others(inputs, tmp_path):
     assert "caf\\udce9," in (tmp_path / "out" / "summary.csv").read_text()
 
 
+def test_a_batch_removes_what_killed_commands_left_in_its_folder(inputs, tmp_path):
+    (tmp_path / ".a.a1b2c3d4.bvh").write_text("half")
+    os.utime(tmp_path / ".a.a1b2c3d4.bvh", (0.0, 0.0))
+    run(inputs.plan("empty.c3d"), tmp_path)
+    assert not list(tmp_path.glob(".*"))
+
+
 def test_what_cannot_be_written_is_tried_again(inputs, tmp_path):
     out = tmp_path / "out"
     (out / "a.bvh").mkdir(parents=True)
