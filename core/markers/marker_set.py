@@ -14,6 +14,7 @@ from ..system.assets import MARKER_SETS
 from ..system.files import is_file, read_toml
 from ..system.schema import Key, Schema
 
+_FARTHEST_M = 10.0  # from its joint
 _MINIMUM_TORSO_MARKERS = 3
 MARKER_KEYS = (
     Key("name", "unique in the set", str),
@@ -75,6 +76,12 @@ class MarkerSet:
         for marker in self.markers:
             if marker.offset_m is not None and not np.all(np.isfinite(marker.offset_m)):
                 raise MarkerSetError("offset_m must be three finite numbers", where=f"marker {marker.name}")
+            if marker.offset_m is not None and np.linalg.norm(marker.offset_m) > _FARTHEST_M:
+                raise MarkerSetError(
+                    f"offset_m is longer than {_FARTHEST_M:g} m",
+                    where=f"marker {marker.name}",
+                    advice="check the unit of length",
+                )
 
     def __len__(self) -> int:
         return len(self.markers)

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import FormatError, PerfanimError, shorten
-from .outputs import is_claimed, writer_lock
+from .lock import is_locked
+from .outputs import LOCK_ENDING, is_claimed, writer_lock
 
 SLACK_BYTES = 64 << 20  # that any input may take beside some times its own size
 _MOST_BYTES = 8 << 30  # of a file that is read whole
@@ -33,6 +34,8 @@ _LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser takes a hundred bytes for
 _LARGEST_NUMBER = 1e18  # of TOML: its square is still a number
 _LEFT_BEHIND_S = 3600.0  # without a byte written, after which a temporary file's process is gone
 _RANDOM_LETTERS = 8  # of `tempfile`
+# `.NAME.RANDOM.ENDING`, of folders without an ending; words of eight letters are no random ones
+_TEMPORARY = re.compile(r"\..*\.(?=[a-z]*[0-9_])[a-z0-9_]{8}(\.\w+)?", re.DOTALL)
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
@@ -87,15 +90,34 @@ def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _
     with os.scandir(folder) as entries:
         for entry in entries:
             random = entry.name[len(start) : len(entry.name) - len(end)]
-            if entry.name != f"{start}{random}{end}" or len(random) != _RANDOM_LETTERS or entry.is_symlink():
-                continue
-            with suppress(OSError):  # another process may have been first
-                path = Path(entry.path)
-                if path.is_dir():
-                    if max(each.stat().st_mtime for each in (path, *path.iterdir())) < oldest_s:
-                        shutil.rmtree(path)
-                elif path.is_file() and path.stat().st_mtime < oldest_s:
-                    path.unlink()
+            if entry.name == f"{start}{random}{end}" and len(random) == _RANDOM_LETTERS:
+                _remove_old(entry, oldest_s)
+
+
+def clean_folder(folder: Path | str) -> None:
+    """Remove temporary files and locks of any name that killed processes left.
+
+    For folders of our own: elsewhere others may have files with such names. Those in use, and new ones, stay.
+    """
+    oldest_s = time.time() - _LEFT_BEHIND_S
+    with suppress(OSError), os.scandir(folder) as entries:  # not there, or not to be read
+        for entry in entries:
+            is_lock = entry.name.startswith(".") and entry.name.endswith(LOCK_ENDING) and len(entry.name) > 6
+            if _TEMPORARY.fullmatch(entry.name) or (is_lock and not is_locked(entry.path)):
+                _remove_old(entry, oldest_s)
+
+
+def _remove_old(entry: os.DirEntry[str], oldest_s: float) -> None:
+    """Remove a file or folder that has not been written since, but no link."""
+    with suppress(OSError):  # another process may have been first
+        path = Path(entry.path)
+        if entry.is_symlink():
+            return
+        if path.is_dir():
+            if max(each.stat().st_mtime for each in (path, *path.iterdir())) < oldest_s:
+                shutil.rmtree(path)
+        elif path.is_file() and path.stat().st_mtime < oldest_s:
+            path.unlink()
 
 
 @contextmanager

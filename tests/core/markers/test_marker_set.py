@@ -43,8 +43,8 @@ def test_a_set_from_a_file(tmp_path: Path) -> None:
 
 def test_offsets_and_subset() -> None:
     marker_set = load_marker_set("locomotion")
-    moved = marker_set.with_offsets(np.arange(24.0).reshape(8, 3))
-    assert moved.markers[1].offset_m == (3.0, 4.0, 5.0)
+    moved = marker_set.with_offsets(np.arange(24.0).reshape(8, 3) / 8.0)
+    assert moved.markers[1].offset_m == (0.375, 0.5, 0.625)
     assert moved.names == marker_set.names
     few = marker_set.subset(["RWAI", "LSHO", "RSHO"])
     assert few.names == ("LSHO", "RSHO", "RWAI")
