@@ -23,8 +23,9 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
+from ...geometry.npz import read_arrays
 from ...geometry.rig_file import rig_from
-from ...system.files import atomic_path
+from ...system.files import atomic_path, reading
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
 from ...vision.live import live_frames, live_settings
@@ -122,9 +123,10 @@ def _keep_backgrounds(pipeline: MarkerPipeline, path: Path) -> None:
 
 
 def _read_backgrounds(path: Path) -> list[Background]:
-    with np.load(path) as arrays:
-        pairs = [(arrays[f"arr_{i}"], arrays[f"arr_{i + 1}"]) for i in range(0, len(arrays.files), 2)]
-    return [Background(mean, deviation) for mean, deviation in pairs]
+    with reading(path, CaptureError, "start the capture again", "holds no backgrounds"):
+        kept = read_arrays(path, CaptureError)
+        arrays = [kept[f"arr_{index}"].astype(np.float32) for index in range(len(kept))]
+        return [Background(mean, deviation) for mean, deviation in zip(arrays[::2], arrays[1::2], strict=True)]
 
 
 def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
