@@ -175,6 +175,18 @@ class Channel:
             self.stop_requested.set()
             self._state_changed.notify_all()
 
+    def _receive(self, message: Message) -> None:
+        if message.kind is MessageKind.STOP:
+            self._request_stop()
+        elif message.kind is MessageKind.ACK:
+            with self._state_changed:
+                self.acknowledged = int(message.json().get("frames", 0))
+                self._state_changed.notify_all()
+        elif message.kind is MessageKind.FILTER:
+            self._filter_settings = message.json()
+        else:
+            self._requests.put(message)
+
     def _receive_loop(self) -> None:
         decoder = Decoder()
         while True:
@@ -186,8 +198,8 @@ class Channel:
                 break
             try:
                 for message in decoder.feed(data):
-                    self._take(message)
-            except CaptureError:  # damaged: a STOP among what follows would not be understood
+                    self._receive(message)
+            except PerfanimError:  # no message can be found any more: as if Blender were gone
                 break
         # A job that does not end by itself now must not stay as an orphan.
         self.disconnected.set()
@@ -195,15 +207,3 @@ class Channel:
         self._requests.put(Message(MessageKind.REQUEST))
         time.sleep(_PARENT_GONE_GRACE_S)
         os._exit(3)
-
-    def _take(self, message: Message) -> None:
-        if message.kind is MessageKind.STOP:
-            self._request_stop()
-        elif message.kind is MessageKind.ACK:
-            with self._state_changed:
-                self.acknowledged = int(message.json().get("frames", 0))
-                self._state_changed.notify_all()
-        elif message.kind is MessageKind.FILTER:
-            self._filter_settings = message.json()
-        else:
-            self._requests.put(message)

@@ -34,4 +34,4 @@ def is_repeatable(request: Mapping[str, Any]) -> bool:
     """
     if is_simulated(request):
         return not request["source"].get("live")
-    return not is_live(request) and all(exists(path) or "*" in path for path in request["source"]["paths"])
+    return not is_live(request) and all(exists(path) or "*" in path for path in request["source"].get("paths", ()))

@@ -25,6 +25,7 @@ from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
 from ...geometry.npz import read_arrays, write_arrays
 from ...geometry.rig_file import rig_from
+from ...system.files import reading
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
 from ...vision.live import live_frames, live_settings
@@ -120,8 +121,10 @@ def _keep_backgrounds(pipeline: MarkerPipeline, path: Path) -> None:
 
 
 def _read_backgrounds(path: Path) -> list[Background]:
-    arrays = read_arrays(path, CaptureError)
-    return [Background(arrays[str(i)], arrays[str(i + 1)]) for i in range(0, len(arrays), 2)]
+    with reading(path, CaptureError, "start the capture again", "holds no backgrounds"):
+        kept = read_arrays(path, CaptureError)
+        arrays = [kept[str(number)].astype(np.float32) for number in range(len(kept))]
+        return [Background(mean, deviation) for mean, deviation in zip(arrays[::2], arrays[1::2], strict=True)]
 
 
 def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
