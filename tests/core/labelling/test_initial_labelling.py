@@ -135,7 +135,6 @@ def limb_cost(*distances_m):
     return 4.0 * np.log1p(np.square(distances_m) / (8.0 * LIMB_SIGMA_M**2)).sum()
 
 
-
 def test_an_examples_own_markers_cost_nothing_ghosts_and_missed_ones_their_price():
     labeller, markers = lone_example()
     here = laid(markers)
@@ -195,7 +194,7 @@ def test_bodies_with_few_limbs_or_none_are_labelled_too(limbs):
 def test_rivals_are_other_labels_and_cost_more():
     """A point 6 cm from the hand's and one at the foot's, which is hidden: the likeliest first, with their costs."""
     labeller, markers = lone_example()
-    points = np.concatenate((laid(markers), laid(markers)[4:5] + [0.0, 0.06, 0.0]))
+    points = np.concatenate((laid(markers), laid(markers)[4:5] + np.array([0.0, 0.06, 0.0])))
     start = labeller.label(points)
     assert start.labels.tolist() == [0, 1, 2, 3, 4, 5, 6, -1]
     assert start.cost == pytest.approx(GHOST, abs=1e-3)

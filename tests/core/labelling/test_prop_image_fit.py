@@ -44,7 +44,8 @@ def own_blobs():
 
 def off(one, other):
     """How far two places are from each other: metres and radians."""
-    return max(np.linalg.norm(one.shift - other.shift), rot.angle_between(*map(rot.from_matrix, (one.turn, other.turn))))
+    turns = [rot.from_matrix(place.turn) for place in (one, other)]
+    return max(np.linalg.norm(one.shift - other.shift), rot.angle_between(*turns))
 
 
 def test_each_marker_has_its_blob_whatever_the_order_and_a_hidden_one_has_none():
@@ -122,7 +123,7 @@ def test_a_few_wrong_blobs_do_not_move_the_prop_and_no_pose_beside_it_explains_a
     truth = placed()
     pixels = shown(truth, noise_px=0.1)
     pixels[0][3] += [9.0, -12.0]
-    start = Placed(truth.turn, truth.shift + [0.003, -0.003, 0.004], 0.5)
+    start = Placed(truth.turn, truth.shift + np.array([0.003, -0.003, 0.004]), 0.5)
     found, errors = images_of(pixels).fit(start, own_blobs())
     # 0.1 pixel at 3.3 m and 540 pixels is 0.6 mm across, and 1.1 mm in depth with cameras 1.8 m apart; three of these
     assert off(found, truth) < 0.005
@@ -137,7 +138,7 @@ def test_a_few_wrong_blobs_do_not_move_the_prop_and_no_pose_beside_it_explains_a
 def test_what_no_blob_tells_stays_as_it_was():
     """A single blob moves the prop across its ray, and leaves depth and the way it points about alone."""
     truth = placed()
-    start = Placed(truth.turn, truth.shift + [0.01, 0.0, 0.0], 0.5)
+    start = Placed(truth.turn, truth.shift + np.array([0.01, 0.0, 0.0]), 0.5)
     blobs = np.full((5, 2), -1)
     blobs[1, 0] = 1
     pixels = shown(truth)
@@ -151,7 +152,7 @@ def test_what_no_blob_tells_stays_as_it_was():
 
 def test_how_far_the_markers_are_from_their_blobs_rays():
     truth = placed()
-    moved = Placed(truth.turn, truth.shift + [0.004, 0.01, -0.006], 0.5)
+    moved = Placed(truth.turn, truth.shift + np.array([0.004, 0.01, -0.006]), 0.5)
     images, blobs = images_of(shown(truth)), own_blobs()
     blobs[[1, 2], 0] = -1
     away = []

@@ -17,7 +17,7 @@ CAMERA = Camera("one", (640, 480), MATRIX, rotation=WORLD_FROM_CAMERA, translati
 
 def at(*places_m):
     """World positions (M, 3) of places across the camera's axis."""
-    return np.array([[*place, 0.0] for place in places_m]) + [0.0, 1.0, 0.0]
+    return np.array([[*place, 0.0] for place in places_m]) + np.array([0.0, 1.0, 0.0])
 
 
 def image(points_m):
@@ -92,7 +92,7 @@ def test_a_movement_seen_long_ago_is_forgotten():
 def costs_of_distance(labeller, count=1):
     """Standard deviation, metres, that the costs of a blob beside its marker speak of."""
     here = at(*[(0.0, 0.0)] * count)
-    aside = here[:1] + [0.03, 0.0, 0.0]
+    aside = here[:1] + np.array([0.03, 0.0, 0.0])
     return 0.03 / np.sqrt(best(labeller, aside, here)[0] - best(labeller, here[:1], here)[0])
 
 
@@ -118,7 +118,7 @@ def test_a_marker_never_seen_may_be_about_where_the_pose_has_it():
 def test_deviations_are_metres_at_the_markers_distance():
     new, far = SingleViewLabeller(CAMERA, np.array([True])), np.array([0.0, 0.0, -4.0])
     here = at((0.0, 0.0))
-    aside = here + [0.05, 0.0, 0.0]
+    aside = here + np.array([0.05, 0.0, 0.0])
     assert best(new, aside + far, here + far)[0] == pytest.approx(best(new, aside, here)[0])
 
 
@@ -168,5 +168,5 @@ def test_the_labeller_before_a_frame_is_left_as_it_was():
 
 def test_the_pose_behind_the_camera_names_nothing():
     labeller = SingleViewLabeller(CAMERA, np.array([False]))
-    behind = at((0.0, 0.0)) + [3.0, 0.0, DEPTH_M + 1.0]
+    behind = at((0.0, 0.0)) + np.array([3.0, 0.0, DEPTH_M + 1.0])
     assert best(labeller, at((0.0, 0.0)), behind)[1].tolist() == [-1]

@@ -56,7 +56,9 @@ def all_choices(examples_m, points_m):
 def test_all_choices_that_the_examples_allow_are_found_the_likeliest_first(spread_m):
     generator = np.random.default_rng(2)
     examples_m = examples(spread_m)
-    points_m = np.concatenate((TORSO_M + generator.normal(scale=0.03, size=(4, 3)), generator.uniform(-0.4, 0.6, (4, 3))))
+    points_m = np.concatenate(
+        (TORSO_M + generator.normal(scale=0.03, size=(4, 3)), generator.uniform(-0.4, 0.6, (4, 3)))
+    )
     points_m = points_m[generator.permutation(8)] + np.array([2.0, 1.0, -3.0])
     expected = all_choices(examples_m, points_m)
     found = [tuple(row) for row in choose(TorsoCandidates(examples_m), points_m).tolist()]

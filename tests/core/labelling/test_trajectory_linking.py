@@ -90,6 +90,31 @@ def test_slow_cameras_are_followed_by_the_body_as_a_whole(fps, speed):
     assert right_share(track_markers(frames, "walk", fps), truth) == 1.0
 
 
+def test_slow_cameras_follow_a_body_that_goes_further_aside_than_its_markers_are_apart():
+    """Half a metre from frame to frame: nearly every marker comes near to where another was, and limbs swing."""
+    points = walk(12, 2.0, 0.0)
+    points[..., 0] += 0.5 * np.arange(12)[:, None] - 3.0
+    frames, truth = frames_of(points, 2.0)
+    assert right_share(track_markers(frames, "walk", 2.0), truth) >= 0.95
+
+
+def test_a_false_point_does_not_take_the_place_of_a_marker_that_comes_back():
+    """It is seen for nine frames, the last four of them beside the marker, which stays for longer."""
+    marker = walk(100, 30.0, speed=0.0)
+    points = np.concatenate((marker, marker[:, 9:] + [0.12, 0.0, 0.0]), axis=1)
+    hidden = np.zeros((100, 11), dtype=bool)
+    hidden[30:55, 9] = True
+    hidden[:50, 10] = hidden[59:, 10] = True
+    frames, truth = frames_of(points, 30.0, hidden)
+    tracking = track_markers(frames, "walk", 30.0)
+    assert tracking.dropped_tracklets == 1
+    for f in (*range(30), *range(59, 100)):
+        assert np.all(tracking.labels[f] >= 0)
+    for labels, order in zip(tracking.labels, truth, strict=True):
+        assert np.all(labels[order == 9] >= 0)
+        assert np.all(labels[order == 10] < 0)
+
+
 def test_depth_that_jumps_with_the_cameras_clocks_exchanges_nothing():
     points = walk(120, 30.0)
     points[..., 2] += np.random.default_rng(2).normal(0, 0.07, (120, 1))
@@ -101,6 +126,10 @@ def test_nothing_to_track_is_told():
     empty = [MarkerFrame(f, f / 30.0) for f in range(10)]
     with pytest.raises(TakeError, match="hardly any markers"):
         track_markers(empty, "empty", 30.0)
+    with pytest.raises(TakeError, match="hardly any markers"):
+        track_markers([], "none", 30.0)
+    with pytest.raises(TakeError, match="at most 0 of 12"):
+        track_markers([], "none", 30.0, count=12)
     frames, _ = frames_of(walk(20, 30.0), 30.0)
     with pytest.raises(TakeError, match="at most 10 of 12"):
         track_markers(frames, "walk", 30.0, count=12)
