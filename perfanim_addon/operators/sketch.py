@@ -20,8 +20,8 @@ from ..preferences.property_kinds import switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..sketch import control_colours, hips_path, live_sketch
-from ..sketch.controls import add_controls, controls_of, key_controls, read_controls, set_keys
-from ..sketch.write_solution import STORED, SketchBody, joints_of, kept_sketch, write_solution
+from ..sketch.controls import STORED, add_controls, controls_of, key_controls, read_controls, set_keys
+from ..sketch.write_solution import SketchBody, joints_of, kept_sketch, write_solution
 from .character import performer_skeleton
 from .common import RunningOperator, UndoOperator, report_error
 from .database import SolvingOperator, is_starter_missing
@@ -55,7 +55,8 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
     bl_label = "Add Controls"
     panel = PANEL
     from_action: switch(
-        "Key from Animation", "Key them where the character's action has keys, to make a rough animation natural"
+        "Key from Animation",
+        "Key them where the character's rough action has keys, to make it natural; their earlier keys go",
     )
 
     def run(self, context: bpy.types.Context) -> str:

@@ -44,6 +44,9 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
         name="Collection", description="Collection of the sketch's controls", type=bpy.types.Collection
     )
     action: bpy.props.PointerProperty(name="Result", description="Action with the solved motion", type=bpy.types.Action)
+    rough: bpy.props.PointerProperty(
+        name="Rough Action", description="Action that From Animation reads the keys from", type=bpy.types.Action
+    )
 
     @property
     def chosen_joints(self) -> list[str]:

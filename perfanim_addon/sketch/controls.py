@@ -12,13 +12,14 @@ from ...core.errors import CharacterError, SettingsError
 from ...core.geometry.arrays import Array
 from ...core.sketch.sketch import MOST_FRAMES, Control, Sketch
 from ..animation.actions import scene_fps
-from ..animation.channels import channels_of, slot_of
+from ..animation.channels import channels_of, play, play_only, played, slot_of
 from ..capture.capture_space import CaptureSpace
 from ..character.bone_map_settings import joint_label
 from ..character.posing import bones_of
 from .path_places import places_on_path
 
 JOINT = "perfanim_joint"  # custom property of a control
+STORED = "perfanim_sketch"  # custom property of a solved action: its sketch as JSON
 _SIZE_M = 0.08  # of a control of a person's hand
 _LARGER = {"root": 2.0, "thorax": 1.6, "head": 1.6}
 _SHAPES = {"root": "CUBE"}
@@ -92,20 +93,44 @@ def _add_empty(
 
 
 def key_controls(context: bpy.types.Context, armature_object: bpy.types.Object) -> int:
-    """Key the controls at the character's joints where its action has keys.
+    """Key the controls at the joints where the character's rough action has keys.
+
+    Their earlier keys go. The rough action is the one that the character plays; once that is a solved sketch, it is the
+    one that was read before.
 
     Returns:
         The number of frames with keys.
 
     Raises:
-        SettingsError: the character has no animation.
+        SettingsError: the character has no animation, or only a solved one.
     """
+    chosen, animation = armature_object.perfanim_sketch, armature_object.animation_data
+    playing = animation.action if animation is not None else None
+    if playing is not None and STORED not in playing:
+        chosen.rough = playing
+    elif playing is not None and chosen.rough is None:
+        advice = "choose the rough action in the Action editor"
+        raise SettingsError("was solved from a sketch", where=playing.name, advice=advice)
+    if chosen.rough is None or chosen.rough == playing:
+        return _key_where_keyed(context, armature_object)
+    before = played(armature_object)
+    play_only(armature_object, chosen.rough)
+    try:
+        return _key_where_keyed(context, armature_object)
+    finally:
+        play(armature_object, before)
+
+
+def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Object) -> int:
+    """Key the controls where the playing action has keys; return the number of frames."""
     curves = action_curves(armature_object)
     frames = sorted({round(key.co.x) for curve in curves for key in curve.keyframe_points})
     if not frames:
         advice = "animate it roughly, or key the controls by hand"
         raise SettingsError("has no action with keys", where=armature_object.name, advice=advice)
     controls, bones = controls_of(armature_object), bones_of(armature_object)
+    for control in controls.values():
+        _set_free(control)
     with _present_frame(context.scene):
         for frame in frames:
             context.scene.frame_set(frame)
@@ -117,14 +142,24 @@ def key_controls(context: bpy.types.Context, armature_object: bpy.types.Object) 
 
 
 def set_keys(armature_object: bpy.types.Object, sketch: Sketch, space: CaptureSpace) -> None:
-    """Key the controls as a sketch has them; their earlier keys go."""
+    """Key the controls as a sketch has them.
+
+    Their earlier keys, parents and constraints go.
+    """
     controls = controls_of(armature_object)
     for control in sketch.controls:
         empty = controls[control.joint]
-        empty.animation_data_clear()
+        _set_free(empty)
         for frame, place in zip(control.frames, space.points_to_scene(control.positions_m), strict=True):
             empty.location = place
             empty.keyframe_insert("location", frame=float(frame))
+
+
+def _set_free(control: bpy.types.Object) -> None:
+    """Take away keys, parent and constraints: keys are places in the scene."""
+    control.animation_data_clear()
+    control.parent = None
+    control.constraints.clear()
 
 
 def read_controls(
