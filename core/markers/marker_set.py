@@ -14,6 +14,7 @@ from ..system.assets import MARKER_SETS
 from ..system.files import is_file, read_toml
 
 _MINIMUM_TORSO_MARKERS = 3
+_FARTHEST_M = 10.0  # from its joint; Skeleton's bones are no longer
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,11 @@ class MarkerSet:
                 where=f"marker set {self.name}",
             )
         for marker in self.markers:
-            if marker.offset_m is not None and not np.all(np.isfinite(marker.offset_m)):
-                raise MarkerSetError("offset_m must be three finite numbers", where=f"marker {marker.name}")
+            if marker.offset_m is not None and not np.all(np.abs(marker.offset_m) < _FARTHEST_M):  # nor NaN
+                raise MarkerSetError(
+                    f"offset_m must be three numbers below {_FARTHEST_M:g}", where=f"marker {marker.name}",
+                    advice="give metres",
+                )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.markers)

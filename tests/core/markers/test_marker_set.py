@@ -43,8 +43,8 @@ def test_a_set_from_a_file(tmp_path: Path) -> None:
 
 def test_offsets_and_subset() -> None:
     marker_set = load_marker_set("locomotion")
-    moved = marker_set.with_offsets(np.arange(24.0).reshape(8, 3))
-    assert moved.markers[1].offset_m == (3.0, 4.0, 5.0)
+    moved = marker_set.with_offsets(np.arange(24.0).reshape(8, 3) / 4.0)
+    assert moved.markers[1].offset_m == (0.75, 1.0, 1.25)
     assert moved.names == marker_set.names
     few = marker_set.subset(["RWAI", "LSHO", "RSHO"])
     assert few.names == ("LSHO", "RSHO", "RWAI")
@@ -73,8 +73,9 @@ def test_bad_sets_are_refused(tmp_path: Path, text: str, message: str) -> None:
 
 def test_bad_offsets_and_names_are_refused(tmp_path: Path) -> None:
     markers = [Marker(name, "root", (0.0, 0.0, 0.0), True) for name in "ABC"]
-    with pytest.raises(MarkerSetError, match="marker D: offset_m must be three finite"):
-        MarkerSet("a", (*markers, Marker("D", "root", (np.inf, 0.0, 0.0))))
+    for value in (np.inf, np.nan, -12.0):
+        with pytest.raises(MarkerSetError, match="marker D: offset_m must be three numbers below 10; give metres"):
+            MarkerSet("a", (*markers, Marker("D", "root", (0.0, value, 0.0))))
     with pytest.raises(MarkerSetError, match="no marker set or file 'dancing'; shipped sets: boxing"):
         load_marker_set("dancing")
     with pytest.raises(SkeletonError, match="no joint 'tail'"):
