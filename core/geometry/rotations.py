@@ -230,7 +230,7 @@ def continuous(quaternions: ArrayLike) -> Array:
     """Return `[F, ..., 4]` with neighbouring frames in one hemisphere."""
     q = np.array(quaternions, dtype=np.float64)
     if len(q) > 1:
-        flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
+        flips = np.where(np.einsum("...i,...i", q[1:], q[:-1]) < 0.0, -1.0, 1.0)
         q[1:] *= np.cumprod(flips, axis=0)[..., None]
     return q
 

@@ -14,12 +14,21 @@ from ..system.assets import MARKER_SETS
 from ..system.files import is_file, read_toml
 from ..system.schema import Key, Schema
 
-_FARTHEST_M = 10.0  # from its joint
+_FARTHEST_M = 10.0  # from its joint; Skeleton's bones are no longer
 _MINIMUM_TORSO_MARKERS = 3
 MARKER_KEYS = (
     Key("name", "unique in the set", str),
     Key("joint", "that carries it, of the standard skeleton", str),
-    Key("offset_m", "from the joint in the rest pose: left, up, forward", float, (3,), "m", -2.0, 2.0, optional=True),
+    Key(
+        "offset_m",
+        "from the joint in the rest pose: left, up, forward",
+        float,
+        (3,),
+        "m",
+        -_FARTHEST_M,
+        _FARTHEST_M,
+        optional=True,
+    ),
     Key("torso", "whether it serves to find the root; three markers or more do", bool, optional=True),
     Key("text", "its name in messages", str, optional=True),
     Key("also", "other names that systems write for it", str, (None,), optional=True),
@@ -74,14 +83,11 @@ class MarkerSet:
                 where=f"marker set {self.name}",
             )
         for marker in self.markers:
-            if marker.offset_m is not None and not np.all(np.isfinite(marker.offset_m)):
-                raise MarkerSetError("offset_m must be three finite numbers", where=f"marker {marker.name}")
-            if marker.offset_m is not None and np.linalg.norm(marker.offset_m) > _FARTHEST_M:
+            if marker.offset_m is not None and not np.all(np.abs(marker.offset_m) < _FARTHEST_M):  # nor NaN
                 raise MarkerSetError(
-                    f"offset_m is longer than {_FARTHEST_M:g} m",
-                    where=f"marker {marker.name}",
-                    advice="check the unit of length",
-                )
+                    f"offset_m must be three numbers below {_FARTHEST_M:g}", where=f"marker {marker.name}",
+                    advice="give metres",
+                )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.markers)

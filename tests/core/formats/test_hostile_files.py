@@ -6,6 +6,7 @@ import tarfile
 import tracemalloc
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,12 @@ from perfanim.core.formats.markers.c3d import read_c3d
 from perfanim.core.formats.markers.c3d_write import write_c3d
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.motion.amc import parse_amc_values
-from perfanim.core.formats.motion.asf import parse_asf
+from perfanim.core.formats.motion.asf import parse_asf, read_asf
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.unique_names import unique_names
 from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.system.files import SLACK_BYTES
 
 ASF = """:units
 length 1
@@ -124,6 +126,36 @@ def _trc(names: int, rows: int) -> str:
 def _csv(names: int, rows: int) -> str:
     header = ["frame", "time_s", *(f"M{i}_{axis}" for i in range(names) for axis in "xyz")]
     return "# fps=60\n" + ",".join(header) + "\n" + "1,0\n" * rows
+
+
+def _still(channels: str, joints: int, frames: int) -> str:
+    """A motion of a root with these channels, of joints without any, and of a number a frame."""
+    children = "".join(f"JOINT a{index}\n{{\nOFFSET 0 1 0\nCHANNELS 0\n}}\n" for index in range(joints))
+    root = f"ROOT a\n{{\nOFFSET 0 1 0\nCHANNELS {channels}\n{children}}}\n"
+    return f"HIERARCHY\n{root}MOTION\nFrames: 2\nFrame Time: 0.02\n" + "0\n" * frames
+
+
+REPEATED = {
+    "turning root.bvh": _still("1 Xrotation", 0, 500_000),
+    "joints without numbers.bvh": _still("1 Xrotation", 300, 480_000),
+    "last line.asf": ASF + "end\n" * 250_000,
+    "names.csv": "# fps=60\nframe,time_s," + ",".join(["M_x,M_y,M_z"] * 80_000) + "\n1,0\n",
+    "blank lines.csv": _csv(1, 0) + "\n" * 1_000_000,
+    "short rows.csv": _csv(5, 0) + "1\n" * 500_000,
+}
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_a_part_repeated_to_a_megabyte_takes_no_more_than_allowed(name: str, tmp_path: Path) -> None:
+    text, path = REPEATED[name], tmp_path / name
+    path.write_text(text)
+    read = {".bvh": read_bvh, ".asf": read_asf, ".csv": read_take}[path.suffix]
+    tracemalloc.start()
+    with suppress(FormatError):
+        read(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 4 * len(text) + SLACK_BYTES
 
 
 @pytest.mark.parametrize(("ending", "text"), [("trc", _trc(50_000, 50_000)), ("csv", _csv(20_000, 50_000))])
