@@ -20,7 +20,8 @@ from ..preferences.property_kinds import switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..sketch import control_colours, hips_path, live_sketch
-from ..sketch.controls import STORED, add_controls, controls_of, key_controls, read_controls, set_keys
+from ..sketch.controls import STORED, add_controls, controls_of, key_controls, set_keys
+from ..sketch.read_controls import read_controls
 from ..sketch.write_solution import SketchBody, joints_of, kept_sketch, write_solution
 from .character import performer_skeleton
 from .common import RunningOperator, UndoOperator, report_error
@@ -128,6 +129,7 @@ class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
         add_controls(context, armature, space, joints_of(sketch))
         set_keys(armature, sketch, space)
         armature.perfanim_sketch.take_over(chosen)
+        armature.perfanim_sketch.free_height = any(each.height_is_free for each in sketch.controls)
         armature.perfanim_sketch.action = action
         return f"{sum(len(each.frames) for each in sketch.controls)} keys of {action.name}"
 

@@ -74,3 +74,13 @@ def drawn_path(part: Any, armature: bpy.types.Object) -> bpy.types.Object:
     for point, angle in zip(spline.points, np.linspace(0.0, np.pi / 2.0, 31), strict=True):
         point.co = (1.5 - 1.5 * np.cos(angle), -1.5 * np.sin(angle), 0.0, 1.0)
     return path
+
+
+def drawn_hand(part: Any, armature: bpy.types.Object) -> bpy.types.Object:
+    """The left hand with three keys of its own."""
+    hand = part("sketch.controls").controls_of(armature)["lhand"]
+    hand.animation_data_clear()
+    for frame, place in ((1, (0.0, 0.0, 1.0)), (11, (0.4, 0.1, 1.3)), (31, (0.6, 0.0, 0.9))):
+        hand.location = place
+        hand.keyframe_insert("location", frame=frame)
+    return hand

@@ -4,9 +4,11 @@ from typing import Any
 
 import bpy
 import numpy as np
+import pytest
+from mathutils import Vector
 from perfanim.core.body.motion import Motion
 from played import curves_of, key_times
-from sketched import MET, distances, drawn_path, play, sketch_of, solve
+from sketched import MET, distances, drawn_hand, drawn_path, play, sketch_of, solve
 
 
 def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion) -> None:
@@ -58,7 +60,7 @@ def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part
     hips.select_set(True)
     assert bpy.ops.perfanim.follow_curve() == {"FINISHED"}
     space = part("sketch.write_solution").SketchBody.of(keyed).space
-    whole = controls.read_controls(bpy.context, keyed, space)
+    whole = part("sketch.read_controls").read_controls(bpy.context, keyed, space)
     assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
     live = part("sketch.live_sketch")
     bpy.app.timers.unregister(live._tick)  # the test plays it
@@ -72,10 +74,33 @@ def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part
             play(part)
             bpy.context.view_layer.update()
             stored, _ = part("sketch.write_solution").kept_sketch(keyed.perfanim_sketch.action)
-            wanted = controls.read_controls(bpy.context, keyed, space) if step_m else whole
+            wanted = part("sketch.read_controls").read_controls(bpy.context, keyed, space) if step_m else whole
             for one, other in zip(stored.controls, wanted.controls, strict=True):
                 np.testing.assert_array_equal(one.frames, other.frames)
                 np.testing.assert_allclose(one.positions_m, other.positions_m, atol=0.003)
         assert scene.frame_current == 11
+    finally:
+        live.end()
+
+
+def test_a_handle_is_an_edit(part: Any, keyed: bpy.types.Object) -> None:
+    hand = drawn_hand(part, keyed)
+    solve(part)
+    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
+    live = part("sketch.live_sketch")
+    bpy.app.timers.unregister(live._tick)  # the test plays it
+    try:
+        play(part)
+        key = curves_of(hand)[2].keyframe_points[1]
+        key.handle_left_type = key.handle_right_type = "FREE"
+        key.handle_right.y += 0.3
+        hand.animation_data.action.update_tag()  # as Blender's editors do
+        bpy.context.view_layer.update()
+        assert live.current().noted
+        play(part)
+        stored, _ = part("sketch.write_solution").kept_sketch(keyed.perfanim_sketch.action)
+        control = next(each for each in stored.controls if each.joint == "lhand")
+        place = keyed.matrix_world.inverted() @ Vector([curve.evaluate(14) for curve in curves_of(hand)])
+        assert control.curve(np.array([14.0]))[0, 1] == pytest.approx(place.z, abs=1e-4)
     finally:
         live.end()

@@ -41,7 +41,7 @@ def test_controls_in_an_empty_file_come_with_a_character(part: Any) -> None:
 
 def test_keys_are_read_as_they_were_set(part: Any, keyed: bpy.types.Object, walk: Motion) -> None:
     space = part("sketch.write_solution").SketchBody.of(keyed).space
-    found = part("sketch.controls").read_controls(bpy.context, keyed, space)
+    found = part("sketch.read_controls").read_controls(bpy.context, keyed, space)
     wanted = {each.joint: each for each in sketch_of(walk).controls}
     assert found.fps == 30.0
     assert sorted(each.joint for each in found.controls) == sorted(wanted)
@@ -93,17 +93,17 @@ def test_what_cannot_be_a_sketch_is_refused(part: Any, keyed: bpy.types.Object, 
     root.location.x = 5000.0
     root.keyframe_insert("location", frame=20)
     with pytest.raises(errors.SettingsError, match="m away"):
-        controls.read_controls(bpy.context, keyed, space)
+        part("sketch.read_controls").read_controls(bpy.context, keyed, space)
     root.animation_data_clear()
     root.location.x = 0.0
     for frame in (0, 30000):
         root.keyframe_insert("location", frame=frame)
     with pytest.raises(errors.SettingsError, match="at most"):
-        controls.read_controls(bpy.context, keyed, space)
+        part("sketch.read_controls").read_controls(bpy.context, keyed, space)
     for each in controls.controls_of(keyed).values():
         each.animation_data_clear()
     with pytest.raises(errors.SettingsError, match="no control has a key"):
-        controls.read_controls(bpy.context, keyed, space)
+        part("sketch.read_controls").read_controls(bpy.context, keyed, space)
 
 
 def test_unknown_behaviours_are_told(part: Any, keyed: bpy.types.Object, extension: str) -> None:
@@ -144,6 +144,8 @@ def test_a_saved_sketch_is_taken_up_again(part: Any, keyed: bpy.types.Object, wa
     assert armature.perfanim_sketch.follow == pytest.approx(0.75)
     assert armature.perfanim_sketch.behaviours == "walking"
     test_keys_are_read_as_they_were_set(part, armature, walk)
+    for control in controls.controls_of(armature).values():  # default curves need no key more
+        np.testing.assert_array_equal(key_times(curves_of(control)), sketch_of(walk).frames[::EVERY])
 
 
 def test_a_rough_animation_becomes_keys_of_controls(part: Any, keyed: bpy.types.Object) -> None:
