@@ -92,6 +92,23 @@ def test_euler_angles_at_gimbal_lock(order: str, middle: float) -> None:
     assert same(rot.from_euler(found, order), q) < 1e-7
 
 
+@pytest.mark.parametrize("order", ORDERS)
+def test_unwrapped_euler_angles_are_the_same_turns_and_go_the_short_way(order: str) -> None:
+    """A motion through both gimbal locks and over many turns: what went into it comes back, but for whole turns."""
+    time_s = np.linspace(0.0, 4.0, 401)
+    true = np.stack((3.0 * time_s, 1.9 * np.sin(2.0 * time_s) + 0.2 * time_s, 0.4 - 2.5 * time_s), axis=1)
+    q = rot.from_euler(true, order)
+    angles = rot.unwrap_euler(rot.to_euler(q, order))
+    assert same(rot.from_euler(angles, order), q) < 1e-7
+    assert np.abs(np.diff(angles, axis=0)).max() < 1.01 * np.abs(np.diff(true, axis=0)).max()
+    np.testing.assert_allclose(angles - angles[0], true - true[0], atol=1e-6)
+
+
+def test_a_single_frame_of_euler_angles_stays() -> None:
+    angles = np.array([[0.3, -0.4, 3.0]])
+    np.testing.assert_array_equal(rot.unwrap_euler(angles), angles)
+
+
 def test_one_angle_is_a_turn_about_one_axis() -> None:
     np.testing.assert_allclose(rot.from_euler([[0.3]], "x"), rot.from_rotation_vector([[0.3, 0.0, 0.0]]))
 
