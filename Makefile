@@ -29,7 +29,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures walks docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures walks docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -45,7 +45,7 @@ demo: $(STAMP)
 # One thread a process for linear algebra: the processes share the cores already.
 test: export OPENBLAS_NUM_THREADS := 1
 test: $(STAMP)
-	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm --ignore tests/fuzz_guided -n auto --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm --ignore tests/prior --ignore tests/fuzz_guided -n auto --dist loadfile --no-loadscope-reorder
 
 # The add-on's tests on each supported Blender as a module, with the wheels of the extension, one environment each. The
 # project itself is there without its requirements: its numpy would be newer than that of Blender 4.2.
@@ -71,7 +71,7 @@ $(GPLVM_STAMP): pyproject.toml
 # JAX wants a newer NumPy than the rest is tested with.
 $(PRIOR_STAMP): pyproject.toml
 	$(PYTHON) -m venv $(PRIOR_VENV)
-	$(PRIOR_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[prior]'
+	$(PRIOR_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[prior]' pytest
 	touch $@
 
 # Trains the motion prior that is shipped, on DATA/cmu. The errors of people left out (PRIOR_FOLD) stand for those of anybody unseen.
@@ -102,6 +102,11 @@ bench-priors: $(STAMP) $(PRIOR_STAMP)
 
 gplvm-test: $(GPLVM_STAMP)
 	$(GPLVM_VENV)/bin/python -m pytest tests/gplvm
+
+# Two steps of the prior's training, twice with a seed.
+prior-test: export OPENBLAS_NUM_THREADS := 1
+prior-test: $(PRIOR_STAMP)
+	$(PRIOR_VENV)/bin/python -m pytest tests/prior
 
 $(DOCS_STAMP): pyproject.toml
 	$(PYTHON) -m venv $(DOCS_VENV)

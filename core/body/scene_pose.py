@@ -57,6 +57,7 @@ class PerformerPose:
             from takes, which keep it by blob.
         part_errors_deg: (P,) expected errors of the body's parts (`body_parts.PARTS`), means over their joints: 95 % of
             the errors are within twice that. Empty of methods but "best", and in takes of earlier versions.
+        joint_errors_deg: (J - 1,) the same of the joints but the root; empty in poses read from takes, too.
     """
 
     number: int
@@ -73,6 +74,7 @@ class PerformerPose:
     notes: tuple[str, ...] = ()
     single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
     part_errors_deg: Array = field(default_factory=lambda: np.empty(0))
+    joint_errors_deg: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def doubtful(self) -> bool:

@@ -107,7 +107,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check(args)
     progress(0.0, "reading")
     solved, facts = solve(args, progress, SessionCache())
-    return solved.summary() | {"fps": solved.motion.fps} | facts | {"out": str(Path(args.out))}
+    facts = {"fps": solved.motion.fps, "expected_joint_errors_deg": solved.joint_errors_deg()} | facts
+    return solved.summary() | facts | {"out": str(Path(args.out))}
 
 
 def check(args: argparse.Namespace) -> None:

@@ -193,8 +193,7 @@ class Session:
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
         hidden = [text for text, seen in zip(self.subject.marker_set.texts, fit.located, strict=True) if not seen]
-        notes = list(frame.notes)
-        notes += [", ".join(hidden) + " hidden"] if hidden else []
+        notes = [*frame.notes, *([", ".join(hidden) + " hidden"] if hidden else [])]
         notes += [TrackingNote.UNFAMILIAR.value] if solution.nearest_m > self._quality.settings.familiar_m else []
         held = fit.rms_m > self._quality.settings.wrong_m
         notes += [TrackingNote.HELD.value] if held else []
@@ -219,6 +218,7 @@ class Session:
             dimensions=solution.dimensions,
             single_points=observation.image_points,
             part_errors_deg=errors_deg,
+            joint_errors_deg=self._part_errors.expected_joints_deg(solution),
         )
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 

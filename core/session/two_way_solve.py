@@ -47,11 +47,17 @@ _TORSO = list(PARTS).index("torso")  # the root's
 
 @dataclass(frozen=True)
 class _Course:
-    """One solution of a stretch: rotations (F, J, 4), root (F, 3), errors (F, P)."""
+    """One solution of a stretch.
+
+    Args:
+        rotations, root_positions_m: (F, J, 4) and (F, 3).
+        errors_deg, joint_errors_deg: (F, P) and (F, J - 1) expected errors of parts and joints.
+    """
 
     rotations: Array
     root_positions_m: Array
     errors_deg: Array
+    joint_errors_deg: Array
 
 
 class TwoWaySolver:
@@ -113,6 +119,7 @@ class TwoWaySolver:
                     markers_m=markers_m,
                     marker_rms_m=pose.marker_rms_m if np.isnan(away_m).all() else float(np.sqrt(np.nanmean(away_m**2))),
                     part_errors_deg=course.errors_deg[index],
+                    joint_errors_deg=course.joint_errors_deg[index],
                 )
             )
         return fitted
@@ -172,7 +179,8 @@ def _live_course(poses: Sequence[PerformerPose]) -> _Course:
     return _Course(
         np.array([pose.rotations for pose in poses]),
         np.array([pose.root_position_m for pose in poses]),
-        np.array([_known(pose.part_errors_deg) for pose in poses]),
+        np.array([_known(pose.part_errors_deg, len(PARTS)) for pose in poses]),
+        np.array([_known(pose.joint_errors_deg, len(pose.rotations) - 1) for pose in poses]),
     )
 
 
@@ -189,7 +197,8 @@ def _backward_course(
         poses: as live: where the last markers are, and the poses that stand for missing ones.
     """
     live, part_errors = _live_course(poses), PartErrors(solver.subject)
-    course = _Course(live.rotations.copy(), live.root_positions_m.copy(), np.full_like(live.errors_deg, np.inf))
+    unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
+    course = _Course(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
     state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
     for done, index in enumerate(reversed(range(len(poses)))):
         if done % _REPORT_EVERY == 0:
@@ -199,14 +208,17 @@ def _backward_course(
             continue
         course.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
         course.root_positions_m[index] = solution.root.position_m
-        course.errors_deg[index] = _known(part_errors.expected_deg(solution))
+        course.errors_deg[index] = _known(part_errors.expected_deg(solution), len(PARTS))
+        course.joint_errors_deg[index] = _known(
+            part_errors.expected_joints_deg(solution), live.joint_errors_deg.shape[1]
+        )
     progress(1.0)
     return course
 
 
-def _known(errors_deg: Array) -> Array:
-    """Return expected errors (P,), large ones in place of none."""
-    return errors_deg if len(errors_deg) else np.full(len(PARTS), _UNKNOWN_DEG)
+def _known(errors_deg: Array, count: int) -> Array:
+    """Return so many expected errors, large ones in place of none."""
+    return errors_deg if len(errors_deg) else np.full(count, _UNKNOWN_DEG)
 
 
 def _blended(courses: Sequence[_Course], fps: float) -> _Course:
@@ -218,6 +230,7 @@ def _blended(courses: Sequence[_Course], fps: float) -> _Course:
     first = courses[0].rotations
     rotations = np.zeros_like(first)
     root_m = np.zeros_like(courses[0].root_positions_m)
+    joint_errors = np.zeros_like(courses[0].joint_errors_deg)
     for course, weight in zip(courses, weights, strict=True):
         joints = np.empty(first.shape[:2])
         joints[:, 0] = weight[:, _TORSO]
@@ -226,4 +239,6 @@ def _blended(courses: Sequence[_Course], fps: float) -> _Course:
         side = np.where(np.sum(course.rotations * first, axis=-1) < 0.0, -1.0, 1.0)
         rotations += (joints * side)[..., None] * course.rotations
         root_m += weight[:, _TORSO, None] * course.root_positions_m
-    return _Course(rot.normalize(rotations), root_m, np.sum(weights * np.minimum(errors, _UNKNOWN_DEG), axis=0))
+        joint_errors += joints[:, 1:] * np.minimum(course.joint_errors_deg, _UNKNOWN_DEG)
+    part_errors = np.sum(weights * np.minimum(errors, _UNKNOWN_DEG), axis=0)
+    return _Course(rot.normalize(rotations), root_m, part_errors, joint_errors)

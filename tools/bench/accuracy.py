@@ -1,7 +1,10 @@
-"""All methods on the same takes, from a known performer to another studio."""
+"""The default settings beside other methods, from known people to another studio.
 
-import re
-from collections.abc import Iterable, Sequence
+Each take is solved live and offline from exact and from disturbed markers. The learned prior is one of those beside the
+databases (motion_prior*.npz) that has not seen the performer.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,103 +12,64 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
-from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.labels import subject_of
-from perfanim.core.database.store import Database, open_database
+from perfanim.core.database.store import open_database
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.system.assets import MOTION
-from perfanim.core.system.progress import Progress, no_progress
+from perfanim.core.system.progress import Progress
 
+from .accuracy_cases import CONDITIONS, Case, cases_of
 from .baseline import Baseline
-from .data import (
-    BANDAI,
-    BOXING,
-    CMU,
-    FPS,
-    WALKING,
-    TestTake,
-    read_take,
-    skeleton_path,
-    whole_database,
-    without_subject,
-    without_tests,
-)
-from .disturbed import disturbed_errors, disturbed_means
+from .calibration import Expected, confidence_ratio, coverage
+from .disturbed import CLEAN, DISTURBANCES, QUICK, SEEDS, disturbed_means, solve_disturbed
+from .feet import feet_errors
 from .figure6 import MARKER_SET, describe, solve_truth, true_subject
-from .methods import BASELINE, METHODS, WITH_PRIOR, compared_methods
-from .plots import check_plots
-from .report import write_figures
+from .methods import BASELINE, METHODS, default_settings
+from .paired import paired_ratios
+from .plots import Line, Panel, check_plots, write_plot
+from .processes import Processes
+from .report import Rows, write_figures
+from .solved_takes import LIVE, OFFLINE
 from .worst_frames import Picture, write_pictures
 
-TAKES = (
-    WALKING,
-    TestTake("walking (35_01)", "35_01"),
-    TestTake("jumping (16_02)", "16_02"),
-    TestTake("running (09_03)", "09_03"),
-    BOXING,
-    TestTake("jumps, kicks, punches (86_01)", "86_01"),
-)
-STUDIO_TAKES = tuple(
-    TestTake(trial, trial, 0.2)
-    for trial in (
-        "dataset-1_bow_normal_001",
-        "dataset-1_dash_normal_001",
-        "dataset-1_guide_normal_001",
-        "dataset-1_walk-back_normal_001",
-        "dataset-2_raise-up-right-hand_active_027",
-        "dataset-2_walk_youthful_025",
-        "dataset-2_wave-both-hands_feminine_004",
-    )
-)
-UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND = "unseen clip", "unseen subject", "unseen kind of motion"
-STUDIO, EMBEDDED = "another studio", "embedded motion alone"
-CONDITIONS = (UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND, STUDIO, EMBEDDED)
-_KINDS = {
-    "walk": "walk",
-    "jump": r"jump|hop",
-    "run": r"run|jog|dash",
-    "box": r"box|punch|kick",
-    "kick": r"jump|kick|box",
-}
-_KIND_OF_TRIAL = {"16_16": "walk", "35_01": "walk", "16_02": "jump", "09_03": "run", "14_02": "box", "86_01": "kick"}
-_QUICK = ("nearest", "best")
-_FRAMES = 240  # of each take
+TUNED = "local-pca (tuned)"
+_NEAREST, _BEST = "nearest", "best"
+_QUICK_METHODS = (_NEAREST, _BEST)
+_FRAMES, _QUICK_FRAMES = 240, 120  # of each take, so that all takes an hour, or ten minutes
+_QUICK_SEEDS = SEEDS[:1]
 _MOMENTS = (0.2, 0.4, 0.6, 0.8)  # shares of a take that are pictured
-_DRAWN = 2000  # samples of the takes, for an interval
+_DRAWN = (_NEAREST, LIVE, OFFLINE, BASELINE, TUNED)  # in the plot
 _UNITS = (
     "deg_per_joint",
     "deg_per_angle",
     "mpjpe_mm",
     "bone_direction_deg",
     "twist_deg",
+    "root_position_mm",
     "root_rotation_deg",
     "jitter_ratio",
     "foot_skate_cm_s",
+    "foot_skate_truth_cm_s",
 )
+_FEET = ("skate_beyond_cm_s", "toes_below_mm")
 
 
 @dataclass(frozen=True)
-class _Case:
-    """A take to be solved with a database.
+class _Solved:
+    """A case solved by all methods.
 
     Args:
-        skeleton: file with the body.
+        joints: errors by joint, of methods and of disturbances by way.
+        live: the motion solved live from exact markers.
+        error: its, degrees per joint.
+        expected: errors beside the expected ones, by disturbance and way.
     """
 
-    condition: str
-    take: TestTake
-    truth: Motion
-    skeleton: Path
-    database: Database
-
-
-@dataclass(frozen=True)
-class _Strip:
-    """A case as `best` solved it, and its error in degrees per joint."""
-
-    case: _Case
-    solved: Motion
+    rows: list[dict[str, Any]]
+    joints: list[dict[str, Any]]
+    disturbed: list[dict[str, Any]]
+    live: Motion
     error: float
+    expected: dict[tuple[str, str], list[Expected]]
 
 
 def accuracy(
@@ -113,170 +77,189 @@ def accuracy(
 ) -> dict[str, Any]:
     """Solve takes by every method in every condition.
 
-    Unseen kinds keep the performer's other clips. `best` stands without the learned prior, and with one of those beside
-    the databases (motion_prior*.npz) that has not seen the performer.
+    Unseen kinds keep the performer's other clips. `live` and `offline` are the default settings; the methods are all
+    live, without the learned prior.
 
     Args:
-        checkout: of another version; its `best` solves the same takes with its own databases of the same motion.
-        quick: whether only `best` is compared with `nearest`, on exact markers.
+        checkout: of another version; it solves the same takes with its own databases of the same motion.
+        quick: whether only `nearest` and `best` are compared, fewer frames are solved, and markers are disturbed in two
+            ways with one seed.
 
     Returns:
-        rows (condition, take, method, frames, errors, share of the nearest neighbour's error), joints (errors by
-        joint), means (the same over the takes), prior (geometric means of the errors with the prior over those
-        without, and the worst take), against (the same over the other version's `best`, of `best` and with the
-        prior), disturbed (`best` on noisy, missing, slow and fast markers), disturbed_means, databases, outputs.
+        rows (condition, take, method, frames, errors, held feet, share of the nearest neighbour's error), means (the
+        same over the takes), ratios (paired, of two methods), disturbed and disturbed_means (live and offline on
+        noisy, missing, slow and fast markers), intervals (shares of errors within twice the expected), confidence
+        (errors of its lowest and highest tenths), priors, databases, outputs.
     """
     check_plots()
-    baseline = Baseline(checkout, data, out / "baseline") if checkout else None
-    rows: list[dict[str, Any]] = []
-    joints: list[dict[str, Any]] = []
-    disturbed: list[dict[str, Any]] = []
-    strips: list[_Strip] = []
-    databases: dict[str, dict[str, Any]] = {}
-    cases = list(_cases(data, out, workers, progress))
-    for number, case in enumerate(cases):
-        databases[f"{case.condition}: {case.take.title}"] = describe(case.database)
-        progress(0.2 + 0.8 * number / len(cases), f"{case.take.title}, {case.condition}")
-        methods = compared_methods(out, subject_of(case.take.trial))
-        if quick:
-            methods = {name: methods[name] for name in (*_QUICK, WITH_PRIOR) if name in methods}
-        motions = {method: solve_truth(case.truth, case.database, settings)[0] for method, settings in methods.items()}
-        errors = {method: evaluate(motion, case.truth) for method, motion in motions.items()}
-        ours = WITH_PRIOR if WITH_PRIOR in motions else "best"
-        strips += [_Strip(case, motions[ours], errors[ours]["deg_per_joint"])]
-        if baseline:
-            errors[BASELINE] = evaluate(_solve_by(baseline, case), case.truth)
-        of = {"condition": case.condition, "take": case.take.title}
-        rows += [
-            of
-            | {"method": method, "frames": case.truth.frames}
-            | {unit: round(error[unit], 4) for unit in _UNITS}
-            | {"of_nearest": round(error["deg_per_joint"] / errors["nearest"]["deg_per_joint"], 4)}
-            for method, error in errors.items()
-        ]
-        joints += [
-            of | {"method": method, "joint": joint} | {unit: round(value, 3) for unit, value in by_unit.items()}
-            for method, error in errors.items()
-            for joint, by_unit in error["per_joint"].items()
-        ]
-        if case.condition != EMBEDDED and not quick:
-            found = disturbed_errors(case.truth, case.take.trial, case.database, out, no_progress)
-            disturbed += [of | row for row in found]
-    figures = {"rows": rows, "means": _means(rows), "databases": databases}
-    figures |= {"disturbed": disturbed, "disturbed_means": disturbed_means(disturbed, CONDITIONS)}
-    against = _ratios(rows, "best", BASELINE) + _ratios(rows, WITH_PRIOR, BASELINE)
-    figures |= {"prior": _ratios(rows, WITH_PRIOR, "best"), "against": against}
-    tables = {"": rows, "joints": joints} | ({"disturbed": disturbed} if disturbed else {})
-    return write_figures(out, "accuracy", figures, tables, write_pictures(out / "accuracy-strips", _pictures(strips)))
-
-
-def _pictures(strips: Sequence[_Strip]) -> list[Picture]:
-    """Return moments of each condition's median and worst take, truth beside solved."""
-    pictures = []
-    for condition in CONDITIONS:
-        ordered = sorted(
-            (strip for strip in strips if strip.case.condition == condition), key=lambda strip: strip.error
-        )
-        for name, strip in (("median", ordered[(len(ordered) - 1) // 2]), ("worst", ordered[-1])) if ordered else ():
-            truth = strip.case.truth
-            for share in _MOMENTS:
-                frame = int(share * truth.frames)
-                title = f"{condition}, {name}: {strip.case.take.title}, frame {frame}"
-                both = (sliced(motion, frame, frame + 1) for motion in (truth, strip.solved))
-                pictures.append(Picture(title, *both))
-    return pictures
-
-
-def _cases(data: Path, out: Path, workers: int, progress: Progress) -> Iterable[_Case]:
-    whole, folder = whole_database(data, out, (CMU,), workers, progress), out / "databases"
-    embedded = _embedded_database(folder)
-    for take in TAKES:
-        truth = read_take(data, take)
-        truth = sliced(truth, 0, min(_FRAMES, truth.frames))
-        skeleton = skeleton_path(data, take)
-        for condition, database in _databases(whole, folder, take).items():
-            yield _Case(condition, take, truth, skeleton, database)
-        yield _Case(EMBEDDED, take, truth, skeleton, embedded)
-    for take in STUDIO_TAKES:
-        truth = read_take(data, take, BANDAI)
-        skeleton = skeleton_path(data, take, BANDAI)
-        yield _Case(STUDIO, take, sliced(truth, 0, min(_FRAMES, truth.frames)), skeleton, whole)
-
-
-def _solve_by(baseline: Baseline, case: _Case) -> Motion:
-    """Return the other version's solution of a case."""
-    take, _ = simulate_markers(case.truth, true_subject(case.truth))
-    if case.condition == EMBEDDED:
-        database = baseline.embedded_database()
-    else:
-        database = baseline.database(case.database.path.stem, {clip.name for clip in case.database.clips})
-    return baseline.solve(take, case.skeleton, MARKER_SET, database)
-
-
-def _embedded_database(folder: Path) -> Database:
-    path = folder / "embedded.pfdb"
-    if not path.exists():
-        build_database([MOTION], path, BuildSettings(fps=FPS, workers=1))
-    return open_database(path)
-
-
-def _databases(whole: Database, folder: Path, take: TestTake) -> dict[str, Database]:
-    """Return the database of each condition.
-
-    If the subject has no other clips an unseen clip is an unseen subject.
-    """
-    unseen = without_subject(whole, folder, subject_of(take.trial))
-    clip_unseen = without_tests(whole, folder / "cmu-without-tests.pfdb")
-    kind = _KIND_OF_TRIAL[take.trial]
-    words = re.compile(_KINDS[kind])
-    kind_unseen = without_tests(
-        whole, folder / f"cmu-without-kind-{kind}.pfdb", lambda clip: not words.search(clip.behaviour.lower())
+    out.mkdir(parents=True, exist_ok=True)
+    frames = _QUICK_FRAMES if quick else _FRAMES
+    cases = list(cases_of(data, out, frames, workers, progress))
+    with Processes(workers, out) as processes:
+        baselines: list[tuple[Baseline, Path] | None] = [None] * len(cases)
+        if checkout:
+            baseline = Baseline(checkout, data, out / "baseline")
+            by_file = {case.database: case for case in cases}
+            jobs = {str(path): (case, baseline) for path, case in by_file.items()}
+            built = processes.run("baseline-databases", Case.baseline_database, jobs, lambda path: [], progress)
+            paths = dict(zip(by_file, built, strict=True))
+            baselines = [(baseline, paths[case.database]) for case in cases]
+        titles = [f"{case.take.title}, {case.condition}" for case in cases]
+        of_case = {
+            title: (case, out, baseline, quick) for title, case, baseline in zip(titles, cases, baselines, strict=True)
+        }
+        solved = processes.run("accuracy", _solve, of_case, lambda done: done.rows + done.disturbed, progress)
+    rows, joints, disturbed = ([row for each in solved for row in getattr(each, name)] for name in _TABLES)
+    figures = {
+        "rows": rows,
+        "means": _means(rows),
+        "ratios": _ratios(rows),
+        "disturbed": disturbed,
+        "disturbed_means": disturbed_means(disturbed, CONDITIONS),
+        "intervals": _intervals(cases, solved),
+        "confidence": _confidence(cases, solved),
+        "priors": {
+            case.take.title: default_settings(out, subject_of(case.take.trial)).best.prior_file for case in cases
+        },
+        "databases": {case.database.stem: describe(open_database(case.database)) for case in cases},
+        "frames": frames,
+    }
+    tables = {"": rows, "joints": joints, "disturbed": disturbed}
+    plots = write_plot(
+        out / "accuracy", _panels(rows), "takes, from the least error to the most", "degrees per joint", True
     )
-    databases = {UNSEEN_CLIP: clip_unseen, UNSEEN_SUBJECT: unseen, UNSEEN_KIND: kind_unseen}
-    if clip_unseen.frames == unseen.frames:
-        del databases[UNSEEN_CLIP]
-    return databases
+    plots += write_pictures(out / "accuracy-strips", _pictures(cases, solved))
+    return write_figures(out, "accuracy", figures, tables, plots)
 
 
-def _means(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+_TABLES = ("rows", "joints", "disturbed")
+
+
+def _solve(case: Case, out: Path, baseline: tuple[Baseline, Path] | None, quick: bool) -> _Solved:
+    """Return a case solved by all methods, in the other process."""
+    database, truth = open_database(case.database), case.truth
+    settings = default_settings(out, subject_of(case.take.trial))
+    several = solve_disturbed(
+        truth, database, settings, QUICK if quick else DISTURBANCES, _QUICK_SEEDS if quick else SEEDS
+    )
+    chosen = {name: METHODS[name] for name in _QUICK_METHODS} if quick else METHODS
+    motions = {method: solve_truth(truth, database, each)[0] for method, each in chosen.items()}
+    motions |= {way: solved.motion for way, solved in several.clean.items()}
+    if baseline:
+        take, _ = simulate_markers(truth, true_subject(truth))
+        motions[BASELINE] = baseline[0].solve(take, case.skeleton, MARKER_SET, baseline[1])
+    errors = {method: evaluate(motion, truth) for method, motion in motions.items()}
+    rows = [
+        case.of
+        | {"method": method, "frames": truth.frames}
+        | {unit: round(error[unit], 4) for unit in _UNITS}
+        | feet_errors(motions[method], truth)
+        | {"of_nearest": round(error["deg_per_joint"] / errors[_NEAREST]["deg_per_joint"], 4)}
+        for method, error in errors.items()
+    ]
+    joints = [
+        case.of
+        | {"method": method, "disturbance": CLEAN.name, "joint": joint}
+        | {unit: round(value, 3) for unit, value in by_unit.items()}
+        for method, error in errors.items()
+        if method not in several.clean  # these come with the disturbances
+        for joint, by_unit in error["per_joint"].items()
+    ]
+    joints += [
+        case.of | {"method": row["way"]} | {k: v for k, v in row.items() if k != "way"} for row in several.joints
+    ]
+    disturbed = [case.of | row for row in several.rows]
+    live = several.clean[LIVE].motion
+    return _Solved(rows, joints, disturbed, live, errors[LIVE]["deg_per_joint"], dict(several.expected))
+
+
+def _means(rows: Rows) -> list[dict[str, Any]]:
     means = []
     for condition in CONDITIONS:
-        for method in (*METHODS, WITH_PRIOR, BASELINE):
+        for method in (*METHODS, LIVE, OFFLINE, BASELINE):
             of = [row for row in rows if row["condition"] == condition and row["method"] == method]
             if of:
                 means.append(
                     {"condition": condition, "method": method, "takes": len(of)}
-                    | {unit: round(sum(row[unit] for row in of) / len(of), 4) for unit in (*_UNITS, "of_nearest")}
+                    | {unit: _mean([row[unit] for row in of]) for unit in (*_UNITS, *_FEET, "of_nearest")}
+                    | {f"most_{unit}": max(row[unit] for row in of if not np.isnan(row[unit])) for unit in _FEET[1:]}
                 )
     return means
 
 
-def _ratios(rows: Sequence[dict[str, Any]], method: str, other: str) -> list[dict[str, Any]]:
-    """Return the ratios of a method's errors to another's, by condition.
+def _mean(values: Sequence[float]) -> float:
+    """Return the mean without NaN: feet that never stand have no skate."""
+    known = [value for value in values if np.isfinite(value)]
+    return round(float(np.mean(known)), 4) if known else float("nan")
 
-    Geometric means over the takes; of degrees per joint also their 95 % interval (bootstrap over takes) and the worst.
-    """
-    found = []
-    for condition in CONDITIONS:
-        by = {(row["take"], row["method"]): row for row in rows if row["condition"] == condition}
-        takes = [take for take, name in by if name == method and (take, other) in by]
-        if not takes:
-            continue
-        logs = {
-            unit: np.log([by[take, method][unit] / by[take, other][unit] for take in takes])
-            for unit in ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "root_rotation_deg", "jitter_ratio")
-        }
-        means = {unit: round(float(np.exp(values.mean())), 3) for unit, values in logs.items()}
-        degrees = logs["deg_per_joint"]
-        drawn = np.random.default_rng(0).choice(degrees, (_DRAWN, len(takes))).mean(axis=1)
-        low, high = np.exp(np.percentile(drawn, (2.5, 97.5)))
-        found.append(
-            {"condition": condition, "method": method, "takes": len(takes)}
-            | means
-            | {
-                "low": round(float(low), 3),
-                "high": round(float(high), 3),
-                "worst": round(float(np.exp(max(degrees))), 3),
-            }
-        )
+
+def _ratios(rows: Rows) -> list[dict[str, Any]]:
+    """Return all paired ratios: live and offline to the others, then offline to live."""
+    pairs = [(way, other) for other in (BASELINE, _BEST, TUNED) for way in (LIVE, OFFLINE)]
+    return [row for pair in (*pairs, (OFFLINE, LIVE)) for row in paired_ratios(rows, *pair, CONDITIONS)]
+
+
+def _grouped(cases: Sequence[Case], solved: Sequence[_Solved], condition: str) -> dict[tuple[str, str], list[Expected]]:
+    """Return the errors of a condition beside the expected, by disturbance and way."""
+    found: dict[tuple[str, str], list[Expected]] = {}
+    for case, each in zip(cases, solved, strict=True):
+        if case.condition == condition:
+            for name, expected in each.expected.items():
+                found.setdefault(name, []).extend(expected)
     return found
+
+
+def _intervals(cases: Sequence[Case], solved: Sequence[_Solved]) -> list[dict[str, Any]]:
+    """Return shares of errors within their 95 % intervals, at last of all conditions."""
+    names = cases[0].truth.skeleton.names[1:]
+    found, whole = [], dict[tuple[str, str], list[Expected]]()
+    for condition in CONDITIONS:
+        for (disturbance, way), expected in _grouped(cases, solved, condition).items():
+            of = {"condition": condition, "disturbance": disturbance, "way": way}
+            found.append(of | coverage(expected, names))
+            whole.setdefault((disturbance, way), []).extend(expected)
+    for (disturbance, way), expected in whole.items():
+        found.append({"condition": "all", "disturbance": disturbance, "way": way} | coverage(expected, names))
+    return found
+
+
+def _confidence(cases: Sequence[Case], solved: Sequence[_Solved]) -> list[dict[str, Any]]:
+    """Return live errors at low and high confidence, all disturbances together."""
+    found, whole = [], list[Expected]()
+    for condition in CONDITIONS:
+        grouped = _grouped(cases, solved, condition)
+        live = [each for (_, way), expected in grouped.items() if way == LIVE for each in expected]
+        if live:
+            found.append({"condition": condition} | confidence_ratio(live))
+            whole += live
+    return [*found, {"condition": "all"} | confidence_ratio(whole)]
+
+
+def _panels(rows: Rows) -> list[Panel]:
+    """Return a panel of each condition: the errors of its takes in order, by method."""
+    panels = []
+    for condition in CONDITIONS:
+        lines = []
+        for method in _DRAWN:
+            of = [row for row in rows if (row["condition"], row["method"]) == (condition, method)]
+            errors = np.sort([row["deg_per_joint"] for row in of])
+            lines += [Line(method, 1 + np.arange(len(errors)), errors)] if of else []
+        panels += [Panel(condition, lines)] if lines else []
+    return panels
+
+
+def _pictures(cases: Sequence[Case], solved: Sequence[_Solved]) -> list[Picture]:
+    """Return moments of each condition's median and worst take, truth beside solved."""
+    pictures = []
+    for condition in CONDITIONS:
+        pairs = [pair for pair in zip(cases, solved, strict=True) if pair[0].condition == condition]
+        ordered = sorted(pairs, key=lambda pair: pair[1].error)
+        for name, (case, each) in (
+            (("median", ordered[(len(ordered) - 1) // 2]), ("worst", ordered[-1])) if ordered else ()
+        ):
+            for share in _MOMENTS:
+                frame = int(share * case.truth.frames)
+                title = f"{condition}, {name}: {case.take.title}, frame {frame}"
+                both = (sliced(motion, frame, frame + 1) for motion in (case.truth, each.live))
+                pictures.append(Picture(title, *both))
+    return pictures

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from perfanim.core.body.motion import Motion
 from perfanim.core.errors import FormatError
@@ -36,38 +37,40 @@ class Baseline:
         link.unlink(missing_ok=True)
         link.symlink_to(self._checkout, target_is_directory=True)
 
-    def database(self, name: str, trials: Collection[str]) -> Path:
-        """Return its database of CMU's trials without tests, built if missing."""
+    def database(self, name: str, trials: Collection[str], sets: tuple[str, ...] = (CMU,)) -> Path:
+        """Return its database of the sets' trials, the split take cut, built if missing."""
         path = self._out / f"{name}.pfdb"
         if path.exists():
             return path
         folder = self._out / name
-        with motion_files(data_folders(self._data, (CMU,))) as files:
+        with motion_files(data_folders(self._data, sets)) as files:
             for file in files:
                 if file.stem in trials:
                     paths = [file.path] + ([file.skeleton] if file.skeleton else [])
                     _lay(paths, folder / file.path.parent.name)
-        self._run("database", "build", str(folder), "--out", str(path), "--fps", f"{FPS:g}")
+        self.run("database", "build", str(folder), "--out", str(path), "--fps", f"{FPS:g}")
         return path
 
     def embedded_database(self) -> Path:
         """Return the database of the motion that comes with it, built if missing."""
         path = self._out / "embedded.pfdb"
         if not path.exists():
-            self._run(
+            self.run(
                 "database", "build", str(self._checkout / "assets" / "motion"), "--out", str(path), "--fps", f"{FPS:g}"
             )
         return path
 
     def solve(self, take: MarkerTake, skeleton: Path, marker_set: str, database: Path) -> Motion:
         """Return its solution of a take for the body of a skeleton's file."""
-        markers, motion = self._out / "take.take.npz", self._out / "solved.bvh"
-        write_take(take, markers)
         body = ("--skeleton", str(skeleton), "--marker-set", marker_set)
-        self._run("solve", str(markers), *body, "--database", str(database), "--out", str(motion))
-        return read_motion(motion)
+        with TemporaryDirectory(dir=self._out) as folder:  # of its own: several processes solve
+            markers, motion = Path(folder) / "take.take.npz", Path(folder) / "solved.bvh"
+            write_take(take, markers)
+            self.run("solve", str(markers), *body, "--database", str(database), "--out", str(motion))
+            return read_motion(motion)
 
-    def _run(self, *arguments: str) -> None:
+    def run(self, *arguments: str) -> str:
+        """Return the output of one of its commands, or raise FormatError."""
         environment = os.environ | {"PYTHONPATH": str(self._path), "OPENBLAS_NUM_THREADS": "1"}
         # in the folder of the results: the present one may hold another package of that name
         done = subprocess.run(
@@ -84,6 +87,7 @@ class Baseline:
                 where=str(self._checkout),
                 advice="give a checkout with a working command line with --baseline",
             )
+        return done.stdout
 
 
 def _lay(paths: Sequence[Path], folder: Path) -> None:

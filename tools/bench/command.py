@@ -15,6 +15,7 @@ from .robustness import FULL, PARTS, SEED, robustness
 from .scale import scale
 from .sketch import sketch
 from .speed import speed
+from .suits import suits
 from .table1 import table1
 from .vision import vision
 
@@ -24,8 +25,9 @@ _BENCHES = {
     "figure5": (figure5, "error of models of pose by their dimension"),
     "end-to-end": (end_to_end, "recorded motion filmed by simulated cameras, tracked and solved, beside true markers"),
     "figure6": (figure6, "nearest, lwr, local-pca and best frame by frame"),
-    "accuracy": (accuracy, "every method on six takes, with the clip unseen and with the whole subject unseen"),
+    "accuracy": (accuracy, "live and offline beside other methods: unseen clips, people, kinds of motion and studios"),
     "robustness": (robustness, "cuts between takes, a T pose before takes, noise and unseen subjects; worst frames"),
+    "suits": (suits, "recorded suits solved with nine of their markers: distance of the others"),
     "sketch": (sketch, "a body from keys of eight takes, with five and with three controls"),
     "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
     "scale": (scale, "time to open, search and solve, and the error, by the size of the database"),
@@ -52,7 +54,14 @@ def add_parser(subparsers: Any) -> None:
             )
             parser.add_argument("--seed", type=int, default=SEED, metavar="N", help=f"of chance (default {SEED})")
         if bench is accuracy:
-            parser.add_argument("--quick", action="store_true", help="best and nearest on exact markers, a few minutes")
+            parser.add_argument(
+                "--quick", action="store_true", help="fewer methods, frames and disturbances, a quarter of an hour"
+            )
+        if bench is suits:
+            parser.add_argument(
+                "--suits", type=Path, metavar="DIR", help="folder that holds c3d/ and trc/ (default: that of --data)"
+            )
+        if bench in (accuracy, suits):
             parser.add_argument(
                 "--baseline",
                 type=Path,
@@ -74,4 +83,6 @@ def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         more["quick"] = True
     if getattr(args, "baseline", None):
         more["checkout"] = args.baseline
+    if getattr(args, "suits", None):
+        more["suits_data"] = args.suits
     return args.bench(args.data, args.out, args.workers, progress, **more)

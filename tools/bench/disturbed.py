@@ -1,27 +1,39 @@
-"""The default method on markers that are noisy, missing, slow or fast."""
+"""The default settings on markers that are noisy, missing, slow or fast."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import Motion, resampled
 from perfanim.core.body.motion_metrics import evaluate
-from perfanim.core.database.labels import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.system.progress import Progress
+from perfanim.core.solver.settings import SolveSettings
 
+from .calibration import Expected, expected_of
+from .feet import feet_errors
 from .figure6 import true_subject
-from .methods import default_settings
+from .paired import geometric_mean
 from .report import Rows
+from .solved_takes import LIVE, OFFLINE, Way, solve_both_ways
 
 SEEDS = (0, 1, 2)
 _HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is gone, and when
-_UNITS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "jitter_ratio", "foot_skate_cm_s")
+_UNITS = (
+    "deg_per_joint",
+    "deg_per_angle",
+    "mpjpe_mm",
+    "bone_direction_deg",
+    "twist_deg",
+    "root_position_mm",
+    "root_rotation_deg",
+    "jitter_ratio",
+    "foot_skate_cm_s",
+)
+_SKATE, _DEEPEST = "skate_beyond_cm_s", "toes_below_mm"  # see feet_errors
+_RATIOS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "jitter_ratio")
 
 
 @dataclass(frozen=True)
@@ -64,43 +76,92 @@ DISTURBANCES = (
     Disturbance("30 Hz", fps=30.0),
     Disturbance("120 Hz", fps=120.0),
 )
+QUICK = tuple(each for each in DISTURBANCES if each.name in ("clean", "3 mm", "30 % lost, a hand for 0.5 s"))
 
 
-def disturbed_errors(truth: Motion, trial: str, database: Database, out: Path, progress: Progress) -> Rows:
-    """Return the errors of a take by disturbance, and their ratios to the clean one.
+@dataclass(frozen=True)
+class DisturbedTake:
+    """A take solved with each disturbance.
 
-    Figures are means over the seeds; what has no chance in it is solved once.
+    Args:
+        rows: errors by disturbance and way, means over the seeds, and their ratios to the clean ones.
+        joints: the same by joint.
+        clean: as solved from exact markers, by way.
+        expected: errors beside the expected ones, by disturbance and way, one entry a seed.
     """
-    subject, settings = true_subject(truth), default_settings(out, subject_of(trial))
+
+    rows: list[dict[str, Any]]
+    joints: list[dict[str, Any]]
+    clean: Mapping[str, Way]
+    expected: Mapping[tuple[str, str], list[Expected]]
+
+
+def solve_disturbed(
+    truth: Motion,
+    database: Database,
+    settings: SolveSettings,
+    disturbances: Sequence[Disturbance] = DISTURBANCES,
+    seeds: Sequence[int] = SEEDS,
+) -> DisturbedTake:
+    """Solve a take live and offline with each disturbance, the clean one first.
+
+    What has no chance in it is solved once.
+    """
+    subject = true_subject(truth)
     rows: list[dict[str, Any]] = []
-    for disturbance in DISTURBANCES:
-        errors = []
-        for seed in SEEDS if disturbance.noise_mm or disturbance.dropout else SEEDS[:1]:
+    joints: list[dict[str, Any]] = []
+    clean: Mapping[str, Way] = {}
+    expected: dict[tuple[str, str], list[Expected]] = {}
+    for disturbance in disturbances:
+        found: dict[str, list[dict[str, Any]]] = {LIVE: [], OFFLINE: []}
+        for seed in seeds if disturbance.noise_mm or disturbance.dropout else seeds[:1]:
             take, moved = disturbance.take_of(truth, seed)
-            solved = solve_take(take, subject, database, settings, progress)
-            errors.append(evaluate(solved.motion, moved))
-        means = {unit: float(np.mean([error[unit] for error in errors])) for unit in _UNITS}
-        clean = rows[0]["deg_per_joint"] if rows else means["deg_per_joint"]
-        rounded = {unit: round(value, 4) for unit, value in means.items()}
-        ratio = round(rounded["deg_per_joint"] / clean, 4)
-        rows.append({"disturbance": disturbance.name} | rounded | {"of_clean": ratio})
-    return rows
+            ways = solve_both_ways(take, subject, database, settings)
+            clean = clean or ways
+            for way, solved in ways.items():
+                found[way].append(evaluate(solved.motion, moved) | feet_errors(solved.motion, moved))
+                expected.setdefault((disturbance.name, way), []).append(expected_of(solved.poses, moved))
+        for way, errors in found.items():
+            of = {"disturbance": disturbance.name, "way": way}
+            rows.append(of | _means_of(errors))
+            joints += [of | row for row in _joint_means(errors)]
+    by_way = {row["way"]: row["deg_per_joint"] for row in rows if row["disturbance"] == CLEAN.name}
+    rows = [row | {"of_clean": round(row["deg_per_joint"] / by_way[row["way"]], 4)} for row in rows]
+    return DisturbedTake(rows, joints, clean, expected)
+
+
+def _means_of(errors: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Return the means of errors over seeds; of toes below the floor the deepest."""
+    means = {unit: round(float(np.mean([error[unit] for error in errors])), 4) for unit in (*_UNITS, _SKATE)}
+    return means | {_DEEPEST: max(error[_DEEPEST] for error in errors)}
+
+
+def _joint_means(errors: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [
+        {"joint": joint}
+        | {unit: round(float(np.mean([error["per_joint"][joint][unit] for error in errors])), 3) for unit in units}
+        for joint, units in errors[0]["per_joint"].items()
+    ]
 
 
 def disturbed_means(rows: Rows, conditions: Sequence[str]) -> list[dict[str, Any]]:
-    """Return geometric means by condition and disturbance, and the worst ratio."""
+    """Return means by condition, disturbance and way.
+
+    Geometric ones of errors and ratios, the plain one of skating, and the largest ratio and depth.
+    """
     means = []
     for condition in conditions:
-        for disturbance in DISTURBANCES:
-            of = [row for row in rows if (row["condition"], row["disturbance"]) == (condition, disturbance.name)]
-            if of:
-                means.append(
-                    {"condition": condition, "disturbance": disturbance.name, "takes": len(of)}
-                    | {unit: round(_geometric_mean([row[unit] for row in of]), 4) for unit in (*_UNITS[:4], "of_clean")}
-                    | {"worst_of_clean": max(row["of_clean"] for row in of)}
-                )
+        for name, way in dict.fromkeys((row["disturbance"], row["way"]) for row in rows):
+            of = [r for r in rows if (r["condition"], r["disturbance"], r["way"]) == (condition, name, way)]
+            if not of:
+                continue
+            skates = [row[_SKATE] for row in of if np.isfinite(row[_SKATE])]
+            means.append(
+                {"condition": condition, "disturbance": name, "way": way, "takes": len(of)}
+                | {unit: round(geometric_mean([row[unit] for row in of]), 4) for unit in (*_RATIOS, "of_clean")}
+                | {"worst_of_clean": max(row["of_clean"] for row in of)}
+                | {_SKATE: round(float(np.mean(skates)), 4) if skates else float("nan")}
+                | {"most_skate_beyond_cm_s": max(skates, default=float("nan"))}
+                | {_DEEPEST: max(row[_DEEPEST] for row in of)}
+            )
     return means
-
-
-def _geometric_mean(values: Sequence[float]) -> float:
-    return float(np.exp(np.mean(np.log(values))))

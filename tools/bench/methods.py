@@ -9,7 +9,6 @@ from pathlib import Path
 from perfanim.core.solver.motion_prior import open_network
 from perfanim.core.solver.settings import BestSettings, LocalPcaSettings, SolveSettings
 
-WITH_PRIOR = "best with prior"
 BASELINE = "best of the other version"
 
 PAPER_RANGE = SolveSettings(
@@ -60,9 +59,3 @@ def default_settings(out: Path, subject: str, search: str = "auto") -> SolveSett
         if network is not None and subject not in network.facts["subjects"]:
             best = BestSettings(prior_share=1.0, prior_file=str(path))
     return SolveSettings(search=search, best=best)
-
-
-def compared_methods(out: Path, subject: str) -> dict[str, SolveSettings]:
-    """Return the methods, with the prior too if it has not seen the subject."""
-    settings = default_settings(out, subject, "exhaustive")
-    return METHODS | ({WITH_PRIOR: settings} if settings.best.prior_share else {})

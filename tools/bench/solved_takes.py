@@ -9,12 +9,19 @@ from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array
-from perfanim.core.session.solve_take import solve_take
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import Subject
+from perfanim.core.markers.take_frames import take_frames
+from perfanim.core.session.multi_target_session import MultiTargetSession
+from perfanim.core.session.session import Session
+from perfanim.core.session.solve_take import motion_of, solve_frames, solve_take
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.progress import no_progress
 
 from .figure6 import true_subject
 
+LIVE, OFFLINE = "live", "offline"
 _NEAREST = SolveSettings(method="nearest")
 
 
@@ -47,6 +54,26 @@ def solve(
     take, _ = simulate_markers(truth, subject, noise_mm, dropout, seed)
     result = solve_take(take, subject, database, settings, lambda fraction, text: None, causal=True)
     return result.motion, result.poses_of()
+
+
+@dataclass(frozen=True)
+class Way:
+    """A take as it was solved one way."""
+
+    motion: Motion
+    poses: list[PerformerPose]
+
+
+def solve_both_ways(take: MarkerTake, subject: Subject, database: Database, settings: SolveSettings) -> dict[str, Way]:
+    """Return a labelled take as solved live and offline, as `solve_take` does each.
+
+    In one go, as offline begins with the live poses: labels that are known do not change.
+    """
+    session = MultiTargetSession([Session(subject, database, None, settings)])
+    live = solve_frames(list(take_frames(take, subject.marker_set)), session, "", no_progress, causal=True)
+    offline = session.solve_two_ways(live.poses, lambda share: None)
+    columns = {LIVE: live.poses_of(), OFFLINE: [pose.performers[0] for pose in offline]}
+    return {way: Way(motion_of(poses, subject, take.name, take.fps), poses) for way, poses in columns.items()}
 
 
 def solve_twice(

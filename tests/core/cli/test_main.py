@@ -49,6 +49,8 @@ def test_solving_prints_only_json_and_exits_with_0(inputs, tmp_path, capsys):
     assert summary["frames"] == 60
     assert summary["out"] == str(out)
     assert summary["marker_rms_mm"] < 10.0
+    assert len(summary["expected_joint_errors_deg"]) == 28
+    assert all(0.0 <= error < 90.0 for error in summary["expected_joint_errors_deg"].values())
     assert [path.name for path in tmp_path.iterdir()] == ["walk.bvh"]
     assert read_motion(out).frames == 60
 

@@ -41,6 +41,21 @@ def test_errors_are_within_twice_what_is_expected(poses, truth):
         assert np.mean(found <= 0.5 * expected) < 0.9  # no idle threat
 
 
+def test_errors_of_joints_are_within_twice_the_expected(poses, truth):
+    for performed in poses:
+        away = np.degrees(rot.angle_between(np.array([pose.rotations for pose in performed]), truth.rotations))[:, 1:]
+        expected = np.array([pose.joint_errors_deg for pose in performed])
+        assert expected.shape == away.shape
+        assert np.mean(away <= 2.0 * expected) > 0.9
+        assert np.mean(away <= 0.5 * expected) < 0.9
+
+
+def test_a_hidden_hand_makes_its_joints_uncertain_and_no_others(poses, truth):
+    whole, without = (np.array([pose.joint_errors_deg for pose in performed]) for performed in poses)
+    grown = dict(zip(truth.skeleton.names[1:], np.median(without / whole, axis=0), strict=True))
+    assert min(grown["lhumerus"], grown["lradius"]) > 1.3 * max(grown["rradius"], grown["lfemur"], grown["head"])
+
+
 def test_a_hidden_hand_makes_its_arm_uncertain(poses):
     whole, without = (np.array([pose.part_errors_deg for pose in performed]) for performed in poses)
     grown = np.median(without / whole, axis=0)
@@ -67,5 +82,5 @@ def test_people_are_told_which_part_is_uncertain_and_why(poses, model):
 
 def test_methods_without_a_prior_tell_no_errors(subject, database, record, noisy):
     pose = Session(subject, database, settings=SolveSettings(method="nearest")).step(record(noisy[0], 0, KNOWN))
-    assert len(pose.part_errors_deg) == 0
+    assert len(pose.part_errors_deg) == len(pose.joint_errors_deg) == 0
     assert pose.doubtful_parts == []

@@ -37,6 +37,7 @@ def test_summary(take, subject, database):
     assert summary["marker_rms_mm"] == pytest.approx(1e3 * np.sqrt(np.mean(squares)))
     assert 0.0 < summary["confidence"] < 1.0
     assert 0.0 < summary["ms_per_frame_median"] <= summary["ms_per_frame_p99"]
+    assert solved.joint_errors_deg() == {}  # only "best" knows them
 
 
 def test_a_take_that_shows_nothing_for_a_while(take, subject, database):

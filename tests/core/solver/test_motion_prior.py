@@ -15,6 +15,8 @@ from perfanim.core.solver.subject_model import RootPose, SubjectModel
 from perfanim.core.system.assets import MOTION_PRIOR
 from random_prior import HIDDEN, JOINTS, LAGS_S, OUTPUTS, WIDTH, write_network
 
+CMU_PEOPLE = ("03", "05", "07", "09", "127", "13", "131", "135", "14", "16", "29", "35", "49", "86", "91")
+
 
 @pytest.fixture(scope="module")
 def network_file(tmp_path_factory, database):
@@ -155,3 +157,14 @@ def test_damaged_files_are_named(database, network_file, tmp_path):
 def test_the_shipped_file_opens_and_is_small():
     assert MOTION_PRIOR.stat().st_size <= 4e6
     assert open_network(MOTION_PRIOR).facts["version"] == VERSION
+
+
+def test_the_shipped_file_is_cmus_motion_and_our_own_and_says_so():
+    facts = open_network(MOTION_PRIOR).facts
+    people = {name for name in facts["subjects"] if name.isdecimal()}
+    assert set(facts["subjects"]) - people == {"motion"}  # the embedded clips; no other studio's
+    assert people == set(CMU_PEOPLE)
+    assert "mocap.cs.cmu.edu" in facts["source"]
+    text = (MOTION_PRIOR.parents[1] / "README.md").read_text(encoding="utf-8")
+    for words in ("CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu)", "NSF EIA-0196217"):
+        assert words in text

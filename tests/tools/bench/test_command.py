@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.accuracy import CONDITIONS, EMBEDDED, accuracy
+from bench.accuracy import accuracy
+from bench.accuracy_cases import EMBEDDED, OTHER_STUDIO, STUDIO, UNSEEN_CLIP, cases_of
 from bench.baseline import Baseline
 from bench.data import WALKING, read_take, skeleton_path
-from bench.disturbed import DISTURBANCES, Disturbance
+from bench.disturbed import DISTURBANCES, QUICK, Disturbance
 from bench.figure5 import (
     DIMENSIONS,
     GPLVM,
@@ -24,7 +25,7 @@ from bench.figure5 import (
     reconstruction_errors,
 )
 from bench.figure6 import MARKER_SET, degrees_per_joint, figure6, ratios, true_subject
-from bench.methods import METHODS, PAPER_RANGE, WITH_PRIOR, compared_methods
+from bench.methods import METHODS, PAPER_RANGE, default_settings
 from bench.plots import Line, Panel, check_plots, write_plot
 from bench.scale import scale
 from bench.speed import speed
@@ -113,32 +114,73 @@ def test_table1_counts_frames(data, tmp_path, monkeypatch):
     assert all(0.0 < row["median_ms"] <= row["p99_ms"] for row in times.values())
 
 
-def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("bench.accuracy.TAKES", (WALKING,))
-    monkeypatch.setattr("bench.accuracy.STUDIO_TAKES", (replace(WALKING, trial="dataset-1_walk_04_001"),))
-    monkeypatch.setattr("bench.accuracy.MOTION", data / "bandai")
-    figures = accuracy(data, tmp_path, 1, silent)
+@pytest.fixture
+def one_take_each(data, monkeypatch):
+    monkeypatch.setattr("bench.accuracy_cases.TAKES", (WALKING,))
+    monkeypatch.setattr("bench.accuracy_cases.STUDIO_TAKES", (replace(WALKING, trial="dataset-1_walk_04_001"),))
+    monkeypatch.setattr("bench.accuracy_cases.MOTION", data / "bandai")
+
+    def only(*conditions):
+        def chosen(*arguments):
+            return [case for case in cases_of(*arguments) if case.condition in conditions]
+
+        monkeypatch.setattr("bench.accuracy.cases_of", chosen)
+        return conditions
+
+    return only
+
+
+def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, one_take_each):
+    conditions = one_take_each(UNSEEN_CLIP, OTHER_STUDIO)
+    figures = accuracy(data, tmp_path, 2, silent)
     rows = {(row["condition"], row["method"]): row for row in figures["rows"]}
-    assert set(rows) == {(condition, method) for condition in CONDITIONS for method in METHODS}
+    methods = [*METHODS, "live", "offline"]
+    assert set(rows) == {(condition, method) for condition in conditions for method in methods}
     subjects = {clip.subject for clip in open_database(tmp_path / "databases/cmu-without-subject-16.pfdb").clips}
     assert subjects == {"09", "14"}
     clips = {clip.name for clip in open_database(tmp_path / "databases/cmu-without-tests.pfdb").clips}
     assert {"16_15", "16_17"} < clips
     assert "16_16" not in clips
-    for condition in CONDITIONS:
+    assert set(figures["databases"]) == {"cmu-without-tests", "bandai"}
+    for condition in conditions:
         nearest, best = (rows[condition, method]["deg_per_joint"] for method in ("nearest", "best"))
         assert rows[condition, "best"]["of_nearest"] == pytest.approx(best / nearest, abs=1e-3)
-    assert [row["takes"] for row in figures["means"]] == [1] * len(CONDITIONS) * len(METHODS)
-    assert figures["prior"] == figures["against"] == []
-    means = {(row["condition"], row["disturbance"]): row for row in figures["disturbed_means"]}
-    assert len(means) == (len(CONDITIONS) - 1) * len(DISTURBANCES)  # none of the embedded motion
-    for condition in set(CONDITIONS) - {EMBEDDED}:
-        clean, noisy = means[condition, "clean"], means[condition, "3 mm"]
+        assert rows[condition, "live"]["toes_below_mm"] < 100.0
+    assert [row["takes"] for row in figures["means"]] == [1] * len(conditions) * len(methods)
+    pairs = {(row["method"], row["other"]) for row in figures["ratios"]}
+    assert pairs == {
+        *((way, other) for way in ("live", "offline") for other in ("best", "local-pca (tuned)")),
+        ("offline", "live"),
+    }
+    means = {(row["condition"], row["disturbance"], row["way"]): row for row in figures["disturbed_means"]}
+    assert len(means) == len(conditions) * len(DISTURBANCES) * 2
+    for condition in conditions:
+        clean, noisy = means[condition, "clean", "live"], means[condition, "3 mm", "live"]
         assert clean["of_clean"] == 1.0
+        assert clean["deg_per_joint"] == rows[condition, "live"]["deg_per_joint"]
         assert noisy["jitter_ratio"] > clean["jitter_ratio"]
-    quick = accuracy(data, tmp_path, 1, silent, quick=True)
-    assert quick["rows"] == [row for row in figures["rows"] if row["method"] in ("nearest", "best")]
-    assert quick["disturbed"] == []
+    with (tmp_path / "accuracy-joints.csv").open() as stream:
+        joints = list(csv.DictReader(stream))
+    assert len({row["joint"] for row in joints if row["disturbance"] == "3 mm"}) == 29
+    plots = [path for path in figures["outputs"] if path.endswith((".svg", ".png"))]
+    assert len(plots) == 3 and all(Path(path).stat().st_size > 5_000 for path in plots)
+
+
+def test_a_quick_accuracy_compares_less_with_another_version(data, tmp_path, one_take_each):
+    conditions = one_take_each(STUDIO, OTHER_STUDIO, EMBEDDED)
+    figures = accuracy(data, tmp_path, 2, silent, Path(__file__).parents[3], quick=True)
+    rows = {(row["condition"], row["method"]): row for row in figures["rows"]}
+    methods = {method for _, method in rows}
+    assert methods == {"nearest", "best", "live", "offline", "best of the other version"}
+    # this checkout stands in for it: its offline solution with the shipped prior, of the same database
+    assert rows[OTHER_STUDIO, "best of the other version"]["deg_per_joint"] < 60.0
+    assert {row["disturbance"] for row in figures["disturbed"]} == {each.name for each in QUICK}
+    assert {row["condition"] for row in figures["intervals"]} == {*conditions, "all"}
+    for row in figures["intervals"]:
+        assert 0.0 <= row["parts"] <= 1.0
+        assert set(row["by_joint"]) > {"lfemur", "head"}
+    whole = figures["confidence"][-1]
+    assert whole["ratio"] == pytest.approx(whole["lowest_tenth_deg"] / whole["highest_tenth_deg"], abs=1e-3)
 
 
 def test_another_version_solves_the_same_takes(data, tmp_path):
@@ -165,13 +207,13 @@ def test_a_hand_is_hidden_for_half_a_second(embedded_motion):
     assert missing.sum() == 15
 
 
-def test_a_prior_is_compared_on_people_that_it_has_not_seen(tmp_path, database):
+def test_the_default_settings_take_a_prior_that_has_not_seen_the_person(tmp_path, database):
     path = tmp_path / "databases" / "motion_prior.npz"
-    assert set(compared_methods(tmp_path, "16")) == set(METHODS)
+    assert default_settings(tmp_path, "16").best.prior_share == 0.0
     path.parent.mkdir()
     write_network(path, database.mean_rotations)  # trained on 14
-    assert compared_methods(tmp_path, "16")[WITH_PRIOR].best.prior_file == str(path)
-    assert set(compared_methods(tmp_path, "14")) == set(METHODS)
+    assert default_settings(tmp_path, "16").best.prior_file == str(path)
+    assert default_settings(tmp_path, "14").best.prior_share == 0.0
     assert all(settings.best.prior_share == 0.0 for name, settings in METHODS.items() if name == "best")
 
 

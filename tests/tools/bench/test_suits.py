@@ -1,0 +1,44 @@
+"""The benchmark of suits, on a short shipped clip that stands in for a recording."""
+
+from pathlib import Path
+
+import pytest
+from bench.suits import suits
+from perfanim.core.body.motion import sliced
+from perfanim.core.errors import FormatError
+from perfanim.core.formats.markers.marker_files import write_take
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.system.progress import no_progress
+
+
+@pytest.fixture
+def data(embedded_motion, tmp_path):
+    """Folder with two clips as CMU's and a walk in a suit."""
+    folder = tmp_path / "data"
+    (folder / "cmu").mkdir(parents=True)
+    for trial, name in (("16_15", "walking-01-neutral"), ("16_17", "walking-03-relaxed")):
+        write_bvh(sliced(embedded_motion[name], 0, 40), folder / "cmu" / f"{trial}.bvh")
+    walk = sliced(embedded_motion["walking-02-energetic"], 10, 40)
+    write_take(simulate_markers(walk, load_marker_set("plug-in-gait"))[0], folder / "walk.trc")
+    return folder
+
+
+def test_suits_are_solved_with_the_same_nine_markers_by_both_versions(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("bench.suits.TAKES", {"walk": "walk.trc", "run": "run.trc"})
+    figures = suits(data, tmp_path, 1, no_progress, Path(__file__).parents[3])
+    rows = {row["method"]: row for row in figures["rows"]}
+    assert set(rows) == {"live", "offline", "best of the other version"}
+    assert {len(row["used"].split()) for row in rows.values()} == {9}
+    assert all(1.0 < row["left_out_rms_mm"] < 150.0 for row in rows.values())
+    assert figures["missing"] == ["run"]
+    by_way = {row["method"]: row for row in figures["ratios"]}
+    # this checkout stands in for the other version: offline is as it is
+    assert by_way["offline"]["left_out"] == pytest.approx(1.0, abs=0.05)
+    assert by_way["live"]["worst"] == by_way["live"]["left_out"]
+
+
+def test_a_folder_without_suits_is_told(tmp_path):
+    with pytest.raises(FormatError, match=r"holds none of the suits' takes.*--suits"):
+        suits(tmp_path, tmp_path / "out", 1, no_progress)
