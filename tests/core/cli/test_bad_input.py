@@ -145,8 +145,14 @@ CASES = [
     (BUILD.replace("empty", "words.txt"), "neither motion nor an archive"),
     ("database info half.db", "half.db: is cut off"),
     # a unit of length mistaken
-    (SOLVE.replace("walker", "giant"), "giant.toml, .*: offset_m must be three numbers from -10 to 10 m; calibrate the subject again"),
-    (SOLVE.replace("walker", "far"), "far.toml, marker_set, LSHO: offset_m must be three numbers from -10 to 10 m; calibrate"),
+    (
+        SOLVE.replace("walker", "giant"),
+        "giant.toml, .*: offset_m must be three numbers from -10 to 10 m; calibrate the subject again",
+    ),
+    (
+        SOLVE.replace("walker", "far"),
+        "far.toml, locomotion, LSHO: offset_m must be three numbers from -10 to 10 m; calibrate",
+    ),
     # calibrate cameras
     ("calibrate cameras --points words.json --out out/a.toml", "words.json: does not hold board points"),
     ("calibrate cameras --left left --right right --board 9x6 --out out/a.toml", "is not a board"),
