@@ -1,5 +1,7 @@
 """A prop found by its distances, followed, lost and found again, with and without images."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
@@ -197,6 +199,28 @@ def test_a_thing_with_other_distances_is_not_the_prop(sword, film, images):
         for number, row in enumerate(markers_of(bent, turns, places)):
             sighting = tracker.step(film(row, number, images=images))
             assert sighting.pose.found == found
+
+
+@pytest.mark.parametrize(("sigma_m", "found"), [(0.001, False), (0.02, True)])
+def test_points_that_the_cameras_place_less_surely_may_be_further_from_the_props_distances(sword, film, sigma_m, found):
+    turns, places = swung(10)
+    aside = np.array([[1.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, -1.0, 1.0]])
+    bent = Prop("bent", sword.names, sword.positions_m + 0.006 * aside)
+    tracker = PropTracker(sword)
+    for number, row in enumerate(markers_of(bent, turns, places)):
+        frame = film(row, number, images=False)
+        frame = replace(frame, covariances_m2=np.tile(sigma_m**2 * np.eye(3), (5, 1, 1)))
+        assert (tracker.step(frame).pose.seen == 5) == found
+
+
+def test_frames_that_come_without_images_are_followed_by_points(sword, film):
+    turns, places = swung(20)
+    tracker = PropTracker(sword, film.rig.cameras)
+    for number, row in enumerate(markers_of(sword, turns, places)):
+        sighting = tracker.step(film(row, number, images=number % 3 == 0))
+        assert sighting.pose.seen == 5
+        assert off(sighting.pose, turns[number], places[number])[0] < WITHOUT_IMAGES_M
+        assert len(sighting.rest.points_m) == 0
 
 
 @pytest.mark.parametrize("images", [True, False])

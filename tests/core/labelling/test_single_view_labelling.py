@@ -101,7 +101,7 @@ def test_a_marker_is_the_less_sure_the_longer_it_was_hidden():
     for seconds in (0.0, 0.03, 0.06, 0.12, 0.2, 1.0):
         deviations.append(costs_of_distance(hidden(seen(at((0.0, 0.0))), seconds) if seconds else seen(at((0.0, 0.0)))))
     assert np.all(np.diff(deviations) > 0.0)
-    assert IMAGE_M < deviations[0] < 2.0 * IMAGE_M
+    assert IMAGE_M < deviations[0] < 2.0 * IMAGE_M < 4.0 * IMAGE_M < deviations[1]  # it may have sped up or stopped
     assert deviations[1] < BODY_M < deviations[3] < HIDDEN_LONG_M - 0.05  # the pose's alone, not yet the most
     assert deviations[-1] == pytest.approx(HIDDEN_LONG_M, rel=1e-6)
     assert costs_of_distance(hidden(seen(at((0.0, 0.0)), [True]), 1.0)) == pytest.approx(TORSO_HIDDEN_LONG_M, rel=1e-6)
