@@ -17,7 +17,7 @@ from ..markers.label_matching import join_names, match_labels
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.take_frames import is_unnamed
-from .trajectory_naming import name_trajectories
+from .trajectory_naming import misfit_of_names_m, name_trajectories
 
 UPS = ("auto", "feet", "y", "z")
 
@@ -76,6 +76,7 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
             advice="choose the marker set that was worn, or give one of your own (TOML) with these names",
         )
     problem: TakeError | None = None
+    found: list[MarkerTake] = []
     for axis in axes:
         try:
             named = name_trajectories(_turn(take, _TURNS[axis]), marker_set)
@@ -83,7 +84,9 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
             problem = problem or error
             continue
         if len(axes) == 1 or _axis_up(named, marker_set) == "y":  # lying bodies are recognised, too
-            return named
+            found.append(named)
+    if found:  # a body that lies or is upside down has some of another's places
+        return min(found, key=lambda named: misfit_of_names_m(named, marker_set))
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
     raise TakeError(problem.what if problem else "", where=take.name, advice=advice)
 

@@ -15,6 +15,7 @@ _GATE_M = 0.30  # a marker further from where the calibration pose has it is not
 _ROUNDS = 8
 _SCALES = (0.8, 1.25)  # bodies differ in size from the template
 _PAIR_TOLERANCE = 0.3  # relative: pairs of points that may be a given pair of template markers
+_PAIRS = 6  # of template markers, the most distant
 _HYPOTHESES = 60  # best rough placements that are refined
 _TURN_PENALTY_M = 0.02  # per radian away from facing the cameras: decides between near-symmetric placements
 _FEWEST_FOUND = 0.6  # share of the markers that must be found to start
@@ -58,16 +59,15 @@ class _Placement:
 
 def _rough_placements(points: Array, template: Array) -> list[_Placement]:
     """Return the best placements from pairs of points for distant template markers."""
-    spans = np.linalg.norm(template[:, None] - template[None], axis=-1)
-    order = np.argsort(spans, axis=None)[::-1]
+    pairs = np.transpose(np.triu_indices(len(template), 1))
+    spans = np.linalg.norm(template[pairs[:, 0]] - template[pairs[:, 1]], axis=-1)
     placements, costs = [], []
-    for flat in order[: 2 * 6 : 2]:  # every pair stands there twice
-        first, second = np.unravel_index(flat, spans.shape)
+    for pair in np.argsort(-spans)[:_PAIRS]:
         for i, j in np.ndindex(len(points), len(points)):
-            scale = np.linalg.norm(points[i] - points[j]) / spans[first, second]
+            scale = np.linalg.norm(points[i] - points[j]) / spans[pair]
             if i == j or abs(scale - 1.0) > _PAIR_TOLERANCE:
                 continue
-            placed = _from_pair(template[[first, second]], points[[i, j]], float(np.clip(scale, *_SCALES)))
+            placed = _from_pair(template[pairs[pair]], points[[i, j]], float(np.clip(scale, *_SCALES)))
             distances = np.linalg.norm(placed.apply(template)[:, None] - points[None], axis=-1).min(axis=1)
             placements.append(placed)
             costs.append(np.sum(np.minimum(distances, _GATE_M) ** 2))

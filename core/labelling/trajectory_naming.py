@@ -10,6 +10,7 @@ from ..body.skeleton import marker_positions
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry.arrays import Array, IntArray
+from ..geometry.rigid_transform import kabsch
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from .template_labelling import label_by_template
@@ -31,13 +32,8 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     count = len(marker_set)
     if len(take.names) != count:
         raise TakeError(f"has {len(take.names)} markers, the marker set {marker_set.name} has {count}", where=take.name)
-    skeleton = default_skeleton()
-    joints, offsets = marker_set.joint_indices(skeleton), marker_set.offsets_m
-    templates = [
-        marker_positions(skeleton, joints, offsets, pose(skeleton), np.zeros(3)) for pose in (t_pose, standing)
-    ]
+    templates, chosen = _templates(marker_set), _samples(take)
     votes = np.zeros((count, count))
-    chosen = np.unique(np.linspace(0, take.frames - 1, _SAMPLES).astype(int))
     for row in take.positions_m[chosen]:
         _vote(votes, row, templates)
     rows, columns = linear_sum_assignment(-votes)
@@ -50,6 +46,37 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     order = rows[np.argsort(columns)]
     single = take.single.select(markers=order.tolist()) if take.single is not None else None
     return replace(take, names=marker_set.names, positions_m=take.positions_m[:, order], single=single)
+
+
+def misfit_of_names_m(take: MarkerTake, marker_set: MarkerSet) -> float:
+    """Return how far a take's markers are from those of a body of any size, in the middle.
+
+    RMS distances over the markers of a frame from the nearer of the two poses, turned and scaled to fit.
+    """
+    misfits = []
+    for row in take.positions_m[_samples(take)]:
+        seen = np.isfinite(row[:, 0])
+        if np.sum(seen) > 3:
+            misfits.append(min(_misfit_m(template[seen], row[seen]) for template in _templates(marker_set)))
+    return float(np.median(misfits)) if misfits else np.inf
+
+
+def _misfit_m(template: Array, points: Array) -> float:
+    turn, _ = kabsch(template, points)
+    turned, centred = (template - template.mean(axis=0)) @ turn.T, points - points.mean(axis=0)
+    scale = np.sum(turned * centred) / np.sum(turned * turned)
+    return float(np.sqrt(np.mean(np.sum((centred - scale * turned) ** 2, axis=1))))
+
+
+def _templates(marker_set: MarkerSet) -> list[Array]:
+    """Return the set's markers (M, 3) on a body in the T pose and on one that stands."""
+    skeleton = default_skeleton()
+    joints, offsets = marker_set.joint_indices(skeleton), marker_set.offsets_m
+    return [marker_positions(skeleton, joints, offsets, pose(skeleton), np.zeros(3)) for pose in (t_pose, standing)]
+
+
+def _samples(take: MarkerTake) -> IntArray:
+    return np.unique(np.linspace(0, take.frames - 1, _SAMPLES).astype(np.int64))
 
 
 def _vote(votes: Array, row: Array, templates: list[Array]) -> None:

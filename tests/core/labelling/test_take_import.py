@@ -72,6 +72,19 @@ def test_the_axis_that_points_up_is_found_or_given(stand, up):
         np.testing.assert_allclose(found.positions_m, stand.positions_m, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["locomotion", "boxing", "kendo", "two-webcams"])
+@pytest.mark.parametrize("up", AXES)
+def test_nameless_markers_are_named_whatever_axis_points_up(name, up):
+    worn = load_marker_set(name)
+    skeleton = default_skeleton(1.7)
+    places = marker_positions(skeleton, worn.joint_indices(skeleton), worn.offsets_m, standing(skeleton), np.zeros(3))
+    order = np.random.default_rng(5).permutation(len(worn))
+    take = MarkerTake("stand", FPS, tuple(f"M{i}" for i in range(len(worn))), places[None, order])
+    found = import_take(moved(take, turn_to(up)), worn, "auto")
+    assert found.names == worn.names
+    np.testing.assert_allclose(found.positions_m[0], places, atol=1e-9)
+
+
 @pytest.mark.parametrize(("up", "given"), [("y", "auto"), ("y", "y"), ("z", "auto"), ("z", "z")])
 def test_nameless_markers_are_named_by_their_places(stand, up, given):
     order = np.random.default_rng(3).permutation(8)

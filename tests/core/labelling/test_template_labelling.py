@@ -83,3 +83,9 @@ def test_fewer_points_than_most_of_the_markers_have_no_names():
     false[4:] += [[0.0, 5.0, 0.0], [5.0, 0.0, 0.0]]
     assert np.all(label_by_template(false, template()) == -1)
     assert label_by_template(np.empty((0, 3)), template()).shape == (0,)
+
+
+def test_three_markers_are_enough_for_a_template():
+    three = template()[[0, 1, 4]]
+    labels = label_by_template(laid(three, 0.5)[[2, 0, 1]], three)
+    np.testing.assert_array_equal(labels, [2, 0, 1])
