@@ -41,6 +41,7 @@ _SMOOTH_HZ = 8.0  # cut-off for the course of what no marker shows
 # and for all in the end, as the fit follows what noise the smoothed markers still have: at most, and of the frame rate
 _CALM_HZ, _CALM_SHARE = 16.0, 0.27
 _REPORT_EVERY = 30  # frames between two signs of progress
+_TOGETHER = 128  # frames of which priors are computed at once
 _WAITS = frozenset((TrackingNote.WAITING.value, TrackingNote.REFUSED.value))  # of poses that are not solved
 _TORSO = list(PARTS).index("torso")  # the root's
 
@@ -203,6 +204,10 @@ def _backward_course(
     for done, index in enumerate(reversed(range(len(poses)))):
         if done % _REPORT_EVERY == 0:
             progress(done / len(poses))
+        if done % _TOGETHER == 0:
+            coming = range(index, max(index - _TOGETHER, -1), -1)
+            points_m = np.array([observations[at].points_m for at in coming])
+            solver.best.foresee(state.observed, points_m, [-poses[at].time_s for at in coming])
         solution, state = solver.step(state, observations[index], -poses[index].time_s)
         if solution is None:
             continue

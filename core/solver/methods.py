@@ -1,5 +1,6 @@
 """Methods for the pose of the closest examples: best, local-pca, lwr, nearest."""
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
 from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations
-from .lagged_history import LaggedMarkers, LaggedPoses
+from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, open_network
 from .observation import Observation
 from .principal_components import principal_components
@@ -238,6 +239,21 @@ class BestMethod:
         found._grant_covariances()
         return found
 
+    def foresee(self, observed: LaggedHistory, points_m: Array, times_s: Sequence[float]) -> None:
+        """Compute the learned priors of markers (F, M, 3) of frames to come at once.
+
+        Args:
+            observed: earlier markers.
+            times_s: (F,) ascending.
+        """
+        if self._learned is None:
+            return
+        recent = []
+        for points, time_s in zip(points_m, times_s, strict=True):
+            recent.append(self._learned.recent(points, observed, time_s))
+            observed = observed.remember(time_s, points)
+        self._learned.foresee(recent)
+
     def fit_about(self, pose: Array, root: RootPose, observation: Observation) -> tuple[Array, RootPose]:
         """Return pose (D,) and root near others, fitted to the markers."""
         # as closely as to other bodies: courses of a known one are better still
@@ -255,7 +271,8 @@ class BestMethod:
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
         learned = None
         if self._learned:
-            learned = self._learned.estimate(self._learned.recent(problem.observation, state), root)
+            recent = self._learned.recent(problem.observation.points_m, state.observed, state.time_s)
+            learned = self._learned.estimate(recent, root)
             if not self._known:  # a known body's torso shows its root better
                 root, root_sigma = learned.root, learned.root_sigma
         priors = [prior, learned.pose] if learned else [prior]
@@ -290,7 +307,7 @@ class BestMethod:
         observed = self._markers.observed(state.observed, state.time_s, problem.root).ravel()
         solved = self._poses.observed(state.solved, state.time_s).ravel()
         known = np.isfinite(observed)
-        away = history[:, known] - observed[known]
+        away = history - observed if known.all() else history[:, known] - observed[known]
         distances = np.maximum(examples.distances, 0.0)
         distances += self._query_alpha * _HISTORY_SHARE * np.add.reduce(away * away, axis=1)
         weights = np.exp(-distances / (_KERNEL * distances.max() + 1e-12))

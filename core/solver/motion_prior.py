@@ -7,6 +7,7 @@ relative to a body frame found from the torso markers, so position and heading d
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,9 +22,9 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.npz import read_arrays
 from ..system.files import reading
 from .gaussian_conditioning import Prior
+from .lagged_history import LaggedHistory
 from .observation import Observation
 from .root import root_from_torso
-from .solution import SolverState
 from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobian
 
 VERSION = 1
@@ -151,17 +152,18 @@ class MotionPrior:
         rows = network.first_weights[: parts * hidden].reshape(parts, hidden, -1)[worn]
         self._first = rows.reshape(len(worn) * hidden, -1)
         self._first_bias = network.biases[0] + bones @ network.first_weights[parts * hidden :]
+        self._foreseen: dict[bytes, PriorEstimate] = {}
 
     @property
     def lags_s(self) -> tuple[float, ...]:
         """Ascending times looked back, the first 0."""
         return tuple(self._network.lags_s.tolist())
 
-    def recent(self, observation: Observation, state: SolverState) -> Array:
-        """Return located markers (L, M, 3) of this frame and of earlier ones."""
-        unknown = np.full_like(observation.points_m, np.nan)
-        earlier = state.observed.before(state.time_s, self.lags_s[1:])
-        return np.array([observation.points_m, *(unknown if each is None else each for each in earlier)])
+    def recent(self, points_m: Array, observed: LaggedHistory, time_s: float) -> Array:
+        """Return located markers (L, M, 3) of this frame (M, 3) and of earlier ones."""
+        unknown = np.full_like(points_m, np.nan)
+        earlier = observed.before(time_s, self.lags_s[1:])
+        return np.array([points_m, *(unknown if each is None else each for each in earlier)])
 
     def estimate(self, points_m: Array, root: RootPose) -> PriorEstimate:
         """Return the Gaussian expected for markers now and earlier.
@@ -170,42 +172,69 @@ class MotionPrior:
             points_m: (L, M, 3) in the world at each lag, NaN where not located.
             root: where the body is if too few torso markers show it.
         """
-        frame = root_from_torso(Observation.of_points(points_m[0]), self._rest, self._body, root) or root
-        features = marker_features(frame.to_root_frame(points_m), self._rest, self._offsets_m, self._network.lags_s)
+        if self._foreseen and (found := self._foreseen.pop(points_m.tobytes(), None)):
+            return found
+        return self._estimates(points_m[None], [self._frame(points_m[0], root) or root])[0]
+
+    def foresee(self, points_m: Sequence[Array]) -> None:
+        """Prepare `estimate` for the markers (L, M, 3) of frames to come.
+
+        All are computed at once, in a fraction of the time, but where earlier frames must show the body.
+        """
+        known = [(each, frame) for each in points_m if (frame := self._frame(each[0], None))]
+        self._foreseen = {}
+        if known:
+            estimates = self._estimates(np.array([each for each, _ in known]), [frame for _, frame in known])
+            self._foreseen = {each.tobytes(): found for (each, _), found in zip(known, estimates, strict=True)}
+
+    def _frame(self, points_m: Array, root: RootPose | None) -> RootPose | None:
+        """Return where the body is by its torso markers (of M, 3), or the root's place."""
+        return root_from_torso(Observation.of_points(points_m), self._rest, self._body, root)
+
+    def _estimates(self, points_m: Array, frames: list[RootPose]) -> list[PriorEstimate]:
+        """Return the same as `estimate` for markers (F, L, M, 3) and as many bodies."""
+        in_frames = np.array([frame.to_root_frame(each) for each, frame in zip(points_m, frames, strict=True)])
+        rest = np.broadcast_to(self._rest, (len(frames), *self._rest.shape))
+        features = marker_features(in_frames, rest, self._offsets_m, self._network.lags_s)
         # whatever the markers are, what follows is finite
         within = np.minimum(np.maximum(features, -_FASTEST_M_S), _FASTEST_M_S).astype(np.float32)
-        mean, sigma = self._run(within, np.isfinite(points_m[..., 0]).any(axis=0))
-        turn = rot.multiply(frame.rotation, rot.from_rotation_vector(mean[:3]))
-        root = RootPose(turn, frame.to_world(mean[3:_ROOT]))
-        turned, moved = sigma[:3], sigma[3:_ROOT]
-        root_sigma = (math.sqrt(float(moved @ moved) / 3.0), math.sqrt(float(turned @ turned) / 3.0))
-        return PriorEstimate(self._from_zero(mean[_ROOT:], sigma[_ROOT:]), root, root_sigma)
+        means, sigmas = self._run(within, np.isfinite(points_m[..., 0]).any(axis=1))
+        turns = rot.multiply(np.array([frame.rotation for frame in frames]), rot.from_rotation_vector(means[:, :3]))
+        poses = self._from_zero(means[:, _ROOT:], sigmas[:, _ROOT:])
+        result = []
+        for frame, pose, turn, mean, sigma in zip(frames, poses, turns, means, sigmas, strict=True):
+            turned, moved = sigma[:3], sigma[3:_ROOT]
+            root_sigma = (math.sqrt(float(moved @ moved) / 3.0), math.sqrt(float(turned @ turned) / 3.0))
+            result.append(PriorEstimate(pose, RootPose(turn, frame.to_world(mean[3:_ROOT])), root_sigma))
+        return result
 
     def _run(self, features: FloatArray, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Return the outputs and their standard deviations."""
+        """Return the outputs (N, O) and their deviations, of (N, M, F) and seen (N, M)."""
         network = self._network
-        hidden = _silu((features[:, None] @ self._weights)[:, 0] + self._biases)
-        hidden[~seen] = 0.0
-        state = _silu((self._parts @ hidden).ravel() @ self._first + self._first_bias)
+        hidden = _silu(features.swapaxes(0, 1) @ self._weights + self._biases[:, None])
+        hidden[~seen.T] = 0.0
+        parts = (self._parts @ hidden.reshape(len(hidden), -1)).reshape(len(self._parts), len(features), -1)
+        state = _silu(parts.swapaxes(0, 1).reshape(len(features), -1) @ self._first + self._first_bias)
         for weights, bias in zip(network.weights, network.biases[1:], strict=True):
             state = state + _silu(state @ weights + bias)
         outputs = state @ network.output_weights + network.output_biases
-        count = len(outputs) // 2
-        mean = np.minimum(np.maximum(outputs[:count], -FARTHEST), FARTHEST)
-        log_sigma = np.minimum(np.maximum(outputs[count:], LOG_SIGMAS[0]), LOG_SIGMAS[1])
+        count = outputs.shape[1] // 2
+        mean = np.minimum(np.maximum(outputs[:, :count], -FARTHEST), FARTHEST)
+        log_sigma = np.minimum(np.maximum(outputs[:, count:], LOG_SIGMAS[0]), LOG_SIGMAS[1])
         offset, scale = network.outputs
         sigma = np.hypot(network.spread[0] * scale * np.exp(log_sigma.astype(np.float64)), network.spread[1])
         return offset + scale * mean.astype(np.float64), sigma
 
-    def _from_zero(self, pose: Array, sigma: Array) -> Prior:
-        """Return a Gaussian of the network's poses relative to the subject's zero."""
-        vectors = pose.reshape(-1, 3)
+    def _from_zero(self, poses: Array, sigmas: Array) -> list[Prior]:
+        """Return Gaussians of the network's poses (N, D) relative to the subject's zero."""
+        vectors = poses.reshape(len(poses), -1, 3)
         moved = rot.to_rotation_vector((self._change @ rot.from_rotation_vector(vectors)[..., None])[..., 0])
         before, after = exponential_and_right_jacobian(np.array((vectors, moved)))[1]
-        slopes = np.linalg.solve(after, self._back @ before) * sigma.reshape(-1, 1, 3)
-        half = slopes @ self._correlation.reshape(len(vectors), 3, -1)
-        covariance = slopes @ half.reshape(pose.size, -1).T.reshape(half.shape)
-        return Prior(moved.ravel(), covariance.reshape(pose.size, -1))
+        slopes = np.linalg.solve(after, self._back @ before) * sigmas.reshape(*vectors.shape[:2], 1, 3)
+        half = slopes @ self._correlation.reshape(vectors.shape[1], 3, -1)
+        square = (*poses.shape, poses.shape[1])
+        covariances = (slopes @ half.reshape(square).swapaxes(1, 2).reshape(half.shape)).reshape(square)
+        return [Prior(*pair) for pair in zip(moved.reshape(poses.shape), covariances, strict=True)]
 
 
 def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Array) -> Array:
