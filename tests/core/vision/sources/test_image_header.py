@@ -67,6 +67,10 @@ START = WHOLE.index(b"IDAT") - 4
 CASES = {
     "pixels": (bomb(12_000), "has 12000 x 12000 pixels; give smaller pictures"),
     "a part": (WHOLE[:START] + b"\x70\0\0\0" + WHOLE[START + 4 :], "not a readable image (cut off in its part"),
+    "a part behind the end": (
+        WHOLE.replace(b"IDAT", b"I\0\0\0") + b"\x70\0\0\0IDAT",
+        "not a readable image (not a picture)",
+    ),
 }
 
 
