@@ -2,6 +2,8 @@
 
 import math
 import os
+import random
+import re
 import signal
 import sys
 import time
@@ -9,10 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from fuzz import mutations
 from fuzz.doors import Door, all_doors
 from fuzz.guard import changed_input, run_door
 from fuzz.guided import further
-from fuzz.mutations import change_text
+from fuzz.mutations import change_text, repeat_part
 from perfanim.core.errors import FormatError
 
 SEED = 7
@@ -95,6 +98,31 @@ def test_a_child_that_dies_costs_one_input():
     row = run_door(Door("a door", (b"a", b"b", b"c"), change_text, read), SEED, range(3), math.inf)
     assert (row.inputs, row.accepted) == (3, 2)
     assert row.faults == {"the process ended with status 9": [1]}
+
+
+def test_a_part_repeated_makes_large_inputs_of_lines_columns_and_numbered_keys(monkeypatch):
+    monkeypatch.setattr(mutations, "LARGEST", 20_000)
+    chance = random.Random(SEED)  # noqa: S311 - repeatable, no secret
+    table = b"a\tb\tc\n" + b"1\t2\t3\n" * 4
+    made = [repeat_part(chance, table) for _ in range(60)]
+    assert max(map(len, made)) <= 20_000
+    assert sum(len(data) > 10_000 for data in made) > 40
+    assert any(data.count(b"\n") > 1000 for data in made), "a line"
+    assert any(data.count(b"\n") == 5 and data.splitlines()[-1].count(b"\t") > 1000 for data in made), "a column"
+    assert any(re.search(rb"a0.*a1.*a2", data[:99], re.DOTALL) for data in made), "a key"
+    keys = [repeat_part(chance, b"a = 1\n") for _ in range(200)]
+    assert any(data.startswith(b"a.a.a.a.") for data in keys), "a dotted key"
+
+
+def test_what_takes_too_much_of_a_repeated_part_is_found():
+    taken = []
+
+    def read(data: bytes) -> None:
+        taken.append([{line: 1} for line in data.splitlines()])
+
+    door = Door("a door", (b"1\n2\n",), repeat_part, read)
+    row = run_door(door, SEED, range(12), math.inf)
+    assert list(row.faults) == ["more memory than 4 times the input and 64 MB"]
 
 
 def test_a_seed_repeats_its_inputs(doors):

@@ -7,6 +7,7 @@ import hashlib
 import io
 import random
 import struct
+import tarfile
 import warnings
 import zipfile
 import zlib
@@ -21,29 +22,65 @@ _DATABASE = struct.Struct("<12sIQQ32s")  # magic, version, bytes of header and f
 _JSON_CHUNKS = (1, 4, 5)  # set-up, event, notes
 
 
+_FEW = 100
+_Files = list[tuple[str, bytes]]  # names and contents of an archive
+
+
 def change_zip(chance: random.Random, data: bytes) -> bytes:
     """Change a file in an archive, its name or packing; sometimes all bytes."""
     if chance.random() < 0.3:
         return change_bytes(chance, data)
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        files = [(name, archive.read(name)) for name in archive.namelist()]
-    at = chance.randrange(len(files))
-    name, content = files[at]
-    kind = chance.randrange(5)
-    if kind == 0:
-        files[at] = (chance.choice(("../" + name, "/" + name, "x" * 300 + name, files[0][0], "a\\" + name)), content)
-    elif kind == 1:
-        del files[at]
-    elif kind == 2:  # first a header, as of an array
-        files[at] = (name, change_text(chance, content[:128]) + content[128:])
-    else:
-        files[at] = (name, change_bytes(chance, content))
+        files = _change_files(chance, [(name, archive.read(name)) for name in archive.namelist()])
     packed = io.BytesIO()
-    packing = chance.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA))
+    packings = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_LZMA)
+    packing = chance.choice(packings[: 3 if len(files) < _FEW else 2])  # the last takes milliseconds to begin a file
     with warnings.catch_warnings(action="ignore"), zipfile.ZipFile(packed, "w", packing) as archive:  # names twice
         for name, content in files:
             archive.writestr(name, content)
     return packed.getvalue()[:LARGEST]
+
+
+def change_tar(chance: random.Random, data: bytes) -> bytes:
+    """Change a file in an archive, its name, kind or packing; sometimes all bytes."""
+    if chance.random() < 0.3:
+        return change_bytes(chance, data)
+    with tarfile.open(fileobj=io.BytesIO(data)) as archive:
+        contents = {member.name: archive.extractfile(member) for member in archive}
+        files = _change_files(chance, [(name, file.read()) for name, file in contents.items() if file])
+    packed = io.BytesIO()
+    layout = chance.choice((tarfile.GNU_FORMAT, tarfile.PAX_FORMAT))
+    odd = chance.randrange(len(files) + 1)
+    with tarfile.open(fileobj=packed, mode="w:gz", format=layout) as changed:
+        for number, (name, content) in enumerate(files):
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            if number == odd:
+                member.type, member.linkname = chance.choice((tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.FIFOTYPE)), ".."
+            changed.addfile(member, io.BytesIO(content))
+    return packed.getvalue()[:LARGEST]
+
+
+def _change_files(chance: random.Random, files: _Files) -> _Files:
+    """Return the files with one changed, renamed, left out, or many times."""
+    at = chance.randrange(len(files))
+    name, content = files[at]
+    kind = chance.randrange(6)
+    if kind == 0:
+        files[at] = (chance.choice(("../" + name, "/" + name, "x" * 300 + name, files[0][0], "a\\" + name)), content)
+    elif kind == 1 and len(files) > 1:
+        del files[at]
+    elif kind == 2:  # first a header, as of an array
+        files[at] = (name, change_text(chance, content[:128]) + content[128:])
+    elif kind == 3 and chance.random() < 0.1:
+        content = chance.choice((b"", content))
+        times = min(chance.choice((100, 5000, 20_000)), LARGEST // (len(content) + 1))
+        files += [(f"{number}/{number}{name}", content) for number in range(times)]
+    elif kind == 4:
+        files[at] = (name, change_text(chance, content))
+    else:
+        files[at] = (name, change_bytes(chance, content))
+    return files
 
 
 def change_take(chance: random.Random, data: bytes) -> bytes:

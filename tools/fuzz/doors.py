@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from perfanim.core.cli.batch.plan import read_plan
 from perfanim.core.cli.main import build_parser
 from perfanim.core.cli.main import main as command_line
 from perfanim.core.database.store import check_arrays, open_database
+from perfanim.core.errors import CaptureError
 from perfanim.core.formats.markers.marker_files import declared_frames, read_take
 from perfanim.core.formats.motion.amc import amc_motion, parse_amc_values
 from perfanim.core.formats.motion.asf import parse_asf, read_asf
@@ -26,14 +28,22 @@ from perfanim.core.markers.label_matching import load_names
 from perfanim.core.markers.marker_frame_codec import unpack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.markers.subject import load_subject
+from perfanim.core.markers.subject import load_subject, subject_from
 from perfanim.core.retarget.bone_map_files import read_bone_map
+from perfanim.core.session.pose_filters import FilterSettings
 from perfanim.core.sketch.sketch import read_sketch
+from perfanim.core.sketch.sketch_messages import settings_from, sketch_from
 from perfanim.core.system.files import read_bytes
+from perfanim.core.vision.calibration.board_points import load_board_points
+from perfanim.core.vision.sources.files import read_image
+from perfanim.core.vision.sources.videos import VideoSource
 from perfanim.core.worker.open_source import open_source
-from perfanim.core.worker.protocol import Decoder, MessageKind
+from perfanim.core.worker.process import JOBS
+from perfanim.core.worker.protocol import Decoder, Message, MessageKind
+from perfanim.core.worker.requests import check_request
+from perfanim.core.worker.restart_point import RestartPoint
 
-from .containers import change_database, change_take, change_zip
+from .containers import change_database, change_take, change_tar, change_zip
 from .mutations import Mutation, change_bytes, change_json, change_packet, change_text, change_toml
 from .samples import Samples
 
@@ -69,7 +79,14 @@ class Door:
 def all_doors(folder: Path) -> list[Door]:
     """Return all doors; files are written into `folder`."""
     samples = Samples()
-    return [*_file_doors(folder, samples), *_stream_doors(samples), _description_door(), _command_door(folder)]
+    return [
+        *_file_doors(folder, samples),
+        *_image_doors(folder, samples),
+        *_stream_doors(samples),
+        _request_door(samples),
+        _description_door(),
+        _command_door(folder),
+    ]
 
 
 def _file_doors(folder: Path, samples: Samples) -> list[Door]:
@@ -98,6 +115,8 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         ("ASF", "*.asf", ".asf", change_text, read_asf),
         ("AMC", "*.amc", ".amc", change_text, read_amc),
         ("archive", "*.zip", ".zip", change_zip, unpack),
+        ("tar archive", "*.tar.gz", ".tar.gz", change_tar, unpack),
+        ("board points", "board-points.json", ".json", change_json, load_board_points),
         ("TRC", "*.trc", ".trc", change_text, read_markers),
         ("CSV", "*.csv", ".csv", change_text, read_markers),
         ("Qualisys TSV", "*.tsv", ".tsv", change_text, read_markers),
@@ -129,7 +148,7 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
 
 
 def _share(name: str) -> float:
-    return 0.25 if name == "archive" else 1.0
+    return 0.25 if "archive" in name else 1.0
 
 
 def _reader(read: Reader, path: Path) -> Callable[[bytes], None]:
@@ -139,6 +158,30 @@ def _reader(read: Reader, path: Path) -> Callable[[bytes], None]:
         read(path)
 
     return write_and_read
+
+
+def _image_doors(folder: Path, samples: Samples) -> list[Door]:
+    """Return the readers of pictures and videos."""
+
+    def read_video(path: Path) -> None:
+        source = VideoSource([path])
+        for _ in islice(source, 5):
+            pass
+        source.close()
+
+    # of 64 MB of pixels OpenCV makes another image where a picture lies on its side, and a progressive one takes more
+    picture = _reader(read_image, folder / "input.png")
+    video = _reader(read_video, folder / "input.avi")
+    return [
+        Door(
+            "pictures",
+            samples.pictures() + samples.files("*.png", ".png"),
+            change_bytes,
+            picture,
+            slack_bytes=256 << 20,
+        ),
+        Door("videos", samples.videos(folder), change_bytes, video, slack_bytes=256 << 20, share=0.25),
+    ]
 
 
 def _stream_doors(samples: Samples) -> list[Door]:
@@ -182,6 +225,27 @@ def _step(samples: Samples, data: bytes) -> None:
         pose = session.step(frame)
     if not samples.is_finite(pose):
         raise ArithmeticError("the next pose is not finite")
+
+
+def _request_door(samples: Samples) -> Door:
+    """Return the reader of requests to the worker, up to where a job begins."""
+
+    def read(data: bytes) -> None:
+        request = Message(MessageKind.REQUEST, data).json()
+        job = str(request.get("job"))
+        if job not in JOBS:
+            raise CaptureError("does not know the job")
+        check_request(job, request)
+        for table in request.get("performers") or ():
+            subject_from(table, "performer")
+        if job == "sketch":
+            sketch_from(request["sketch"])
+            settings_from(request["settings"])
+        if request.get("after"):
+            RestartPoint.of_table(request["after"])
+        FilterSettings.of_table(request.get("shape") or {})
+
+    return Door("worker requests", samples.requests(), change_json, read)
 
 
 def _description_door() -> Door:

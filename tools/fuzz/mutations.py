@@ -40,6 +40,8 @@ _ODD_VALUES: tuple[Any, ...] = (
 )
 _WORDS = (0, 1, 2, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 1 << 62, (1 << 64) - 1)
 _REALS = tuple(struct.pack("<f", value) for value in (float("nan"), float("inf"), 1e30, -1e-30, 0.0))
+_LARGE = 0.01  # share of the inputs with one part repeated until they are as large as allowed
+_JOINTS = (b"", b".", b".", b".", b",", b" ", b"\t", b"\n", b"].[", b"]\n[")
 _TOKENS = re.compile(rb"[^\s,;=\[\]{}\"']+|[\s,;=\[\]{}\"']")
 
 
@@ -73,9 +75,52 @@ def change_text(chance: random.Random, data: bytes) -> bytes:
     """Change words and lines of a text; some of the time its bytes."""
     if chance.random() < 0.1:
         return change_bytes(chance, data)
+    if chance.random() < _LARGE:
+        return repeat_part(chance, data)
     for _ in range(chance.choice((1, 1, 2, 5))):
         data = (_change_words if chance.random() < 0.6 else _change_lines)(chance, data)[:LARGEST]
     return data
+
+
+def repeat_part(chance: random.Random, data: bytes) -> bytes:
+    """Repeat a line, some lines, a word or a column until an input is large.
+
+    Lines and words may be numbered, as keys and names must differ.
+    """
+    lines = data.splitlines(keepends=True) or [b"\n"]
+    at = chance.randrange(len(lines))
+    kind = chance.randrange(3)
+    if kind == 0:
+        part = b"".join(lines[at : at + chance.choice((1, 1, 1, 2, 5, 12))])
+        return _filled(chance, b"".join(lines[:at]), part, b"", b"".join(lines[at:]))
+    if kind == 1:
+        words = _TOKENS.findall(lines[at]) or [b"a"]
+        word = chance.choice([index for index, word in enumerate(words) if word.strip()] or [0])
+        before, after = b"".join(lines[:at] + words[:word]), b"".join(words[word:] + lines[at + 1 :])
+        part = b"".join(words[word : word + chance.choice((1, 1, 2, 6))])
+        return _filled(chance, before, part, chance.choice(_JOINTS), after)
+    mark = chance.choice((b"\t", b",", b" "))
+    times = (LARGEST - len(data)) // (sum(len(line) for line in lines[at:]) + 1) + 1
+    column = chance.randrange(max(lines[at].count(mark), 1))
+    return b"".join(_widened(line, mark, column, times) if row >= at else line for row, line in enumerate(lines))[
+        :LARGEST
+    ]
+
+
+def _filled(chance: random.Random, before: bytes, part: bytes, joint: bytes, after: bytes) -> bytes:
+    """Return the part again and again between two others, numbered or not."""
+    times = max(LARGEST - len(before) - len(after), 0) // (len(part) + len(joint) + 1)
+    word = re.search(rb"\w+", part) if chance.random() < 0.5 else None
+    if word is None:
+        return before + (part + joint) * times + after
+    start, stop = part[: word.end()], part[word.end() :] + joint
+    return (before + b"".join(start + b"%d" % number + stop for number in range(times)) + after)[:LARGEST]
+
+
+def _widened(line: bytes, mark: bytes, column: int, times: int) -> bytes:
+    """Return a line with one of its fields, or two, many times."""
+    fields = line.split(mark)
+    return mark.join((*fields[:column], *fields[column : column + 2] * times, *fields[column + 2 :]))
 
 
 def _change_words(chance: random.Random, data: bytes) -> bytes:
@@ -123,6 +168,8 @@ def change_json(chance: random.Random, data: bytes) -> bytes:
         return change_text(chance, data)
     try:
         value = json.loads(data)
+        if chance.random() < _LARGE:
+            value = _enlarged(chance, value)
         for _ in range(chance.choice((1, 1, 2, 4))):
             value = change_value(chance, value)
         return json.dumps(value).encode()[:LARGEST]
@@ -175,6 +222,17 @@ def change_value(chance: random.Random, value: Any) -> Any:
     else:
         changed[key] = change_value(chance, value[key])
     return changed
+
+
+def _enlarged(chance: random.Random, value: Any) -> Any:
+    """Return a nested value with one entry of a list or table many times."""
+    if isinstance(value, dict | list) and value and chance.random() < 0.7:
+        key = chance.choice(list(value) if isinstance(value, dict) else range(len(value)))
+        changed = dict(value) if isinstance(value, dict) else list(value)
+        changed[key] = _enlarged(chance, value[key])
+        return changed
+    times = LARGEST // (len(json.dumps(value)) + 9)
+    return {f"{number}": value for number in range(times)} if chance.random() < 0.3 else [value] * times
 
 
 def change_packet(chance: random.Random, data: bytes) -> bytes:

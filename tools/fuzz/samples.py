@@ -1,9 +1,12 @@
 """Well-formed inputs: the tests' corpus, and packets and frames of a T pose."""
 
+import json
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.scene_pose import PerformerPose
@@ -11,12 +14,17 @@ from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.setup import plain
 from perfanim.core.formats.vmc.packets import FramePackets
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
-from perfanim.core.markers.subject import load_subject
+from perfanim.core.markers.subject import load_subject, skeleton_table, subject_tables
 from perfanim.core.session.session import Session
+from perfanim.core.sketch.sketch import Control, Sketch
+from perfanim.core.sketch.sketch_messages import settings_table, sketch_table
+from perfanim.core.sketch.solve_sketch import SketchSettings
 from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, encode_json
+from perfanim.core.worker.restart_point import RestartPoint
 
 _TESTS = Path(__file__).resolve().parents[2] / "tests"
 _FOLDERS = (_TESTS / "compatibility" / "files", _TESTS / "fuzz" / "corpus")
@@ -93,6 +101,50 @@ class Samples:
             encode_json(MessageKind.END, {"frames": 3}),
         )
         return (b"".join(parts), *parts)
+
+    def requests(self) -> tuple[bytes, ...]:
+        """Return requests to a worker."""
+        cameras = {"source": {"kind": "simulated", "behaviour": "walking"}, "rig": None, "background_s": 2.0}
+        sketch = Sketch("a", 30.0, (Control("root", np.array([0.0]), np.zeros((1, 3))),))
+        tables = {"sketch": sketch_table(sketch), "settings": settings_table(SketchSettings())}
+        rows: Sequence[dict[str, Any]] = (
+            {
+                "job": "capture",
+                "cameras": {**cameras, "after": RestartPoint(3, 0.1, 5.0).table()},
+                "performers": [subject_tables(self._subject)],
+                "database": "/no/a.pfdb",
+                "shape": {"smoothing_s": 0.1, "feet": "auto"},
+                "vmc": ["localhost", 39_539],
+            },
+            {
+                "job": "record pose",
+                **cameras,
+                "marker_set": "boxing",
+                "poses": ["t"],
+                "seconds": 2.0,
+                "out": "/no/a.npz",
+            },
+            {"job": "check setup", **cameras, "marker_set": "boxing", "ignored": [[0, 1.5, 2.0]]},
+            {"job": "sketch", "skeleton": skeleton_table(self._subject.skeleton), "database": "/no/a.pfdb", **tables},
+        )
+        return tuple(json.dumps(row, default=plain).encode() for row in rows)
+
+    @staticmethod
+    def pictures() -> tuple[bytes, ...]:
+        """Return a small picture in each kind."""
+        image = np.tile(np.arange(24, dtype=np.uint8)[:, None, None], (1, 32, 3))
+        endings = (".png", ".jpg", ".bmp", ".tif", ".webp", ".ppm")
+        return tuple(cv2.imencode(ending, image)[1].tobytes() for ending in endings)
+
+    @staticmethod
+    def videos(folder: Path) -> tuple[bytes, ...]:
+        """Return a short video; it is written into `folder`."""
+        path = folder / "sample.avi"
+        writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), _FPS, (32, 24))
+        for grey in range(3):
+            writer.write(np.full((24, 32, 3), 50 * grey, np.uint8))
+        writer.release()
+        return (path.read_bytes(),)
 
     @staticmethod
     def _recorded() -> list[TimedPose]:

@@ -38,13 +38,22 @@ def image_size(data: bytes) -> tuple[int, int]:
         size = reader(data) if reader else None
     except (struct.error, IndexError) as error:
         raise ValueError("cut off in its header") from error
-    if size is None:
+    if size is None or 0 in size:
         raise ValueError("not a picture")
     return size
 
 
 def _png(data: bytes) -> tuple[int, int] | None:
-    return struct.unpack_from(">II", data, 16) if data[12:16] == b"IHDR" else None
+    if data[12:16] != b"IHDR":
+        return None
+    at, name, has_pixels = 8, b"", False
+    while name != b"IEND" and at < len(data):
+        length, name = struct.unpack_from(">I4s", data, at)
+        at += 12 + length
+        if at > len(data):  # the decoder would take memory for all that is declared
+            raise ValueError(f"cut off in its part {name!r}")
+        has_pixels = has_pixels or name == b"IDAT"  # else the decoder goes on behind the end
+    return struct.unpack_from(">II", data, 16) if has_pixels else None
 
 
 def _jpeg(data: bytes) -> tuple[int, int] | None:

@@ -62,8 +62,21 @@ def bomb(side: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
 
 
-def test_a_small_file_of_huge_pixels_takes_no_memory(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(bomb(12_000))
+WHOLE = KINDS[".png"]
+START = WHOLE.index(b"IDAT") - 4
+CASES = {
+    "pixels": (bomb(12_000), "has 12000 x 12000 pixels; give smaller pictures"),
+    "a part": (WHOLE[:START] + b"\x70\0\0\0" + WHOLE[START + 4 :], "not a readable image (cut off in its part"),
+    "a part behind the end": (
+        WHOLE.replace(b"IDAT", b"I\0\0\0") + b"\x70\0\0\0IDAT",
+        "not a readable image (not a picture)",
+    ),
+}
+
+
+@pytest.mark.parametrize(("data", "message"), CASES.values(), ids=CASES)
+def test_a_small_file_that_declares_much_takes_no_memory(data: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(data)
     program = (
         "import resource, sys; from pathlib import Path; from perfanim.core.vision.sources.files import read_image\n"
         "from perfanim.core.errors import CaptureError; before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
@@ -71,8 +84,8 @@ def test_a_small_file_of_huge_pixels_takes_no_memory(tmp_path: Path) -> None:
         "except CaptureError as error: print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, error)"
     )
     line = [sys.executable, "-c", program, str(tmp_path / "a.png")]
-    taken_kb, message = subprocess.run(line, capture_output=True, text=True, check=True).stdout.split(maxsplit=1)
-    assert "has 12000 x 12000 pixels; give smaller pictures" in message
+    taken_kb, told = subprocess.run(line, capture_output=True, text=True, check=True).stdout.split(maxsplit=1)
+    assert message in told
     if sys.platform == "linux":
         assert int(taken_kb) < 16 << 10
 
