@@ -210,6 +210,7 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if live_sketch.current() is not None:
+            live_sketch.current().finish()
             live_sketch.end()
             return {"FINISHED"}
         try:

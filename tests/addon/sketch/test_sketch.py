@@ -188,3 +188,18 @@ def test_sides_have_colours_of_their_own(part: Any) -> None:
     middle = colour_of("root")
     assert middle == colour_of("lowerback") == colour_of("head")
     assert middle not in (colour_of("lhand"), colour_of("rhand"))
+
+
+@pytest.mark.parametrize("onto", ["STRIP", "LAYER"])
+def test_a_sketch_goes_above_other_animation(part: Any, keyed: bpy.types.Object, walk: Motion, onto: str) -> None:
+    keyed.pose.bones["lhumerus"].keyframe_insert("rotation_quaternion", frame=1)
+    own = keyed.animation_data.action
+    bpy.context.scene.perfanim_result.onto = onto
+    assert "all keys are met" in solve(part)
+    strips = [each for track in keyed.animation_data.nla_tracks for each in track.strips]
+    assert [each.action for each in strips] == [own, keyed.perfanim_sketch.action]
+    frames = sketch_of(walk).frames
+    assert (strips[1].frame_start, strips[1].frame_end) == (frames[0], frames[-1])
+    assert (strips[1].blend_in > 0.0) == (onto == "LAYER")
+    off = distances(part, keyed, frames[2 * EVERY : -2 * EVERY : EVERY])  # where it is blended in
+    assert max(max(each) for each in off.values()) < MET
