@@ -20,8 +20,8 @@ CLASS_LINES = 200
 # random steps in a window and guided fuzzing found, that is files of killed workers, names that no file can have,
 # messages of one line: 50; poses without noise and hidden hands that come back: 250; places to ignore in pictures, the
 # common space in the viewport, the walk test, cameras by name, and panels that grow: 700; feet of sketches that stand
-# and step as all examples of them do, and live edits of their paths: 300; curves that the animator draws, live results in
-# pieces, a list of behaviours and motion paths: 400).
+# and step as all examples of them do, and live edits of their paths: 300; curves that the animator draws, live
+# results in pieces, a list of behaviours and motion paths: 400).
 TOTAL_LINES = 53_600
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
