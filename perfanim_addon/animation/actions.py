@@ -179,6 +179,14 @@ def _quaternions_at(armature_object: bpy.types.Object, bones: list[str], frame: 
     return found.reshape(-1, 4)
 
 
+def is_keyed_in_each_frame(action: bpy.types.Action) -> bool:
+    """Return whether each curve has a key in each frame; False without curves."""
+    slot = action.slots[0] if HAS_SLOTS and len(action.slots) else None
+    curves = [curve for bag in channels_of(action, slot) for curve in bag.fcurves]
+    ends = [(each.range(), len(each.keyframe_points)) for each in curves]
+    return bool(ends) and all(round(span[1] - span[0]) + 1 == count for span, count in ends)
+
+
 def refill_action(
     armature_object: bpy.types.Object,
     action: bpy.types.Action,

@@ -68,6 +68,17 @@ def place_action(
         _add_strip(animation, action, (float(frames[0]), float(frames[-1])), blend)
 
 
+def fit_strips(animation: bpy.types.AnimData, action: bpy.types.Action, frames: Array) -> None:
+    """Let the strips of an action show all its frames (F,) where they are keyed."""
+    for strip in (each for track in animation.nla_tracks for each in track.strips if each.action == action):
+        _fit(strip, (float(frames[0]), float(frames[-1])))
+
+
+def _fit(strip: bpy.types.NlaStrip, frames: tuple[float, float]) -> None:
+    strip.action_frame_start, strip.action_frame_end = frames
+    strip.frame_start_ui = frames[0]
+
+
 def _push_down(animation: bpy.types.AnimData) -> None:
     """Push the active action down to a strip, as Blender's Push Down does."""
     action = animation.action
@@ -94,8 +105,7 @@ def _add_strip(
     strip = track.strips.new(action.name, int(np.floor(frames[0])), action)
     if HAS_SLOTS:
         strip.action_slot = slot or action.slots[0]
-    strip.action_frame_start, strip.action_frame_end = frames
-    strip.frame_start_ui = frames[0]
+    _fit(strip, frames)
     strip.blend_type, strip.extrapolation = "REPLACE", "NOTHING" if below else "HOLD"
     strip.use_auto_blend = False
     strip.blend_in = strip.blend_out = min(blend, (frames[1] - frames[0]) / 3.0)

@@ -1,5 +1,7 @@
 """Operators of the Sketch Motion panel."""
 
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -8,15 +10,17 @@ import numpy as np
 from ...core.body.calibration_poses import hanging
 from ...core.body.skeleton import forward_kinematics
 from ...core.body.standing import standing_root_m
+from ...core.database.store import open_database
 from ...core.errors import PerfanimError, SettingsError
 from ...core.markers.subject import skeleton_table
 from ...core.sketch.sketch_messages import settings_table, sketch_table, solution_from
+from ...core.system.files import exists
 from ..animation.keyframes import KeyBounds
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
 from ..character.create_character import find_armature
 from ..preferences import preferences
-from ..preferences.property_kinds import switch
+from ..preferences.property_kinds import choice, string, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..sketch import control_colours, hips_path, live_sketch
@@ -210,6 +214,7 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if live_sketch.current() is not None:
+            live_sketch.current().finish()
             live_sketch.end()
             return {"FINISHED"}
         try:
@@ -219,6 +224,98 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
         except PerfanimError as error:
             return report_error(self, PANEL, error)
         return {"FINISHED"}
+
+
+def _behaviours_in(database: Path) -> list[str]:
+    """Return the behaviours of a database, groups of them by their first word before.
+
+    Raises:
+        PerfanimError: it is unusable.
+    """
+    names = sorted(filter(None, open_database(database).behaviours))
+    return list(dict.fromkeys(each for name in names for each in (name.split()[0], name)))
+
+
+@lru_cache(maxsize=2)
+def _behaviour_items(database: Path, _changed_ns: int) -> list[tuple[str, str, str]]:
+    """Return the items of a choice, kept because Blender keeps none of its texts."""
+    try:
+        return [(name, name, "") for name in _behaviours_in(database)]
+    except PerfanimError:
+        return []
+
+
+def _listed(_self: object, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+    path = readiness.database_path(settings(context or bpy.context))
+    return _behaviour_items(path, path.stat().st_mtime_ns) if exists(path) else []
+
+
+class PERFANIM_OT_add_behaviour(UndoOperator, bpy.types.Operator):
+    """Choose a behaviour of the database to draw from; without any, all are drawn from"""
+
+    bl_label = "Add Behaviour"
+    bl_property = "behaviour"
+    panel = PANEL
+    behaviour: choice("Behaviour", "Behaviour to draw from, with all that begin with its name", _listed)
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        """Require a character and a database."""
+        if settings(context).armature is None:
+            return "Choose a character"
+        return "Click Solve Sketch once: it builds the starter database" if is_starter_missing(context) else ""
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        """List the behaviours."""
+        try:
+            _behaviours_in(readiness.database_path(settings(context)))
+        except PerfanimError as error:
+            return report_error(self, self.panel, error)
+        context.window_manager.invoke_search_popup(self)
+        return {"FINISHED"}
+
+    def run(self, context: bpy.types.Context) -> str:
+        chosen = settings(context).armature.perfanim_sketch
+        chosen.behaviours = ", ".join(dict.fromkeys((*chosen.chosen_behaviours, self.behaviour)))
+        return ""
+
+
+class PERFANIM_OT_remove_behaviour(UndoOperator, bpy.types.Operator):
+    """Draw from this behaviour no more"""
+
+    bl_label = "Remove Behaviour"
+    panel = PANEL
+    behaviour: string("Behaviour", "Behaviour to remove")
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return "" if settings(context).armature is not None else "Choose a character"
+
+    def run(self, context: bpy.types.Context) -> str:
+        chosen = settings(context).armature.perfanim_sketch
+        chosen.behaviours = ", ".join(name for name in chosen.chosen_behaviours if name != self.behaviour)
+        return ""
+
+
+class PERFANIM_OT_show_motion_paths(UndoOperator, bpy.types.Operator):
+    """Show or hide Blender's motion paths of the controls, as they are keyed now"""
+
+    bl_label = "Motion Paths"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return _missing_controls(context)
+
+    def run(self, context: bpy.types.Context) -> str:
+        controls: list[Any] = list(controls_of(settings(context).armature).values())
+        are_shown = any(each.motion_path is not None for each in controls)
+        with context.temp_override(selected_editable_objects=controls, active_object=controls[0], object=controls[0]):
+            if are_shown:
+                bpy.ops.object.paths_clear(only_selected=True)
+            else:
+                bpy.ops.object.paths_calculate(display_type="RANGE", range="KEYS_ALL")
+        return ""
 
 
 def register() -> None:

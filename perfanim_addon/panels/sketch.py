@@ -4,7 +4,7 @@ import bpy
 
 from ..jobs import activity
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import sketch_settings
+from ..settings import result_settings, sketch_settings
 from ..settings.capture_settings import settings
 from ..sketch import live_sketch
 from ..sketch.controls import controls_of
@@ -30,7 +30,10 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
                 row = layout.row(align=True)
                 row.operator("perfanim.draw_hips_path", icon="GREASEPENCIL")
                 row.operator("perfanim.follow_curve", icon="CON_FOLLOWPATH")
+                are_shown = any(each.motion_path is not None for each in controls_of(armature).values())
+                layout.operator("perfanim.show_motion_paths", icon="IPO_BEZIER", depress=are_shown)
                 sketch_settings.draw(layout, armature.perfanim_sketch)
+                result_settings.draw_placement(layout, context)
                 layout.operator("perfanim.solve_sketch", icon="OUTLINER_OB_ARMATURE")
                 row = layout.row(align=True)
                 is_live = live_sketch.current() is not None

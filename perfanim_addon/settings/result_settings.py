@@ -85,6 +85,11 @@ def start_frame(context: bpy.types.Context) -> float:
     return 1.0 if context.scene.perfanim_result.start == "FIRST" else float(context.scene.frame_current)
 
 
+def draw_placement(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw where keyframes go."""
+    draw_props(property_column(layout), context.scene.perfanim_result, "onto")
+
+
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the settings."""
     chosen: Any = context.scene.perfanim_result

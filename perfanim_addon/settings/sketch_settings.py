@@ -35,9 +35,7 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
         1.0,
         subtype="FACTOR",
     )
-    behaviours: string(
-        "Behaviours", "Draw only from clips of these, separated by commas, such as walking, boxing; empty for all"
-    )
+    behaviours: string("Behaviours", "Clips to draw from, separated by commas, by their beginnings; empty for all")
     variation: whole_number("Variation", "0 for the best explanation, 1 for the next best, and so on", 0, 0, 20)
     hold_feet: switch("Hold Feet", "Keep standing feet in place", default=True)
     free_height: switch(
@@ -56,9 +54,14 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
         """Joints of the chosen controls."""
         return [joint for key, joints in CONTROLS.items() if key in self.parts for joint in joints]
 
+    @property
+    def chosen_behaviours(self) -> list[str]:
+        """Beginnings of the chosen behaviours; empty for all."""
+        return [name.strip() for name in self.behaviours.split(",") if name.strip()]
+
     def solver_settings(self) -> SketchSettings:
         """Return the settings as the solver takes them."""
-        names = tuple(f"{name.strip()}*" for name in self.behaviours.split(",") if name.strip())
+        names = tuple(f"{name}*" for name in self.chosen_behaviours)
         return SketchSettings(self.follow, names, self.variation, self.hold_feet)
 
     def take_over(self, chosen: SketchSettings) -> None:
@@ -69,7 +72,17 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
 
 def draw(layout: bpy.types.UILayout, chosen: Any) -> None:
     """Draw the settings of the solver."""
-    draw_props(property_column(layout), chosen, "follow", "behaviours", "variation", "hold_feet", "free_height")
+    column = property_column(layout)
+    draw_props(column, chosen, "follow")
+    split = column.split(factor=0.4)
+    label = split.row()
+    label.alignment = "RIGHT"
+    label.label(text="Behaviours")
+    listed = split.column(align=True)
+    for name in chosen.chosen_behaviours:
+        listed.operator("perfanim.remove_behaviour", text=name, icon="X").behaviour = name
+    listed.operator("perfanim.add_behaviour", text="Add" if chosen.behaviours else "All", icon="ADD")
+    draw_props(column, chosen, "variation", "hold_feet", "free_height")
 
 
 register, unregister = attach_property_group(bpy.types.Object, "perfanim_sketch", PERFANIM_PG_sketch)

@@ -18,7 +18,8 @@ from ...core.sketch.sketch import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import MessageKind
-from ..animation.actions import refill_action
+from ..animation.actions import is_keyed_in_each_frame, refill_action
+from ..animation.placement import fit_strips
 from ..capture.armature_driver import ArmatureDriver
 from ..character.create_character import find_armature
 from ..jobs import activity
@@ -57,6 +58,7 @@ class LiveSketch:
         self._sketches: dict[int, Sketch] = {}
         self._filling: Iterator[None] | None = None
         self._filled = "", 0  # action, and its address
+        self._kept = ""  # what the message adds on an action that is left alone
         self._client = WorkerClient(
             {
                 "job": "sketch",
@@ -122,13 +124,15 @@ class LiveSketch:
         if not solved.whole:
             return
         chosen, action = found.perfanim_sketch.solver_settings(), found.perfanim_sketch.action
-        if action is None:
-            write_solution(context, found, sketch, chosen, solved)
-        else:
-            keep_sketch(action, sketch, chosen)
-            self._filled = action.name, action.as_pointer()
-            self._filling = self._curves(action.name, sketch.frames, solved)
-        activity.set_message(KEY, outcome_text(solved), "ERROR" if solved.unmet else "INFO")
+        if self._filling is None and (action is None or not is_keyed_in_each_frame(action)):
+            self._kept = f"; {action.name} is kept with its few keys" if action is not None else ""
+            write_solution(context, found, sketch, chosen, solved, ends_only=True)
+            action = found.perfanim_sketch.action
+        keep_sketch(action, sketch, chosen)
+        fit_strips(found.animation_data, action, sketch.frames)
+        self._filled = action.name, action.as_pointer()
+        self._filling = self._curves(action.name, sketch.frames, solved)
+        activity.set_message(KEY, outcome_text(solved) + self._kept, "ERROR" if solved.unmet else "INFO")
         activity.redraw_sidebars()
 
     def _curves(self, action: str, frames: Array, solved: SolvedSketch) -> Iterator[None]:
@@ -150,6 +154,11 @@ class LiveSketch:
         while self._filling is not None and time.perf_counter() < limit_s:
             if next(self._filling, self) is self:
                 self._filling = None
+
+    def finish(self) -> None:
+        """Fill the rest of the curves at once."""
+        while self._filling is not None:
+            self._fill()
 
     @property
     def idle(self) -> bool:

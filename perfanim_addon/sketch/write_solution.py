@@ -50,12 +50,14 @@ def write_solution(
     chosen: SketchSettings,
     solved: SolvedSketch,
     bounds: KeyBounds | None = None,
+    ends_only: bool = False,
 ) -> str:
     """Write a solved sketch as an action of its character; return the line to show.
 
     Args:
         chosen: settings that it was solved with.
         bounds: of the reduction of keys; None as the settings of results have it.
+        ends_only: key only the first and the last frame: `refill_action` does the rest in pieces.
 
     Raises:
         CharacterError: the character cannot be animated.
@@ -64,11 +66,12 @@ def write_solution(
     only = bones_of_parts(armature_object, plan_for(armature_object, skeleton), settings(context).body_parts)
     how = placement(context, armature_object, only)
     how = replace(how, bounds=bounds) if bounds is not None else how
+    rows = np.unique((0, len(sketch.frames) - 1)) if ends_only else slice(None)
     name = write_action(
         armature_object.name,
-        sketch.frames,
-        solved.rotations,
-        solved.root_positions_m,
+        sketch.frames[rows],
+        solved.rotations[rows],
+        solved.root_positions_m[rows],
         skeleton,
         name=f"{armature_object.name} sketch",
         placement=how,

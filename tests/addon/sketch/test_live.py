@@ -1,5 +1,6 @@
 """A sketch that is solved again at each edit."""
 
+import time
 from typing import Any
 
 import bpy
@@ -8,7 +9,7 @@ import pytest
 from mathutils import Vector
 from perfanim.core.body.motion import Motion
 from played import curves_of, key_times
-from sketched import MET, distances, drawn_hand, drawn_path, play, sketch_of, solve
+from sketched import MET, PATIENCE_S, distances, drawn_hand, drawn_path, play, sketch_of, solve
 
 
 def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion) -> None:
@@ -104,3 +105,75 @@ def test_a_handle_is_an_edit(part: Any, keyed: bpy.types.Object) -> None:
         assert control.curve(np.array([14.0]))[0, 1] == pytest.approx(place.z, abs=1e-4)
     finally:
         live.end()
+
+
+@pytest.fixture
+def live(part: Any, keyed: bpy.types.Object) -> Any:
+    """Live, played by the test."""
+    module = part("sketch.live_sketch")
+
+    def begin() -> Any:
+        bpy.context.scene.frame_set(11)  # controls stand where their curves have them
+        assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
+        bpy.app.timers.unregister(module._tick)
+        return module.current()
+
+    yield begin
+    module.end()
+
+
+def test_the_first_motion_is_written_in_pieces(
+    part: Any, keyed: bpy.types.Object, walk: Motion, live: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(part("sketch.live_sketch"), "_SLICE_S", 1e-4)
+    bpy.context.scene.perfanim_result.reduce = True
+    begun, most = live(), []
+    limit_s = time.monotonic() + PATIENCE_S
+    while not begun.idle:
+        begun.tick(bpy.context)
+        action = keyed.perfanim_sketch.action
+        most.append(0 if action is None else sum(len(curve.keyframe_points) for curve in curves_of(keyed)))
+        assert time.monotonic() < limit_s
+    steps = np.diff([count for count in most if count])
+    assert len(steps[steps > 0]) > 4
+    np.testing.assert_array_equal(key_times(curves_of(keyed)), sketch_of(walk).frames)
+    off = distances(part, keyed, [11, 23, 35, 47])
+    assert max(max(each) for each in off.values()) < MET
+
+
+def test_a_baked_action_is_kept_and_the_panel_tells(part: Any, keyed: bpy.types.Object, live: Any) -> None:
+    solve(part, "PERFANIM_OT_bake_sketch")
+    baked = keyed.animation_data.action
+    count = sum(len(curve.keyframe_points) for curve in curves_of(keyed))
+    live()
+    play(part)
+    assert keyed.animation_data.action == keyed.perfanim_sketch.action != baked
+    assert f"{baked.name} is kept" in part("jobs.activity").message("sketch")[0]
+    keyed.animation_data.action = baked
+    assert sum(len(curve.keyframe_points) for curve in curves_of(keyed)) == count
+
+
+def test_ending_live_leaves_no_half_filled_action(part: Any, keyed: bpy.types.Object, walk: Motion, live: Any) -> None:
+    begun, limit_s = live(), time.monotonic() + PATIENCE_S
+    while keyed.perfanim_sketch.action is None:
+        begun.tick(bpy.context)
+        assert time.monotonic() < limit_s
+    assert not begun.idle
+    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
+    np.testing.assert_array_equal(key_times(curves_of(keyed)), sketch_of(walk).frames)
+
+
+@pytest.mark.parametrize("onto", ["STRIP", "LAYER"])
+def test_a_strip_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion, live: Any, onto: str) -> None:
+    bpy.context.scene.perfanim_result.onto = onto
+    begun = live()
+    play(part)
+    hand, last = part("sketch.controls").controls_of(keyed)["rhand"], sketch_of(walk).frames[-1]
+    hand.keyframe_insert("location", frame=last + 8)
+    begun.noted = True
+    play(part)
+    (strip,) = (each for track in keyed.animation_data.nla_tracks for each in track.strips)
+    assert strip.action == keyed.perfanim_sketch.action
+    assert (strip.frame_start, strip.frame_end) == (11, last + 8)
+    off = distances(part, keyed, [23, 35, 47])  # a layer blends in and out
+    assert max(max(each) for each in off.values()) < MET

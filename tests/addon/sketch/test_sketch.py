@@ -188,3 +188,49 @@ def test_sides_have_colours_of_their_own(part: Any) -> None:
     middle = colour_of("root")
     assert middle == colour_of("lowerback") == colour_of("head")
     assert middle not in (colour_of("lhand"), colour_of("rhand"))
+
+
+@pytest.mark.parametrize("onto", ["STRIP", "LAYER"])
+def test_a_sketch_goes_above_other_animation(part: Any, keyed: bpy.types.Object, walk: Motion, onto: str) -> None:
+    keyed.pose.bones["lhumerus"].keyframe_insert("rotation_quaternion", frame=1)
+    own = keyed.animation_data.action
+    bpy.context.scene.perfanim_result.onto = onto
+    assert "all keys are met" in solve(part)
+    strips = [each for track in keyed.animation_data.nla_tracks for each in track.strips]
+    assert [each.action for each in strips] == [own, keyed.perfanim_sketch.action]
+    frames = sketch_of(walk).frames
+    assert (strips[1].frame_start, strips[1].frame_end) == (frames[0], frames[-1])
+    assert (strips[1].blend_in > 0.0) == (onto == "LAYER")
+    off = distances(part, keyed, frames[2 * EVERY : -2 * EVERY : EVERY])  # where it is blended in
+    assert max(max(each) for each in off.values()) < MET
+
+
+def test_behaviours_are_chosen_from_those_of_the_database(part: Any, keyed: bpy.types.Object) -> None:
+    listed = [item[0] for item in part("operators.sketch")._listed(None, bpy.context)]
+    assert listed[:2] == ["walking", "walking brisk"]
+    assert len(listed) == 5
+    for name in ("walking brisk", "walking neutral", "walking brisk"):
+        assert bpy.ops.perfanim.add_behaviour(behaviour=name) == {"FINISHED"}
+    chosen = keyed.perfanim_sketch
+    assert chosen.solver_settings().behaviours == ("walking brisk*", "walking neutral*")
+    assert bpy.ops.perfanim.remove_behaviour(behaviour="walking neutral") == {"FINISHED"}
+    assert chosen.solver_settings().behaviours == ("walking brisk*",)
+    bpy.ops.perfanim.remove_behaviour(behaviour="walking brisk")
+    assert chosen.solver_settings().behaviours == ()
+
+
+def test_a_damaged_database_lists_nothing(part: Any, keyed: bpy.types.Object, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.pfdb"
+    damaged.write_bytes(b"PERFANIM-DB")
+    bpy.context.scene.perfanim.database = str(damaged)
+    assert part("operators.sketch")._listed(None, bpy.context) == []
+
+
+def test_motion_paths_come_and_go(part: Any, keyed: bpy.types.Object) -> None:
+    controls = list(part("sketch.controls").controls_of(keyed).values())
+    for selected in (True, False):
+        for each in controls:
+            each.select_set(selected)
+        assert bpy.ops.perfanim.show_motion_paths() == {"FINISHED"}
+        assert all((each.motion_path is not None) == selected for each in controls)
+    assert keyed.motion_path is None
