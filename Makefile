@@ -29,7 +29,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures walks docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -245,6 +245,13 @@ pictures: $(STAMP)
 	$(BIN)/python tools/moving_picture.py --out docs/pictures/live.webp
 	$(BIN)/python -m pytest tests/window -m pictures
 
+# A technical director (a folder of C3D to FBX; needs bpy) and a developer (a new marker file format in a copy) from nothing
+# to the result, with a page of the steps in out/walks. WALKS="--takes DIR --character FILE" for takes and a character of yours.
+WALKS ?=
+walks: export OPENBLAS_NUM_THREADS := 1
+walks: $(STAMP)
+	cd tools && ../$(BIN)/python -m walks --out ../out/walks $(WALKS)
+
 # The documents as pages in out/docs: drawings up to date, every command and script run, no warning, no broken link.
 docs: export OPENBLAS_NUM_THREADS := 1
 docs: $(STAMP) $(DOCS_STAMP)
@@ -278,4 +285,4 @@ mutation: $(QUALITY_STAMP)
 	$(QUALITY_VENV)/bin/python tools/mutation.py --out out/mutation --share $(SHARE) $(MUTATED)
 
 clean:
-	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api
+	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api docs/toml-files.md

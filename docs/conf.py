@@ -5,6 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from perfanim.core import __version__
+from perfanim.core.geometry.rig_file import CAMERA
+from perfanim.core.markers.marker_set import MARKER_SET
+from perfanim.core.markers.prop import PROP
+from perfanim.core.markers.subject import SUBJECT
+from perfanim.core.system.schema import manual_lines
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -42,6 +47,14 @@ def write_api_pages(app: Any) -> None:
         (target / f"{package.name}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def write_schemas_page(app: Any) -> None:
+    """Write the page of TOML files, from the schemas that their readers check."""
+    lines = ["# TOML files", "", "All keys that are read, with their units and ranges; other keys are left alone.", ""]
+    for schema in (CAMERA, MARKER_SET, SUBJECT, PROP):
+        lines += manual_lines(schema)
+    (DOCS / "toml-files.md").write_text("\n".join(lines), encoding="utf-8")
+
+
 def escape_markup(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Escape what reStructuredText would read as markup outside of `code`, in place."""
     for number, line in enumerate(lines):
@@ -51,6 +64,7 @@ def escape_markup(app: Any, what: str, name: str, obj: Any, options: Any, lines:
 
 
 def setup(app: Any) -> None:
-    """Connect both; the escaping comes before napoleon reads the sections."""
+    """Connect all; the escaping comes before napoleon reads the sections."""
     app.connect("builder-inited", write_api_pages)
+    app.connect("builder-inited", write_schemas_page)
     app.connect("autodoc-process-docstring", escape_markup, priority=400)

@@ -16,6 +16,7 @@ import bpy
 
 from .panels import broken_installation
 from .preferences import diagnostics, diagnostics_ui, manual, preferences
+from .preferences.paths import clean_up
 from .preferences.sidebar_tab import SidebarPanel, register_panel, unregister_panel
 
 _KINDS = (
@@ -58,6 +59,7 @@ def register() -> None:
     count = len(_undo)
     try:
         _add_all(_other_modules())
+        clean_up()
     except Exception as error:  # a broken library may raise anything
         traceback.print_exc()
         _remove_down_to(count)

@@ -9,8 +9,8 @@ from typing import Any
 
 from ..core.errors import TakeError
 from ..core.formats.take_file.edit import append_notes
-from ..core.formats.take_file.lock import is_locked
 from ..core.formats.take_file.reading import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
+from ..core.system.lock import is_locked
 from .preferences.paths import user_folder
 
 RECOVERED_SUFFIX = ".cut"  # appended to the name of a recovered file

@@ -3,6 +3,7 @@
     python tools/camera_faults.py --count 20
 
 Two drivers of this file give images of 60 Hz with the noise of a sensor; the source reads them as it reads real ones.
+A camera on a network is a server on this computer, which OpenCV reads.
 At a random moment the right one begins, for a second and a half, to
 
 - stall: give nothing and not return,
@@ -11,7 +12,8 @@ At a random moment the right one begins, for a second and a half, to
 - fast: give 240 images a second,
 - size: give images of another size,
 - backward: stamp its images half a second back,
-- torn: give images with the last one's lower part, from some height on.
+- torn: give images with the last one's lower part, from some height on,
+- stream, cut: as a camera on a network, give nothing, the connection left or ended.
 
 For each fault: seconds until a note names the right camera, seconds from the fault's end to a set of images of both
 without a note, and the share of the left camera's images that were used meanwhile. A row is wrong where a fault is
@@ -26,17 +28,19 @@ import statistics
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import cv2
 import numpy as np
+from mjpeg_server import MjpegServer
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry.arrays import Image
 from perfanim.core.vision.sources import cameras
 
-FAULTS = ("stall", "taken", "slow", "fast", "size", "backward", "torn")
+FAULTS = ("stall", "taken", "slow", "fast", "size", "backward", "torn", "stream", "cut")
 FPS = 60.0
 BEFORE_S, FAILS_S, AFTER_S = 1.5, 1.5, 2.0
 MOST_REPORTED_S, MOST_RECOVERED_S, LEAST_USED = 0.25, 1.0, 0.95
@@ -52,7 +56,7 @@ class Driver:
         self.given: list[float] = []  # when each image was
         self._mended = threading.Event()
         noise, self._chance = np.random.default_rng(seed), random.Random(seed)  # noqa: S311 - heights, no secrets
-        self._images = [self._picture(noise, 640, 480) for _ in range(7)]
+        self.images = [self._picture(noise, 640, 480) for _ in range(7)]
         self._others = [self._picture(noise, 320, 240) for _ in range(7)]
         self._due_s = self._stamp_s = time.perf_counter()
 
@@ -76,7 +80,7 @@ class Driver:
         """Return this driver and an image, as the source opens one."""
         if self.fault == "taken":
             raise CaptureError("does not open")
-        return self, self._images[0]
+        return self, self.images[0]
 
     def grab(self) -> bool:
         """Wait for the next image."""
@@ -96,13 +100,13 @@ class Driver:
     def retrieve(self) -> tuple[bool, Image]:
         """Return the image."""
         self.given.append(time.perf_counter())
-        at = len(self.given) % len(self._images)
+        at = len(self.given) % len(self.images)
         if self.fault == "size":
             return True, self._others[at]
         if self.fault == "torn":
             edge = self._chance.randrange(480)
-            return True, np.concatenate((self._images[at][:edge], self._images[at - 1][edge:]))
-        return True, self._images[at]
+            return True, np.concatenate((self.images[at][:edge], self.images[at - 1][edge:]))
+        return True, self.images[at]
 
     def get(self, key: int) -> float:
         """Return the rate, or the stamp of the image in milliseconds."""
@@ -117,15 +121,30 @@ class Driver:
 def failed(fault: str, chance: random.Random) -> dict[str, Any]:
     """Return the figures of one fault."""
     drivers = [Driver(chance.randrange(1 << 30)) for _ in range(2)]
+    if fault not in ("stream", "cut"):
+        return _measured(fault, chance, drivers, 1, drivers[1])
+    with MjpegServer(drivers[1].images, FPS) as server:
+        return _measured(fault, chance, drivers, server.address, server)
+
+
+def _measured(
+    fault: str, chance: random.Random, drivers: Sequence[Driver], right: int | str, failing: Driver | MjpegServer
+) -> dict[str, Any]:
+    """Return the figures of one fault of the right camera."""
+    really_open = cameras._open
+
+    def opened(device: int | str, *asked: Any) -> tuple[Any, Image]:
+        return really_open(device, *asked) if isinstance(device, str) else drivers[device].open()
+
     begin_s = time.perf_counter() + BEFORE_S + chance.uniform(0.0, 0.1)
     end_s = begin_s + FAILS_S
     reported_s = recovered_s = float("inf")
     note, used = "", 0
-    with patch.object(cameras, "_open", lambda device, *_: drivers[device].open()):
-        source = cameras.CameraSource([0, 1])
+    with patch.object(cameras, "_open", opened):
+        source = cameras.CameraSource([0, right], fps=FPS)
         timers = [
-            threading.Timer(begin_s - time.perf_counter(), drivers[1].begin, [fault]),
-            threading.Timer(end_s - time.perf_counter(), drivers[1].mend),
+            threading.Timer(begin_s - time.perf_counter(), failing.begin, [fault]),
+            threading.Timer(end_s - time.perf_counter(), failing.mend),
         ]
         for timer in timers:
             timer.start()
@@ -140,7 +159,7 @@ def failed(fault: str, chance: random.Random) -> dict[str, Any]:
                 if now_s > end_s + AFTER_S:
                     break
         finally:
-            drivers[1].mend()
+            failing.mend()
             source.close()
             for timer in timers:
                 timer.join()

@@ -20,8 +20,9 @@ CLASS_LINES = 200
 # random steps in a window and guided fuzzing found, that is files of killed workers, names that no file can have,
 # messages of one line: 50; poses without noise and hidden hands that come back: 250; places to ignore in pictures, the
 # common space in the viewport, the walk test, cameras by name, and panels that grow: 700; feet of sketches that stand
-# and step as all examples of them do, and live edits of their paths: 300; expected errors of single joints: 60).
-TOTAL_LINES = 53_260
+# and step as all examples of them do, and live edits of their paths: 300; schemas of files with units and ranges, from
+# which errors and the manual's page come: 200; expected errors of single joints: 60).
+TOTAL_LINES = 53_470
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
 ALLOWED: dict[str, str] = {}
@@ -53,7 +54,8 @@ def main(arguments: list[str]) -> int:
             file.read_text(encoding="utf-8").count("\n") for name in ENTRIES for file in (ROOT / name).rglob("*.py")
         )
         if lines > TOTAL_LINES:
-            findings.append(f"core and perfanim_addon have {lines} lines, {TOTAL_LINES} at most")
+            rise = "raise TOTAL_LINES in tools/check_sizes.py and say there why"
+            findings.append(f"core and perfanim_addon have {lines} lines, {TOTAL_LINES} at most: {rise}")
         for name, most in ENTRIES.items():
             entries = [entry for entry in (ROOT / name).iterdir() if entry.name != "__pycache__"]
             if len(entries) > most:

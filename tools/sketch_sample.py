@@ -21,7 +21,8 @@ from perfanim.core.sketch.solve_sketch import solve_sketch
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import registration
 from perfanim.perfanim_addon.export.stage import render, set_up_rendering
-from perfanim.perfanim_addon.sketch.controls import controls_of, read_controls
+from perfanim.perfanim_addon.sketch.controls import controls_of
+from perfanim.perfanim_addon.sketch.read_controls import read_controls
 from perfanim.perfanim_addon.sketch.write_solution import SketchBody, write_solution
 
 FPS = 30

@@ -10,6 +10,8 @@ from ..geometry.arrays import Array, IntArray
 from .skeleton import Skeleton
 
 LEAST_FPS, MOST_FPS = 1.0, 2000.0  # of motion and markers in files
+_FARTHEST_M = 1e4
+_LEAST_SQUARE, _MOST_SQUARE = 0.998, 1.002  # of a unit quaternion's length, as rounded numbers make it
 
 
 @dataclass(frozen=True)
@@ -17,8 +19,12 @@ class Motion:
     """Poses of one skeleton.
 
     Args:
+        fps: 1 to 2,000.
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
-        root_positions_m: (F, 3) world position of the root, metres.
+        root_positions_m: (F, 3) world position of the root, metres, up to ten kilometres from the origin.
+
+    Raises:
+        FormatError: arrays of other shapes, numbers out of range or not finite, or rotations that are none.
     """
 
     name: str
@@ -36,8 +42,15 @@ class Motion:
             raise FormatError(
                 f"a motion of {len(self.skeleton)} joints cannot have arrays of shapes {shapes}", where=self.name
             )
-        if not self.fps > 0.0:
-            raise FormatError(f"frame rate {self.fps} is not positive", where=self.name)
+        if not LEAST_FPS <= self.fps <= MOST_FPS:
+            raise FormatError(f"frame rate {self.fps:g} is not {LEAST_FPS:g} to {MOST_FPS:g}", where=self.name)
+        squares = np.einsum("fji,fji->fj", self.rotations, self.rotations)
+        if not (squares.min() > _LEAST_SQUARE and squares.max() < _MOST_SQUARE):  # nor NaN
+            raise FormatError("a joint's rotation is no unit quaternion", where=self.name)
+        if not max(self.root_positions_m.max(), -self.root_positions_m.min()) < _FARTHEST_M:
+            raise FormatError(
+                f"the root is not within {_FARTHEST_M:g} m", where=self.name, advice="check the unit of length"
+            )
 
     @property
     def frames(self) -> int:

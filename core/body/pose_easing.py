@@ -20,6 +20,7 @@ _USUAL_RAD = np.radians(9.8)  # most that a joint turns in a frame without marke
 _AT_CHANGE_RAD = np.radians(2.9)  # in two on a limb with a marker that comes or goes
 _GATHERED_RAD = np.radians(3.34)  # a movement gains no more in a frame,
 _GATHERED_FRAMES = 5  # as these before show
+_GAINS_RAD = _GATHERED_RAD * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
 _LEVER_M = 0.32  # a joint turns by no more than the way of a marker below it over this,
 _FASTEST_M = 0.15  # and no marker of a body goes further in a frame
 _FADING = 0.8  # share of the last way of a marker that is hidden
@@ -72,17 +73,20 @@ class PoseEaser:
         """
         frames = (time_s - self._time_s) / _FRAME_S
         in_root_m = (points_m - root_position_m) @ rot.to_matrix(rotations[0])
+        seen = np.isfinite(points_m[:, 0])
         share = _CUT_SHARE if labels_known else _CUT_SHARE_FOUND
         if not 0.0 < frames < _PAUSE_S / _FRAME_S or self._is_cut(time_s, points_m, share):
             self._ways_m = np.zeros(len(points_m))
             self._seen_s = np.full(len(points_m), time_s)
-            self._changed = np.zeros(len(points_m), dtype=np.bool_)
+            self._seen, self._changed = seen, np.zeros(len(points_m), dtype=np.bool_)
             self._turns = deque[Array](maxlen=1 + _GATHERED_FRAMES)
             self._shown, self._trail = rotations, deque[tuple[float, Array]]()
         else:
-            self._shown = self._eased(frames, rotations, in_root_m, held, doubtful)
+            self._changed, changed = seen != self._seen, self._changed
+            self._seen = seen
+            self._shown = self._eased(frames, rotations, in_root_m, self._changed | changed, held, doubtful)
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
-        self._seen_s[np.isfinite(points_m[:, 0])] = time_s
+        self._seen_s[seen] = time_s
         self._trail.append((time_s, points_m))
         while time_s - self._trail[0][0] > _PAUSE_S:
             self._trail.popleft()
@@ -101,33 +105,42 @@ class PoseEaser:
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _eased(self, frames: float, rotations: Array, in_root_m: Array, held: bool, doubtful: Sequence[int]) -> Array:
-        """Return the rotations (J, 4) after `frames` of 60 a second."""
+    def _eased(
+        self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool, doubtful: Sequence[int]
+    ) -> Array:
+        """Return the rotations (J, 4) after `frames` of 60 a second.
+
+        `changed` markers (M,) have come or gone in this frame or the last.
+        """
         raw, turn = _turn(np.array((self._raw, self._shown)), rotations)
         self._turns.append(raw / frames)
-        angle = np.sqrt(np.add.reduce(turn * turn, axis=-1))
-        limit = self._limits(frames, in_root_m, turn / np.maximum(angle, 1e-12)[:, None])
-        limit[list(doubtful)] = np.minimum(limit[list(doubtful)], _AT_CHANGE_RAD)
-        limit *= frames
-        share = np.zeros(len(turn)) if held else np.minimum(limit / np.maximum(angle, 1e-12), 1.0)
+        angle = np.maximum(rot.lengths(turn), 1e-12)
+        limit = self._limits(frames, in_root_m, changed, turn / angle[:, None])
+        if doubtful:
+            limit[list(doubtful)] = np.minimum(limit[list(doubtful)], _AT_CHANGE_RAD)
+        share = np.zeros(len(turn)) if held else limit * frames / angle
         share[0] = 1.0
-        eased = rot.multiply(self._shown, rot.from_rotation_vector(share[:, None] * turn))
-        return np.where((share < 1.0)[:, None], eased, rotations)
+        late = share < 1.0
+        if not late.any():
+            return rotations
+        eased = rotations.copy()
+        eased[late] = rot.multiply(self._shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
+        return eased
 
-    def _limits(self, frames: float, in_root_m: Array, directions: Array) -> Array:
+    def _limits(self, frames: float, in_root_m: Array, changed: Mask, directions: Array) -> Array:
         """Return how far the joints (J,) may turn in a frame, in their directions (J, 3)."""
-        changed = np.isfinite(in_root_m[:, 0]) != np.isfinite(self._in_root_m[:, 0])
-        usual_rad = np.where(self._limbs[changed | self._changed].any(axis=0), _AT_CHANGE_RAD, _USUAL_RAD)
-        self._changed = changed
-        ways_m = np.linalg.norm(in_root_m - self._in_root_m, axis=-1) / frames
-        self._ways_m = np.where(np.isfinite(ways_m), ways_m, _FADING * self._ways_m)
-        self._ways_m[self._ways_m > _FASTEST_M] = 0.0
+        usual_rad = np.full(len(directions), _USUAL_RAD)
+        if changed.any():
+            usual_rad[self._limbs[changed].any(axis=0)] = _AT_CHANGE_RAD
+        ways_m = rot.lengths(in_root_m - self._in_root_m) / frames
+        ways_m = np.where(np.isfinite(ways_m), ways_m, _FADING * self._ways_m)
+        ways_m[ways_m > _FASTEST_M] = 0.0
+        self._ways_m = ways_m
         if len(self._turns) <= _GATHERED_FRAMES:
             return usual_rad
-        gains = _GATHERED_RAD * frames * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
-        gathered = np.min(np.sum(np.array(self._turns) * directions, axis=-1) + gains, axis=0)
-        explained = np.max(self._shares * self._ways_m[:, None], axis=0) / _LEVER_M
-        return np.asarray(np.maximum(usual_rad, np.minimum(gathered, explained)))
+        gathered = np.add.reduce(np.array(self._turns) * directions, axis=-1) + frames * _GAINS_RAD
+        explained = np.maximum.reduce(self._shares * ways_m[:, None]) / _LEVER_M
+        return np.asarray(np.maximum(usual_rad, np.minimum(np.minimum.reduce(gathered), explained)))
 
 
 def _turn(start: Array, end: Array) -> Array:

@@ -10,6 +10,7 @@ from ..geometry.arrays import Array, IntArray, runs
 from .body_parts import PARTS
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
+_REASON = 0.25  # share of a stretch's poses that a note must be of, to be the stretch's reason
 # expected error from which a part of it is; hands and feet are never known better than to half of that
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
@@ -88,7 +89,9 @@ class PerformerPose:
 
 def doubtful_parts(errors_deg: Array) -> list[str]:
     """Return the parts with large expected errors (P,), none of no errors."""
-    return [part for part, error, most in zip(PARTS, errors_deg, DOUBTFUL_PART_DEG, strict=False) if error > most]
+    if not len(errors_deg):
+        return []
+    return [part for part, large in zip(PARTS, (errors_deg > DOUBTFUL_PART_DEG).tolist(), strict=True) if large]
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,7 @@ def _stretches(poses: Sequence[PerformerPose], doubtful: Sequence[bool], part: s
     found = []
     for start, stop in runs(np.array(doubtful, dtype=np.bool_)):
         notes = Counter(note for pose in poses[start:stop] for note in pose.notes if note.startswith(part))
-        reason = notes.most_common(1)[0][0] if notes else ""
+        reason = next((note for note, count in notes.most_common(1) if count >= _REASON * (stop - start)), "")
         begin_s, end_s = (poses[at].time_s - poses[0].time_s for at in (start, stop - 1))
         found.append(DoubtfulStretch(begin_s, end_s, reason, part))
     return found

@@ -1,6 +1,7 @@
 """The `perfanim` command: parse, run one command, print its summary.
 
-Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted.
+Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted; 141 nobody
+reads the output, as of any program in a pipe.
 """
 
 import argparse
@@ -12,10 +13,12 @@ import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
+from pathlib import Path
+from typing import Any, TextIO
 
 from .. import __version__
 from ..errors import PerfanimError
+from .guarded_run import guarded_run
 from .partial_result import PartialResult
 
 # Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
@@ -32,8 +35,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # OpenCV and its video reader would write their own lines beside ours.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 27))  # a small file may declare any size
 
+_NOBODY_READS = 128 + 13  # as shells tell the end by SIGPIPE
 _MOST_PARTS = 12
 _MOST_ROWS = 60  # of a report that are printed
 
@@ -86,6 +89,32 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
+    # a stream that the caller closed; else the next file that is opened would be it for libraries in C
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
+    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
+    try:
+        try:
+            return _run(argv)
+        finally:
+            sys.stdout.flush()  # what --help printed, too, so that no error is left for Python's own end
+    except BrokenPipeError:
+        _forget(sys.stdout)
+        _forget(sys.stderr)
+        return _NOBODY_READS
+    except OSError as error:
+        _forget(sys.stdout)
+        sys.stderr.write(f"perfanim: the output cannot be written ({error.strerror})\n")
+        return 1
+
+
+def _forget(stream: TextIO) -> None:
+    """Let the unwritten rest of a stream go nowhere."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def _run(argv: Sequence[str] | None) -> int:
     given = sys.argv[1:] if argv is None else argv
     args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()
@@ -94,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # SIGTERM ends like any error: half-written files are removed on the way out
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
-        summary = args.run(args, progress)
+        summary = guarded_run(args, progress)
     except (PerfanimError, OSError, MemoryError, UnicodeError) as error:
         progress.clear()
         own = error if isinstance(error, PerfanimError) else PerfanimError(f"failed ({error or 'out of memory'})")
@@ -141,16 +170,18 @@ def summary_text(summary: dict[str, Any]) -> str:
         label = key.replace("_", " ")
         if isinstance(value, float):
             lines.append(f"{label}: {value:.4g}")
-        elif isinstance(value, dict) and value and all(isinstance(row, dict) for row in value.values()):
+        elif isinstance(value, dict | list) and not value:
+            lines.append(f"{label}: none")
+        elif isinstance(value, dict) and all(isinstance(row, dict) for row in value.values()):
             lines.append(f"{label}:")
             lines += _rows([f"{name}: {_short(row)}" for name, row in value.items()])
-        elif isinstance(value, dict) and value:
+        elif isinstance(value, dict):
             parts = [f"{k} {_short(v)}" for k, v in list(value.items())[:_MOST_PARTS]]
             more = [f"and {len(value) - _MOST_PARTS} more, see --json"] if len(value) > _MOST_PARTS else []
             lines.append(f"{label}: " + ", ".join([*parts, *more]))
-        elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+        elif isinstance(value, list) and all(isinstance(row, dict) for row in value):
             lines.append(f"{label}: {len(value)}")
-            lines += _rows([", ".join(_row_value(key, item) for key, item in row.items() if item) for row in value])
+            lines += _rows([", ".join(_row_value(*item) for item in row.items() if _is_said(item[1])) for row in value])
         elif isinstance(value, list):
             lines.append(f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}")
         else:
@@ -161,6 +192,11 @@ def summary_text(summary: dict[str, Any]) -> str:
 def _rows(rows: list[str]) -> list[str]:
     shown = [f"  {row}" for row in rows[:_MOST_ROWS]]
     return [*shown, f"  and {len(rows) - _MOST_ROWS} more, see --json"] if len(rows) > _MOST_ROWS else shown
+
+
+def _is_said(value: Any) -> bool:
+    """Return whether a value of a row says anything; a moment of zero does."""
+    return bool(value) or isinstance(value, float)
 
 
 def _row_value(key: str, value: Any) -> str:

@@ -1,13 +1,17 @@
 """Public collections of motion: their list, and one from the network."""
 
+import gzip
 import re
+import tarfile
 import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from ..errors import DownloadError, SettingsError
+from ..errors import DownloadError, PerfanimError, SettingsError, shorten
+from ..formats.motion.motion_sources import check_unpacked_size
 from ..system.assets import COLLECTIONS
 from ..system.download import check_address, download
 from ..system.files import read_toml, reading
@@ -15,6 +19,7 @@ from ..system.progress import Progress
 
 _ENDINGS = (".zip", ".tar.gz", ".tgz", ".tar", ".bvh")
 _LONGEST_NAME = 80
+_PIECE = 1 << 20  # bytes
 _DAMAGED_ADVICE = "get it again; if that does not help, it is damaged where it comes from"
 
 
@@ -71,7 +76,7 @@ def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Pa
         progress(1.0, f"checking {archive.name}")
         try:
             _check(archive)
-        except DownloadError:
+        except PerfanimError:
             archive.unlink()
             raise
     return archive
@@ -91,10 +96,45 @@ def file_name(address: str, name: str = "") -> str:
 
 
 def _check(archive: Path) -> None:
-    """Raise DownloadError where an archive's bytes differ from its checksums."""
-    if archive.suffix != ".zip":
-        return  # its end is missed when it is read
-    with reading(archive, DownloadError, _DAMAGED_ADVICE), zipfile.ZipFile(archive) as opened:
+    """Raise PerfanimError where an archive is damaged or may do harm."""
+    if archive.suffix == ".bvh":
+        return
+    with reading(archive, DownloadError, _DAMAGED_ADVICE):
+        if archive.suffix == ".zip":
+            _check_zip(archive)
+        else:
+            _check_tar(archive)
+
+
+def _check_zip(archive: Path) -> None:
+    with zipfile.ZipFile(archive) as opened:
+        _check_names(archive, opened.namelist())
+        check_unpacked_size(archive, sum(member.file_size for member in opened.infolist()))
         bad = opened.testzip()
         if bad is not None:
-            raise DownloadError(f"is damaged at {bad}", where=str(archive), advice=_DAMAGED_ADVICE)
+            raise DownloadError(f"is damaged at {shorten(bad, 60)}", where=str(archive), advice=_DAMAGED_ADVICE)
+
+
+def _check_tar(archive: Path) -> None:
+    # opened here, as tarfile itself leaves out the checksum at the end
+    with archive.open("rb") if archive.suffix == ".tar" else gzip.open(archive) as stream:
+        size = 0
+        with tarfile.open(fileobj=stream, mode="r|") as opened:
+            for member in opened:
+                size += member.size
+                check_unpacked_size(archive, size)
+                _check_names(archive, [member.name])
+        while piece := stream.read(_PIECE):
+            size += len(piece)
+            check_unpacked_size(archive, size)
+
+
+def _check_names(archive: Path, names: Iterable[str]) -> None:
+    for name in names:
+        path = PurePosixPath(name.replace("\\", "/"))
+        if path.is_absolute() or ".." in path.parts or re.match(r"[A-Za-z]:", name):
+            raise DownloadError(
+                f"holds a file outside its own folder ({shorten(name, 60)})",
+                where=str(archive),
+                advice="get it from somebody else",
+            )

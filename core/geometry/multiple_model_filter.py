@@ -5,6 +5,7 @@ predicts decides how much it counts (interacting multiple models, Blom and Bar-S
 still and a fast one is not late.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +14,32 @@ import numpy as np
 from .arrays import Array, Mask
 
 _POWERS, _DIVISORS = np.array([[5, 4, 3], [4, 3, 2], [3, 2, 1]]), np.array([[20, 8, 6], [8, 3, 2], [6, 2, 1]])
+_EXPONENTS = np.arange(6)  # of a time, in what a movement does to a point
 _STAYS_S = 1.0  # mean time for which one of the models holds
 _PAUSE_S = 0.25  # after so long out of sight a point starts over,
 _JUMP_SIGMAS = 8.0  # and where it is so far from every prediction
+
+
+def _movements() -> tuple[Array, Array]:
+    """Return the matrices of a movement, a row for each power of its time.
+
+    Returns:
+        (6, 18 * 18) of the matrix that rows of states and covariances are multiplied by, and (6, 9) of the covariance
+        that a unit of the jerk's density adds.
+    """
+    # position, velocity and acceleration are moved by a polynomial in time, (3, 3, 3) by its powers
+    move = np.array([np.eye(3), np.eye(3, k=1), 0.5 * np.eye(3, k=2)])
+    rows, jerks = np.zeros((6, 18, 18)), np.zeros((6, 9))
+    for power, matrix in enumerate(move):
+        rows[power, :9, :9] = np.kron(matrix, np.eye(3)).T
+        for other, factor in enumerate(move):
+            rows[power + other, 9:, 9:] += np.kron(matrix, factor).T
+    for place, (power, divisor) in enumerate(zip(_POWERS.ravel(), _DIVISORS.ravel(), strict=True)):
+        jerks[power, place] = 1.0 / divisor
+    return rows.reshape(6, -1), jerks
+
+
+_MOVEMENT, _JERKS = _movements()
 
 
 @dataclass(frozen=True)
@@ -52,18 +76,25 @@ class MultipleModelFilter:
         # of the jerk's white noise, unit^2 / s^5
         self._densities = np.square(of_points([kind.changes for kind, _ in kinds])) * 60.0**5
         self._least = of_points([kind.least_sigma for kind, _ in kinds])
-        self._jump = of_points([kind.jump for kind, _ in kinds])
+        self._squared_jump = np.square(of_points([kind.jump for kind, _ in kinds]))[:, None]
         self._first = np.square(of_points([(kind.first_speed, kind.first_acceleration) for kind, _ in kinds]))
         points, models = self._densities.shape
         self._seen_s = np.full(points, -np.inf)
         self._time_s = 0.0
-        # (N, K, 3, 3) position, velocity, acceleration by axis; (N, K, 3, 3) their covariance, the same for each axis
-        self._states, self._covariances = np.zeros((2, points, models, 3, 3))
         self._weights = np.full((points, models), 1.0 / models)
+        self._hold(np.zeros((points, models, 18)))
+
+    def _hold(self, rows: Array) -> None:
+        """Keep the points' states and covariances, (N, K, 9 + 9)."""
+        # (N, K, 3, 3) position, velocity, acceleration by axis; (N, K, 3, 3) their covariance, the same for each axis
+        self._states, self._covariances = (
+            part.reshape(*rows.shape[:2], 3, 3) for part in (rows[..., :9], rows[..., 9:])
+        )
+        self._rows = rows
 
     def predict(self, time_s: float) -> None:
         """Move to a later time."""
-        self._move(float(np.clip(time_s - self._time_s, 0.0, _PAUSE_S)))
+        self._move(min(max(time_s - self._time_s, 0.0), _PAUSE_S))
         self._time_s = time_s
 
     def observe(self, points: Array, noise: Array) -> Mask:
@@ -75,15 +106,18 @@ class MultipleModelFilter:
         sigmas = np.maximum(noise, self._least)
         located = np.isfinite(points[:, 0])
         innovations = np.where(located[:, None], points, 0.0)[:, None] - self._states[:, :, 0]
-        variances = self._covariances[..., 0, 0] + np.square(sigmas)[:, None]
-        unlikely = np.sum(innovations**2, axis=-1) / variances
-        far = np.linalg.norm(innovations, axis=-1) > self._jump[:, None]
-        jumped = np.all(far & (unlikely > _JUMP_SIGMAS**2), axis=1)
-        known = (self._time_s - self._seen_s < _PAUSE_S) & ~jumped
-        self._update(located & known, innovations, variances, unlikely)
-        self._start(located & ~known, points, sigmas)
+        variances = self._covariances[..., 0, 0] + (sigmas * sigmas)[:, None]
+        squares = np.add.reduce(innovations * innovations, axis=-1)
+        unlikely = squares / variances
+        far = (squares > self._squared_jump) & (unlikely > _JUMP_SIGMAS**2)
+        known = (self._time_s - self._seen_s < _PAUSE_S) & ~np.logical_and.reduce(far, axis=1)
+        known &= located
+        # of all points, as it usually is, no part has to be picked
+        self._update(slice(None) if known.all() else known, innovations, variances, unlikely)
+        if (new := located & ~known).any():
+            self._start(new, points, sigmas)
         self._seen_s[located] = self._time_s
-        return np.asarray(located & known)
+        return known
 
     def means(self) -> tuple[Array, Array]:
         """Return positions (N, 3) and the deviations (N,) of their coordinates."""
@@ -96,33 +130,35 @@ class MultipleModelFilter:
     def _move(self, elapsed_s: float) -> None:
         """Move all models on; each starts from a mixture of all."""
         models = self._weights.shape[1]
-        stays = np.exp(-elapsed_s / _STAYS_S)
+        stays = math.exp(-elapsed_s / _STAYS_S)
         changes = np.full((models, models), (1.0 - stays) / (models - 1))
-        np.fill_diagonal(changes, stays)
+        changes.flat[:: models + 1] = stays
         shares = self._weights[:, :, None] * changes
-        self._weights = shares.sum(axis=1)
+        self._weights = np.add.reduce(shares, axis=1)
         shares /= np.maximum(self._weights, 1e-300)[:, None]
-        # of a mixture: means, and the mean covariance plus that of the means (of all three axes alike)
-        flat, shape = (len(shares), models, -1), self._states.shape
-        together = self._covariances + self._states @ self._states.swapaxes(-1, -2) / 3.0
-        columns = np.concatenate((self._states.reshape(flat), together.reshape(flat)), axis=2)
-        mixed, covariances = (
-            (shares.swapaxes(1, 2) @ columns).reshape(*shape[:2], 2, 3, 3).swapaxes(0, 2).swapaxes(1, 2)
-        )
-        covariances = covariances - mixed @ mixed.swapaxes(-1, -2) / 3.0
-        moved = np.array([[1.0, elapsed_s, elapsed_s**2 / 2.0], [0.0, 1.0, elapsed_s], [0.0, 0.0, 1.0]])
-        self._states = moved @ mixed
-        self._covariances = moved @ covariances @ moved.T
-        self._covariances += self._densities[..., None, None] * (elapsed_s**_POWERS / _DIVISORS)
+        # of a mixture: means, and the mean covariance plus that of the means (of all three axes alike), which are
+        # taken about the first model's: about the origin, those of points far from it would round
+        first = self._states[:, :1]
+        apart = self._states - first
+        self._covariances += apart @ apart.swapaxes(-1, -2) / 3.0
+        mixed = shares.swapaxes(1, 2) @ self._rows
+        apart = mixed[..., :9].reshape(apart.shape) - first
+        mixed[..., 9:] -= (apart @ apart.swapaxes(-1, -2) / 3.0).reshape(*mixed.shape[:2], 9)
+        powers = elapsed_s**_EXPONENTS
+        moved = mixed @ (powers @ _MOVEMENT).reshape(18, 18)
+        moved[..., 9:] += self._densities[..., None] * (powers @ _JERKS)
+        self._hold(moved)
 
-    def _update(self, seen: Mask, innovations: Array, variances: Array, unlikely: Array) -> None:
+    def _update(self, seen: Mask | slice, innovations: Array, variances: Array, unlikely: Array) -> None:
         """Correct the models of the seen points, and how much each counts."""
-        gains = self._covariances[seen, :, :, 0] / variances[seen, :, None]
-        self._states[seen] += gains[..., None] * innovations[seen][:, :, None]
-        self._covariances[seen] -= gains[..., None] * self._covariances[seen, :, :1]
-        logs = np.log(np.maximum(self._weights[seen], 1e-300)) - 0.5 * unlikely[seen] - 1.5 * np.log(variances[seen])
-        weights = np.exp(logs - logs.max(axis=1, keepdims=True))
-        self._weights[seen] = weights / weights.sum(axis=1, keepdims=True)
+        covariances, variances = self._covariances[seen], variances[seen]
+        gains = (covariances[..., 0] / variances[..., None])[..., None]
+        self._states[seen] += gains * innovations[seen][:, :, None]
+        self._covariances[seen] -= gains * covariances[:, :, :1]
+        likely = np.maximum(self._weights[seen], 1e-300) / (variances * np.sqrt(variances))
+        logs = np.log(likely) - 0.5 * unlikely[seen]
+        weights = np.exp(logs - np.maximum.reduce(logs, axis=1, keepdims=True))
+        self._weights[seen] = weights / np.add.reduce(weights, axis=1, keepdims=True)
 
     def _start(self, new: Mask, points: Array, sigmas: Array) -> None:
         """Follow points from where they are."""

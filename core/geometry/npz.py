@@ -1,10 +1,12 @@
-"""Arrays of foreign .npz files: each header is checked before any memory is taken.
+"""Arrays in .npz files: each header is checked before any memory is taken.
 
-NumPy's own reader evaluates headers and trusts the sizes that they declare.
+NumPy's own reader evaluates headers and trusts the sizes that they declare. On a full disk its writer leaves a file
+that closes itself some time later, with a traceback.
 """
 
 import re
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError, PerfanimError
-from ..system.files import SLACK_BYTES, open_foreign, reading
+from ..system.files import SLACK_BYTES, atomic_path, open_foreign, reading
 
 _MOST_MEMBERS = 200
 _MOST_TIMES = 4  # the arrays' bytes by the file's
@@ -40,6 +42,20 @@ def read_arrays(
             if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members):
                 raise ValueError("packed in an unknown way")
             return {member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members}
+
+
+def write_arrays(path: Path | str, arrays: Mapping[str, Any], packed: bool = True) -> None:
+    """Write arrays by name; the same ones give the same bytes.
+
+    Raises:
+        FormatError: the file cannot be written.
+    """
+    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+        for name, array in arrays.items():
+            member = zipfile.ZipInfo(f"{name}.npy")
+            member.compress_type = zipfile.ZIP_DEFLATED if packed else zipfile.ZIP_STORED
+            with archive.open(member, "w", force_zip64=True) as stream:
+                np.save(stream, array, allow_pickle=False)
 
 
 def _array(data: bytes) -> NDArray[Any]:

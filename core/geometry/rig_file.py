@@ -9,11 +9,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import CalibrationError
-from ..system.files import read_bytes, read_toml, reading, write_toml
+from ..system.files import read_bytes, read_toml, write_toml
+from ..system.schema import Key, Schema
 from . import rotations as rot
 from .camera import Camera, CameraRig
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
 from .rigid_transform import nearest_rotation
+
+CAMERA = Schema(
+    "Camera of a calibration",
+    "A table `[cam_0]`, `[cam_1]`, ... for each camera, in anipose's layout. The table `[metadata]` has `length_unit`, "
+    '"m" or "mm".',
+    (
+        Key("name", "of the camera", str, optional=True),
+        Key("size", "width and height of its images", int, (2,), "pixels", 1, 100_000),
+        Key("matrix", "focal lengths and centre, as OpenCV's", float, (3, 3), "pixels", -1e6, 1e6),
+        Key("distortions", "k1, k2, p1, p2, k3, as OpenCV's", float, (None,), "", -1e6, 1e6, optional=True),
+        Key("rotation", "camera from world: rotation vector, or matrix", float, (3,), "", -1e3, 1e3, or_shape=(3, 3)),
+        Key("translation", "camera from world, in the file's unit", float, (3,), "", -1e6, 1e6),
+        Key("ignored_px", "places of reflections", float, (None, 2), "pixels", -1e6, 1e6, optional=True),
+        Key("fisheye", "true is refused: another lens model", bool, optional=True),
+    ),
+    CalibrationError,
+    "calibrate the cameras again",
+)
 
 
 def save_rig(rig: CameraRig, path: str | Path) -> None:
@@ -61,7 +80,9 @@ def load_rig(path: str | Path) -> CameraRig:
 def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
     """Return the rig of anipose tables; inverse of `rig_tables`."""
     keys = _camera_keys(tables)
-    rows = [{"name": key} | tables[key] if isinstance(tables[key], Mapping) else tables[key] for key in keys]
+    if not all(isinstance(tables[key], Mapping) for key in keys):
+        raise CalibrationError("has a camera that is no table", where=where, advice=CAMERA.advice)
+    rows = [{"name": key, **tables[key]} for key in keys]
     cameras = _cameras_from(rows, where)
     metadata = tables.get("metadata", {})
     unit = metadata.get("length_unit", "unknown") if isinstance(metadata, Mapping) else None
@@ -124,24 +145,21 @@ def _camera_order(key: str) -> tuple[int, str]:
 
 
 def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
-    with reading(where, CalibrationError, "calibrate the cameras again", "a camera table is incomplete"):
-        if row.get("fisheye", False):
-            raise CalibrationError(
-                "fisheye lenses are not supported", where=where, advice="calibrate with the standard lens model"
-            )
-        rotation = np.asarray(row["rotation"], dtype=np.float64)
-        if rotation.shape == (3, 3):
-            matrix = rotation
-            if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or from a bundle adjustment
-                matrix = nearest_rotation(matrix)
-        else:
-            matrix = rot.to_matrix(rot.from_rotation_vector(rotation))
-        return Camera(
-            name=str(row.get("name", "camera")),
-            image_size=(int(row["size"][0]), int(row["size"][1])),
-            matrix=np.asarray(row["matrix"], dtype=np.float64),
-            distortion=np.asarray(row.get("distortions", [0.0] * 5), dtype=np.float64),
-            rotation=matrix,
-            translation_m=np.asarray(row["translation"], dtype=np.float64),
-            ignored_px=np.asarray(row.get("ignored_px", ()), dtype=np.float64),
+    CAMERA.check(row, where)
+    if row.get("fisheye", False):
+        raise CalibrationError(
+            "fisheye lenses are not supported", where=where, advice="calibrate with the standard lens model"
         )
+    rotation = np.asarray(row["rotation"], dtype=np.float64)
+    matrix = rotation if rotation.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(rotation))
+    if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or from a bundle adjustment
+        matrix = nearest_rotation(matrix)
+    return Camera(
+        name=row.get("name", "camera"),
+        image_size=(int(row["size"][0]), int(row["size"][1])),
+        matrix=np.asarray(row["matrix"], dtype=np.float64),
+        distortion=np.asarray(row.get("distortions", [0.0] * 5), dtype=np.float64),
+        rotation=matrix,
+        translation_m=np.asarray(row["translation"], dtype=np.float64),
+        ignored_px=np.asarray(row.get("ignored_px", ()), dtype=np.float64),
+    )

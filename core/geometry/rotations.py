@@ -11,9 +11,27 @@ from numpy.typing import ArrayLike
 from .arrays import Array
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
-_SMALL_ANGLE = 1e-6  # below it, series replace divisions by the angle
+_TINY = 1e-150  # what replaces smaller lengths in divisions: the quotients are as exact, and none divides by zero
+_FEW = 2048  # numbers up to which one product with a constant matrix is quicker than a line for each entry
 _CROSS = np.zeros((3, 9))  # the entries of `cross_matrices`
 _CROSS[0, [5, 7]] = _CROSS[1, [6, 2]] = _CROSS[2, [1, 3]] = -1.0, 1.0
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+_UNIT = np.eye(3).ravel()
+
+
+def _table(rows: int, columns: int, text: str) -> Array:
+    """Return a matrix of signs, its columns as the rows that each adds or subtracts."""
+    result = np.zeros((rows, columns))
+    for column, entries in enumerate(text.split()):
+        for sign, row in zip(entries[::2], entries[1::2], strict=True):
+            result[int(row, 16), column] = 1.0 if sign == "+" else -1.0
+    return result
+
+
+# of a quaternion's entries, those of the matrix that multiplies another by it from the left, row vectors
+_LEFT = _table(4, 16, "+0 +1 +2 +3 -1 +0 +3 -2 -2 -3 +0 +1 -3 +2 -1 +0")
+# of the products of a quaternion's entries (4 i + j), those of the rotation matrix less the unit matrix
+_MATRIX = 2.0 * _table(16, 9, "-a-f +6-3 +7+2 +6+3 -5-f +b-1 +7-2 +b+1 -5-a")
 
 
 def identity(shape: Sequence[int] = ()) -> Array:
@@ -32,13 +50,21 @@ def normalize(quaternions: ArrayLike) -> Array:
 
 def _length(vectors: Array) -> Array:
     """Return the lengths (..., 1)."""
-    return np.asarray(np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True)))  # np.linalg.norm takes twice as long
+    return lengths(vectors)[..., None]
+
+
+def lengths(vectors: Array) -> Array:
+    """Return the lengths (...) of vectors (..., n)."""
+    # np.linalg.norm takes twice as long
+    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> Array:
     """Return the Hamilton product: a_from_c = multiply(a_from_b, b_from_c)."""
     a = np.asarray(left, dtype=np.float64)
     b = np.asarray(right, dtype=np.float64)
+    if max(a.size, b.size) <= _FEW:
+        return np.asarray((b[..., None, :] @ (a @ _LEFT).reshape(*a.shape, 4))[..., 0, :])
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
@@ -52,7 +78,7 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
 def conjugate(quaternions: ArrayLike) -> Array:
     """Return the inverse rotations: b_from_a of a_from_b."""
     q = np.asarray(quaternions, dtype=np.float64)
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    return q * _CONJUGATE
 
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> Array:
@@ -84,22 +110,21 @@ def cross_matrices(vectors: Array) -> Array:
 def from_rotation_vector(vectors: ArrayLike) -> Array:
     """Return the rotations by |v| about v (exponential map)."""
     v = np.asarray(vectors, dtype=np.float64)
-    angle = _length(v)
-    small = angle < _SMALL_ANGLE
-    safe = np.where(small, 1.0, angle)
-    factor = np.where(small, 0.5 - angle**2 / 48.0, np.sin(0.5 * safe) / safe)
-    return np.concatenate((np.cos(0.5 * angle), v * factor), axis=-1)
+    half = 0.5 * _length(v)
+    safe = np.maximum(half, _TINY)
+    result = np.empty((*v.shape[:-1], 4))
+    np.cos(half, out=result[..., :1])
+    np.multiply(v, 0.5 * np.sin(safe) / safe, out=result[..., 1:])
+    return result
 
 
 def to_rotation_vector(quaternions: ArrayLike) -> Array:
     """Return rotation vectors with angle in [0, pi] (logarithm)."""
     q = np.asarray(quaternions, dtype=np.float64)
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    sine = _length(q[..., 1:])
-    small = sine < _SMALL_ANGLE
-    safe = np.where(small, 1.0, sine)
-    factor = np.where(small, 2.0 / np.maximum(q[..., :1], 0.5), 2.0 * np.arctan2(sine, q[..., :1]) / safe)
-    return q[..., 1:] * factor
+    w, vector = q[..., :1], q[..., 1:]
+    sine = np.maximum(_length(vector), _TINY)
+    factor = 2.0 * np.arctan2(sine, np.abs(w)) / sine
+    return np.asarray(vector * np.where(w < 0.0, -factor, factor))
 
 
 def from_matrix(matrices: ArrayLike) -> Array:
@@ -122,6 +147,9 @@ def from_matrix(matrices: ArrayLike) -> Array:
 def to_matrix(quaternions: ArrayLike) -> Array:
     """Return rotation matrices `[..., 3, 3]` of unit quaternions."""
     q = np.asarray(quaternions, dtype=np.float64)
+    if q.size <= _FEW:
+        products = (q[..., :, None] * q[..., None, :]).reshape(*q.shape[:-1], 16)
+        return np.asarray((products @ _MATRIX + _UNIT).reshape(*q.shape[:-1], 3, 3))
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     result = np.empty((*q.shape[:-1], 3, 3))
     result[..., 0, 0] = 1 - 2 * (y * y + z * z)
@@ -179,7 +207,7 @@ def between(sources: ArrayLike, targets: ArrayLike) -> Array:
 def angle_between(left: ArrayLike, right: ArrayLike) -> Array:
     """Return the geodesic angles in [0, pi] between rotations."""
     difference = multiply(conjugate(left), right)
-    return 2.0 * np.arctan2(np.linalg.norm(difference[..., 1:], axis=-1), np.abs(difference[..., 0]))
+    return np.asarray(2.0 * np.arctan2(lengths(difference[..., 1:]), np.abs(difference[..., 0])))
 
 
 def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
@@ -202,7 +230,7 @@ def continuous(quaternions: ArrayLike) -> Array:
     """Return `[F, ..., 4]` with neighbouring frames in one hemisphere."""
     q = np.array(quaternions, dtype=np.float64)
     if len(q) > 1:
-        flips = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0.0, -1.0, 1.0)
+        flips = np.where(np.einsum("...i,...i", q[1:], q[:-1]) < 0.0, -1.0, 1.0)
         q[1:] *= np.cumprod(flips, axis=0)[..., None]
     return q
 

@@ -202,7 +202,9 @@ class Labeller:
             expected_m: (M, 3) where each marker should be.
             labelled: markers that have a point.
         """
-        seen, free = self._seen, np.setdiff1d(np.flatnonzero(~self._torso), labelled)
+        seen, is_free = self._seen, ~self._torso
+        is_free[labelled] = False
+        free = np.flatnonzero(is_free)
         if len(points) == 0 or len(free) == 0:
             seen.lone_frames[:] = 0
             return points[:0], free[:0]
@@ -315,8 +317,9 @@ def _assign_in_turn(costs: Array, turns: Turns | None) -> tuple[IntArray, IntArr
         own = np.where(is_taken[:, None] & turns.returning[first], np.inf, own)
     rows, columns = assign(own)
     columns = first[columns]
-    left = np.setdiff1d(np.arange(len(costs)), rows)
-    others = np.setdiff1d(np.arange(costs.shape[1]), columns)
+    is_left, is_other = np.ones(len(costs), dtype=bool), np.ones(costs.shape[1], dtype=bool)
+    is_left[rows], is_other[columns] = False, False
+    left, others = np.flatnonzero(is_left), np.flatnonzero(is_other)
     further_rows, further_columns = assign(costs[np.ix_(left, others)])
     return np.concatenate((rows, left[further_rows])), np.concatenate((columns, others[further_columns]))
 

@@ -207,7 +207,7 @@ def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
     shown = np.zeros(count, dtype=np.int64)
     for tracklet in longest:
         shown[tracklet.frames] += 1
-    if np.mean(shown > 0) <= _FAIR_SHARE:
+    if np.sum(shown > 0) <= _FAIR_SHARE * count:
         raise TakeError(
             "hardly any markers were found", advice="check the threshold, the cameras' order and the calibration"
         )
@@ -272,7 +272,7 @@ def _structure_cost(where: IntArray, own: Array, marker: int, positions: Array) 
     sigma2 = spread**2 + _STRUCTURE_SIGMA_M**2
     deviation = np.minimum((distance - mean) ** 2 / sigma2, _COST_CAP)
     weight = np.where(np.isfinite(deviation), 1.0 / np.sqrt(sigma2), 0.0)
-    return float(np.sum(np.nan_to_num(deviation) * weight) / np.maximum(weight.sum(), 1e-12))
+    return float(np.sum(np.nan_to_num(deviation) * weight) / weight.sum())
 
 
 def _gap_cost(where: IntArray, own: Array, marker: int, positions: Array, frames: Sequence[MarkerFrame]) -> float:

@@ -22,7 +22,8 @@ class MarkerNoise:
     def __init__(self) -> None:
         self._times_s: deque[float] = deque(maxlen=_POSITIONS)
         self._points_m: deque[Array] = deque(maxlen=_POSITIONS)
-        self._differences: deque[tuple[float, Array]] = deque()
+        self._known_s: deque[float] = deque()
+        self._differences: Array = np.empty((0, 0))  # a row for each of these times
 
     def step(self, time_s: float, points_m: Array) -> Array:
         """Return the standard deviation (M,) of each marker's coordinates, metres.
@@ -35,11 +36,15 @@ class MarkerNoise:
         """
         self._times_s.append(time_s)
         self._points_m.append(points_m)
+        rows = self._differences.reshape(-1, len(points_m))
         if len(self._times_s) == _POSITIONS:
-            self._differences.append((time_s, _differences(np.array(self._times_s), np.array(self._points_m))))
-        while self._differences and not 0.0 <= time_s - self._differences[0][0] <= _LATEST_S:
-            self._differences.popleft()
-        return _sigmas(np.array([row for _, row in self._differences]).reshape(-1, len(points_m)))
+            row = _differences(np.array(self._times_s), np.array(self._points_m))
+            self._known_s.append(time_s)
+            rows = np.concatenate((rows, row[None]))
+        while self._known_s and not 0.0 <= time_s - self._known_s[0] <= _LATEST_S:
+            self._known_s.popleft()
+        self._differences = rows[len(rows) - len(self._known_s) :]
+        return _sigmas(self._differences)
 
 
 def marker_noise(times_s: Array, points_m: Array) -> Array:
@@ -55,19 +60,25 @@ def _differences(times_s: Array, points_m: Array) -> Array:
     The weights are those of a divided difference (Newton), scaled to keep the variance of independent noise.
     """
     apart = times_s[:, None] - times_s
-    np.fill_diagonal(apart, 1.0)
-    weights = 1.0 / np.prod(apart, axis=1)
-    return np.asarray(np.linalg.norm(np.tensordot(weights / np.linalg.norm(weights), points_m, 1), axis=-1))
+    apart.flat[:: len(apart) + 1] = 1.0
+    weights = 1.0 / np.multiply.reduce(apart, axis=1)
+    weights /= np.sqrt(weights @ weights)
+    differences = (weights @ points_m.reshape(len(weights), -1)).reshape(points_m.shape[1:])
+    return np.asarray(np.sqrt(np.add.reduce(differences * differences, axis=-1)))
 
 
 def _sigmas(differences: Array) -> Array:
     """Return standard deviations (M,) from differences (N, M), NaN where unknown."""
-    ordered = np.sort(differences, axis=0)  # NaN last
+    ordered = np.sort(differences.T)  # in memory as it is sorted; NaN last
+    frames = len(differences)
+    if frames >= _FEWEST and not np.isnan(ordered[:, -1]).any():
+        return np.asarray(0.5 * (ordered[:, (frames - 1) // 2] + ordered[:, frames // 2]) / _MEDIAN_LENGTH)
     counts = np.isfinite(differences).sum(axis=0)
     known = counts >= _FEWEST
     if not known.any():  # soon after the start: all together
         return np.full(len(counts), np.nanmedian(differences) / _MEDIAN_LENGTH if counts.sum() >= _FEWEST else 0.0)
     middle = np.maximum(counts - 1, 0)
-    low, high = (np.take_along_axis(ordered, index[None], axis=0)[0] for index in (middle // 2, (middle + 1) // 2))
+    each = np.arange(len(counts))
+    low, high = (ordered[each, index] for index in (middle // 2, (middle + 1) // 2))
     sigmas = 0.5 * (low + high) / _MEDIAN_LENGTH
     return np.where(known, sigmas, np.median(sigmas[known]))

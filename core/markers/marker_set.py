@@ -12,8 +12,38 @@ from ..errors import MarkerSetError
 from ..geometry.arrays import Array, IntArray, Mask
 from ..system.assets import MARKER_SETS
 from ..system.files import is_file, read_toml
+from ..system.schema import Key, Schema
 
+_FARTHEST_M = 10.0  # from its joint; Skeleton's bones are no longer
 _MINIMUM_TORSO_MARKERS = 3
+MARKER_KEYS = (
+    Key("name", "unique in the set", str),
+    Key("joint", "that carries it, of the standard skeleton", str),
+    Key(
+        "offset_m",
+        "from the joint in the rest pose: left, up, forward",
+        float,
+        (3,),
+        "m",
+        -_FARTHEST_M,
+        _FARTHEST_M,
+        optional=True,
+    ),
+    Key("torso", "whether it serves to find the root; three markers or more do", bool, optional=True),
+    Key("text", "its name in messages", str, optional=True),
+    Key("also", "other names that systems write for it", str, (None,), optional=True),
+)
+MARKER_SET_KEYS = (
+    Key("name", "of the set; the file's name if left out", str, optional=True),
+    Key("marker", "the markers, in order", MARKER_KEYS, (None,), optional=True),
+)
+MARKER_SET = Schema(
+    "Marker set",
+    "Markers that are worn together, before calibration mostly without offsets.",
+    MARKER_SET_KEYS,
+    MarkerSetError,
+    "check the file",
+)
 
 
 @dataclass(frozen=True)
@@ -53,8 +83,11 @@ class MarkerSet:
                 where=f"marker set {self.name}",
             )
         for marker in self.markers:
-            if marker.offset_m is not None and not np.all(np.isfinite(marker.offset_m)):
-                raise MarkerSetError("offset_m must be three finite numbers", where=f"marker {marker.name}")
+            if marker.offset_m is not None and not np.all(np.abs(marker.offset_m) < _FARTHEST_M):  # nor NaN
+                raise MarkerSetError(
+                    f"offset_m must be three numbers below {_FARTHEST_M:g}", where=f"marker {marker.name}",
+                    advice="give metres",
+                )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.markers)
@@ -123,29 +156,16 @@ def load_marker_set(name_or_path: str | Path) -> MarkerSet:
 
 
 def marker_set_from(table: Mapping[str, Any], where: str) -> MarkerSet:
-    """Return the marker set of a TOML table with `name` and `[[marker]]` entries."""
-    rows = table.get("marker", [])
-    if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
-        raise MarkerSetError("has no [[marker]] entries", where=where)
-    return MarkerSet(str(table.get("name", Path(where).stem)), tuple(_marker(row, where) for row in rows))
+    """Return the marker set of a file's tables, held against `MARKER_SET`."""
+    MARKER_SET.check(table, where)
+    return MarkerSet(table.get("name", Path(where).stem), tuple(map(_marker, table.get("marker", ()))))
 
 
-def _marker(row: Mapping[str, Any], where: str) -> Marker:
-    for key in ("name", "joint"):
-        if not isinstance(row.get(key), str):
-            raise MarkerSetError(f"a [[marker]] lacks {key!r}", where=where)
+def _marker(row: Mapping[str, Any]) -> Marker:
     offset = row.get("offset_m")
-    if offset is not None:
-        try:
-            x, y, z = (float(value) for value in offset)
-        except (TypeError, ValueError, OverflowError):
-            raise MarkerSetError("offset_m must be three numbers", where=f"{where}, {row['name']}") from None
-        offset = (x, y, z)
-    also = row.get("also", [])
-    if not isinstance(also, list) or not all(isinstance(name, str) for name in also):
-        raise MarkerSetError("also must be a list of names", where=f"{where}, {row['name']}")
-    torso, text = bool(row.get("torso", False)), str(row.get("text", ""))
-    return Marker(row["name"], row["joint"], offset, torso, text, tuple(also))
+    place = None if offset is None else (float(offset[0]), float(offset[1]), float(offset[2]))
+    also = tuple(row.get("also", ()))
+    return Marker(row["name"], row["joint"], place, row.get("torso", False), row.get("text", ""), also)
 
 
 def marker_set_table(marker_set: MarkerSet) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from ..body.motion import MOST_FPS
 from ..errors import TakeError, printable
 from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera, CameraRig
-from ..geometry.npz import read_arrays
-from ..system.files import atomic_path, reading
+from ..geometry.npz import read_arrays, write_arrays
+from ..system.files import reading
 
 _KIND = "perfanim marker take"
 _VERSION = 1
@@ -109,19 +109,17 @@ class MarkerTake:
 
 def save_take(take: MarkerTake, path: str | Path) -> None:
     """Write a .take.npz file (a zip of numpy arrays, no pickle)."""
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(
-            stream,
-            kind=np.array(_KIND),
-            version=np.array(_VERSION),
-            name=np.array(take.name),
-            fps=np.array(take.fps),
-            names=np.array(take.names),
-            positions_m=take.positions_m,
-            frame_numbers=take.frame_numbers,
-            times_s=take.times_s,
-            **(_single_arrays(take.single) if take.single is not None else {}),
-        )
+    arrays = {
+        "kind": _KIND,
+        "version": _VERSION,
+        "name": take.name,
+        "fps": take.fps,
+        "names": take.names,
+        "positions_m": take.positions_m,
+        "frame_numbers": take.frame_numbers,
+        "times_s": take.times_s,
+    }
+    write_arrays(path, arrays | (_single_arrays(take.single) if take.single is not None else {}))
 
 
 def _single_arrays(single: SingleViews) -> dict[str, NDArray[Any]]:

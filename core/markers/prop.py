@@ -15,7 +15,8 @@ from ..errors import PropError
 from ..geometry.arrays import Array
 from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..system.assets import PROPS
-from ..system.files import is_file, read_toml, reading, write_toml
+from ..system.files import is_file, read_toml, write_toml
+from ..system.schema import Key, Schema
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12
@@ -23,7 +24,29 @@ LEAST_PLANARITY_M = 0.01  # RMS distance from the line nearest to the markers, b
 _LEAST_APART_M = 0.02  # markers that are closer become one blob
 _ALIKE_M = 0.008  # RMS: two positions in which the markers are nearer to each other are taken for one another
 _ALIKE_SPAN_M = 0.02  # by which distances may differ in the search for such positions
-_KIND = "perfanim prop"
+_KIND, _VERSION = "perfanim prop", 1
+PROP = Schema(
+    "Prop",
+    f"A rigid thing with {FEWEST_MARKERS} to {MOST_MARKERS} markers: not on a line, and in no pattern that fits itself "
+    "in another position.",
+    (
+        Key("kind", f"`{_KIND}`", str),
+        Key("version", str(_VERSION), int),
+        Key("name", "of the prop", str),
+        Key("residual_m", "RMS distance of seen and rigid markers", float, (), "m", 0.0, 10.0, optional=True),
+        Key(
+            "marker",
+            "its markers",
+            (
+                Key("name", "unique", str),
+                Key("position_m", "in the prop's own frame, y along it", float, (3,), "m", -10.0, 10.0),
+            ),
+            (None,),
+        ),
+    ),
+    PropError,
+    "calibrate the prop again",
+)
 
 
 @dataclass(frozen=True)
@@ -123,14 +146,12 @@ def load_prop(name_or_path: str | Path) -> Prop:
 
 def prop_from(table: Mapping[str, Any], where: str) -> Prop:
     """Return the prop of a definition's tables; PropError for another version."""
-    if table.get("kind") != _KIND or table.get("version") != 1:
-        raise PropError("is no prop definition of this version", where=where, advice="calibrate the prop again")
-    with reading(where, PropError, "calibrate the prop again"):
-        rows = table["marker"]
-        names = tuple(str(row["name"]) for row in rows)
-        places = np.array([[float(value) for value in row["position_m"]] for row in rows]).reshape(len(rows), 3)
-        name, residual_m = str(table["name"]), float(table.get("residual_m", 0.0))
-    return Prop(name, names, places, residual_m)
+    if table.get("kind") != _KIND or table.get("version") != _VERSION:
+        raise PropError("is no prop definition of this version", where=where, advice=PROP.advice)
+    PROP.check(table, where)
+    rows = table["marker"]
+    places = np.array([row["position_m"] for row in rows], dtype=np.float64).reshape(len(rows), 3)
+    return Prop(table["name"], tuple(row["name"] for row in rows), places, float(table.get("residual_m", 0.0)))
 
 
 def prop_tables(prop: Prop) -> dict[str, Any]:
@@ -138,7 +159,7 @@ def prop_tables(prop: Prop) -> dict[str, Any]:
     rows = [
         {"name": name, "position_m": place} for name, place in zip(prop.names, prop.positions_m.tolist(), strict=True)
     ]
-    return {"kind": _KIND, "version": 1, "name": prop.name, "residual_m": float(prop.residual_m), "marker": rows}
+    return {"kind": _KIND, "version": _VERSION, "name": prop.name, "residual_m": float(prop.residual_m), "marker": rows}
 
 
 def save_prop(prop: Prop, path: str | Path) -> None:

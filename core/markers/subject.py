@@ -10,7 +10,32 @@ import numpy as np
 from ..body.skeleton import Skeleton
 from ..errors import SubjectError
 from ..system.files import read_toml, reading, write_toml
-from .marker_set import MarkerSet, marker_set_from, marker_set_table
+from ..system.schema import Key, Schema
+from .marker_set import MARKER_SET_KEYS, MarkerSet, marker_set_from, marker_set_table
+
+_KIND, _VERSION = "perfanim subject", 1
+JOINT_KEYS = (
+    Key("name", "unique", str),
+    Key("parent", "a joint before it; empty for the root", str),
+    Key("offset_m", "from its parent in the rest pose: left, up, forward", float, (3,), "m", -10.0, 10.0),
+    Key("tip_m", "end of the bone, from the joint", float, (3,), "m", -10.0, 10.0),
+    Key("angle_axes", "quaternion w, x, y, z of the frame of its angles", float, (4,), "", -1.001, 1.001),
+    Key("angle_order", "axes of its angles, such as ZYX; those that it lacks are left out", str),
+)
+SUBJECT = Schema(
+    "Performer",
+    "A calibrated person. Without `kind` and `version` a file is none.",
+    (
+        Key("kind", f"`{_KIND}`", str),
+        Key("version", str(_VERSION), int),
+        Key("name", "of the person", str),
+        Key("residual_m", "RMS distance of seen and modelled markers when calibrated", float, (), "m", 0.0, 10.0),
+        Key("marker_set", "worn, with all offsets; keys as below Marker set", MARKER_SET_KEYS),
+        Key("joint", "the skeleton, parents first", JOINT_KEYS, (None,)),
+    ),
+    SubjectError,
+    "calibrate the subject again",
+)
 
 
 @dataclass(frozen=True)
@@ -51,8 +76,8 @@ def save_subject(subject: Subject, path: str | Path) -> None:
 def subject_tables(subject: Subject) -> dict[str, Any]:
     """Return the tables of a subject file."""
     return {
-        "kind": "perfanim subject",
-        "version": 1,
+        "kind": _KIND,
+        "version": _VERSION,
         "name": subject.name,
         "residual_m": float(subject.residual_m),
         "marker_set": marker_set_table(subject.marker_set),
@@ -82,12 +107,13 @@ def load_subject(path: str | Path) -> Subject:
 
 def subject_from(table: Mapping[str, Any], where: str) -> Subject:
     """Return the subject of a file's tables; SubjectError for another version."""
-    if table.get("kind") != "perfanim subject" or table.get("version") != 1:
-        raise SubjectError("is not a subject file of this version", where=where, advice="calibrate the subject again")
-    with reading(where, SubjectError, "calibrate the subject again"):
+    if table.get("kind") != _KIND or table.get("version") != _VERSION:
+        raise SubjectError("is not a subject file of this version", where=where, advice=SUBJECT.advice)
+    SUBJECT.check(table, where)
+    with reading(where, SubjectError, SUBJECT.advice):  # a parent that there is not, an angle that is none
         skeleton = skeleton_from(table["joint"])
-        marker_set = marker_set_from(dict(table["marker_set"]), where=where)
-        return Subject(str(table["name"]), skeleton, marker_set, float(table["residual_m"]))
+        marker_set = marker_set_from(table["marker_set"], where=where)
+        return Subject(table["name"], skeleton, marker_set, float(table["residual_m"]))
 
 
 def skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:

@@ -53,12 +53,13 @@ def usable_frame(frame: MarkerFrame, markers: int, cameras: int) -> MarkerFrame:
         markers: that labels may name.
         cameras: of the rig, 0 without one.
     """
-    blobs = [~_within(rows, _FAR_PX) for rows in frame.blobs]
-    points, rays = ~_possible_points(frame, markers), ~_possible_rays(frame, markers, cameras)
+    blobs = [_within(rows, _FAR_PX) for rows in frame.blobs]
+    points, rays = _possible_points(frame, markers), _possible_rays(frame, markers, cameras)
+    if points.all() and rays.all() and all(rows.all() for rows in blobs):
+        return frame
+    blobs, points, rays = [~rows for rows in blobs], ~points, ~rays
     bad = {"blob": blobs, "point": [points], "ray": [rays]}
     counts = {name: sum(map(np.count_nonzero, rows)) for name, rows in bad.items()}
-    if not any(counts.values()):
-        return frame
     listed = ", ".join(f"{count} {name}{'s' * (count > 1)}" for name, count in counts.items() if count)
     rest = without_blobs(without_rays(without_points(frame, points), rays), [np.flatnonzero(row) for row in blobs])
     return replace(rest, notes=(*frame.notes, f"impossible, left out: {listed}"))
@@ -74,7 +75,7 @@ def _within(rows: Array | FloatArray, limit: float) -> Mask:
 def _possible_points(frame: MarkerFrame, markers: int) -> Mask:
     """Return a mask (N,) of finite, near points with blobs and labels that exist."""
     possible = _within(frame.points_m, _FAR_M) & _within(frame.covariances_m2.reshape(-1, 9), _FAR_M**2)
-    possible &= np.all(frame.covariances_m2.diagonal(axis1=1, axis2=2) > 0.0, axis=1)
+    possible &= np.logical_and.reduce(frame.covariances_m2.diagonal(axis1=1, axis2=2) > 0.0, axis=1)
     for column, rows in zip(frame.point_blobs.T, frame.blobs, strict=True):
         possible &= (column >= -1) & (column < len(rows))
     return possible & _possible_labels(frame.labels, markers)
@@ -82,6 +83,8 @@ def _possible_points(frame: MarkerFrame, markers: int) -> Mask:
 
 def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
     """Return a mask (R,) of finite rays with cameras, blobs and labels that exist."""
+    if not len(frame.single_cameras):
+        return np.ones(0, dtype=bool)
     counts = [len(rows) for rows in frame.blobs]  # none without images: any blob may exist
     most = cameras or len(counts) or math.inf
     known = [
@@ -95,6 +98,8 @@ def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
 def _possible_labels(labels: IntArray, markers: int) -> Mask:
     """Return a mask (N,) of labels that are -1, or a marker's and of no other point."""
     values = labels.tolist()
+    if not any(value != -1 for value in values):
+        return np.ones(len(values), dtype=bool)
     counts = Counter(values)
     known = [value == -1 or (0 <= value < markers and counts[value] == 1) for value in values]
     return np.array(known, dtype=bool)

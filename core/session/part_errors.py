@@ -29,30 +29,32 @@ class PartErrors:
     def __init__(self, subject: SubjectModel) -> None:
         carried = subject.skeleton.is_ancestor[subject.joints] & ~subject.torso[:, None]
         self._markers: list[Mask] = [carried[:, joints].any(axis=1) for joints in PART_JOINTS.values()]
-        self._joints = [np.array(joints) - 1 for joints in PART_JOINTS.values()]
+        # (P, J - 1) means over their joints
+        self._means = np.zeros((len(PARTS), len(subject.skeleton) - 1))
+        for row, joints in zip(self._means, PART_JOINTS.values(), strict=True):
+            row[np.array(joints) - 1] = 1.0 / len(joints)
         self._scales = np.array([_ERRORS_DEG[part.split()[-1]] for part in PARTS])
         self._joint_scales = np.array([_JOINT_ERRORS_DEG[_unsided(name)] for name in JOINT_NAMES[1:]])
 
     def expected_deg(self, solution: Solution) -> Array:
         """Return the expected errors (P,) of parts, empty of methods but "best"."""
         variances = _variances(solution)
-        means = np.array([variances[joints].mean() for joints in self._joints]) if len(variances) else variances
-        return self._scales[: len(means)] * _expected(means, solution)
+        return self._scales * _expected(self._means @ variances, solution) if len(variances) else variances
 
     def expected_joints_deg(self, solution: Solution) -> Array:
         """Return the expected errors (J - 1,) of joints, empty of methods but "best"."""
         variances = _variances(solution)
-        return self._joint_scales[: len(variances)] * _expected(variances, solution)
+        return self._joint_scales * _expected(variances, solution) if len(variances) else variances
 
     def notes(self, pose: PerformerPose) -> list[str]:
         """Return doubtful parts of a pose with the reason, in plain words."""
-        if pose.doubtful:
+        if pose.doubtful or not (parts := pose.doubtful_parts):
             return []
         seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
         fits = ~(np.linalg.norm(pose.markers_m - pose.observed_m, axis=1) > _FAR_M)
         notes = []
         for part, markers in zip(PARTS, self._markers, strict=True):
-            if part not in pose.doubtful_parts:
+            if part not in parts:
                 continue
             worn = "marker is" if np.sum(markers) == 1 else "markers are"
             if markers.any() and not (seen & markers).any():
@@ -65,16 +67,16 @@ class PartErrors:
 
 
 def _variances(solution: Solution) -> Array:
-    """Return the variances (J - 1,) of joints, degrees squared; empty if unknown."""
+    """Return the variances (J - 1,) of joints, square radians; empty if unknown."""
     if solution.sigmas_rad is None or not np.isfinite(solution.nearest_m):
         return np.empty(0)
-    return np.asarray(np.sum(np.degrees(solution.sigmas_rad) ** 2, axis=-1))
+    return np.asarray(np.add.reduce(np.square(solution.sigmas_rad), axis=-1))
 
 
 def _expected(variances: Array, solution: Solution) -> Array:
     """Return expected errors for variances, of scale 1."""
     nearest = (solution.nearest_m + _NEAREST_M) ** _NEAREST_POWER
-    return np.asarray(np.sqrt(variances) ** _SIGMA_POWER * nearest)
+    return np.asarray(np.degrees(np.sqrt(variances)) ** _SIGMA_POWER * nearest)
 
 
 def _unsided(joint: str) -> str:

@@ -11,6 +11,10 @@ from ..body.foot_lock import FootLock
 from ..body.one_euro import PoseSmoother
 from ..body.scene_pose import PerformerPose, PropPose, ScenePose
 from ..body.skeleton import Skeleton
+from ..errors import SettingsError
+from ..system.files import reading
+
+_LONGEST_S = 60.0  # of smoothing
 
 
 @dataclass(frozen=True)
@@ -27,8 +31,16 @@ class FilterSettings:
 
     @staticmethod
     def of_table(table: Mapping[str, Any]) -> "FilterSettings":
-        """Return the settings of a JSON object; a missing one is off."""
-        return FilterSettings(float(table.get("smoothing_s", 0.0)), str(table.get("feet", "off")))
+        """Return the settings of a JSON object; a missing one is off.
+
+        Raises:
+            SettingsError: the smoothing is no number of seconds.
+        """
+        with reading("filter", SettingsError, "choose smoothing and feet again"):
+            smoothing_s = float(table.get("smoothing_s", 0.0))
+            if not 0.0 <= smoothing_s <= _LONGEST_S:
+                raise ValueError(f"smoothing over {smoothing_s} s")
+        return FilterSettings(smoothing_s, str(table.get("feet", "off")))
 
     def table(self) -> dict[str, Any]:
         """Return the settings as a JSON object."""

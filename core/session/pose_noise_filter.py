@@ -55,7 +55,7 @@ class PoseNoiseFilter:
         if 0.0 < time_s - self._time_s < _PAUSE_S:
             turns = rot.to_rotation_vector(rot.multiply(rot.conjugate(self._rotations), rotations))
             self._turned_rad += turns
-            most_rad = np.maximum(np.linalg.norm(turns, axis=-1), _SLOW_RAD)
+            most_rad = np.maximum(rot.lengths(turns), _SLOW_RAD)
         else:
             self._start_over()
         self._time_s, self._rotations = time_s, rotations
@@ -65,6 +65,10 @@ class PoseNoiseFilter:
         self._follower.observe(path, np.minimum(np.where(seen > 0.0, seen / _SEEN_SHARES, _UNKNOWN), _MOST))
         away = self._follower.means()[0] - path
         calm = rot.multiply(rotations, rot.from_rotation_vector(away[:-1]))
-        share = most_rad / np.maximum(rot.angle_between(self._calm, calm), 1e-9)
-        self._calm = np.where(share[:, None] < 1.0, rot.slerp(self._calm, calm, np.minimum(share, 1.0)), calm)
-        return self._calm, root_position_m + away[-1]
+        turns = rot.to_rotation_vector(rot.multiply(rot.conjugate(self._calm), calm))
+        share = most_rad / np.maximum(rot.lengths(turns), 1e-9)
+        late = share < 1.0
+        if late.any():
+            calm[late] = rot.multiply(self._calm[late], rot.from_rotation_vector(share[late, None] * turns[late]))
+        self._calm = calm
+        return calm, root_position_m + away[-1]

@@ -33,7 +33,7 @@ from ..markers.take_frames import is_unnamed
 from ..retarget.joint_naming import OWN
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import SolveSettings
-from ..system.files import exists
+from ..system.outputs import check_no_input
 from ..system.progress import Progress
 from .capture_setup import CaptureSetup
 from .save_solved_take import save_resolved_take
@@ -257,8 +257,7 @@ class SolveRecorded:
             raise TakeError("names no motion database", where=self.take, advice="give --database")
         database = cache.database(path)
         out = Path(self.output.path)
-        if self.output.is_take and exists(out) and out.samefile(self.take):
-            raise TakeError("would be overwritten", where=str(out), advice="give another name")
+        check_no_input(out, [self.take])
         props = tuple(load_prop(prop) for prop in self.props) if self.props else take.setup.carried_props()
         if self.performers:
             further = [load_subject(performer) for performer in self.performers]

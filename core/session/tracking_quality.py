@@ -1,5 +1,6 @@
 """Quality of tracking: confidence, and signs of lost or mislabelled bodies."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -73,13 +74,13 @@ class Fit:
 def assess_fit(observation: Observation, solution: Solution, settings: TrackingSettings = SETTINGS) -> Fit:
     """Return the agreement of a solution with the located markers of an observation."""
     located = observation.located
-    distances = np.linalg.norm(solution.markers_m[located] - observation.points_m[located], axis=1)
-    rms_m = float(np.sqrt(np.mean(distances**2))) if np.any(located) else float("nan")
-    confidence = (np.sum(located) + 0.5 * np.sum(observation.single)) / len(located)
-    if np.any(located):
-        familiarity = np.exp(-((solution.nearest_m / settings.familiar_m) ** 2))
-        confidence *= np.exp(-((rms_m / settings.explained_m) ** 2)) * familiarity
-    return Fit(located, rms_m, float(confidence))
+    away_m = solution.markers_m[located] - observation.points_m[located]
+    rms_m = math.sqrt(float(np.vdot(away_m, away_m)) / len(away_m)) if len(away_m) else math.nan
+    confidence = (len(away_m) + 0.5 * np.count_nonzero(observation.single)) / len(located)
+    if len(away_m):
+        familiarity = math.exp(-((solution.nearest_m / settings.familiar_m) ** 2))
+        confidence *= math.exp(-((rms_m / settings.explained_m) ** 2)) * familiarity
+    return Fit(located, rms_m, confidence)
 
 
 class _Lapse:
@@ -114,8 +115,10 @@ class TrackingQuality:
     def is_lost(self, pose: PerformerPose) -> bool:
         """Return whether the torso was unseen or the pose wrong for too long."""
         settings, now_s = self.settings, pose.time_s
-        seen = np.isfinite(pose.observed_m[:, 0]) | ((pose.single_cameras >= 0) & self._one_camera)
-        unseen_s = self._unseen.update(now_s, bool(np.sum(seen & self._torso) >= settings.torso_markers))
+        seen = np.isfinite(pose.observed_m[:, 0])
+        if self._one_camera:
+            seen |= pose.single_cameras >= 0
+        unseen_s = self._unseen.update(now_s, np.count_nonzero(seen & self._torso) >= settings.torso_markers)
         wrong_s = self._wrong.update(now_s, not pose.marker_rms_m > settings.wrong_m)
         return unseen_s > settings.lost_for_s or wrong_s > settings.wrong_for_s
 

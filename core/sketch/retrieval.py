@@ -123,6 +123,8 @@ def looks_of(sketch: Sketch, library: MotionLibrary, follow: float) -> Looks:
         weights = np.where(inside, weight, _OUTSIDE_WEIGHT)
         between = np.abs(steps[:, None] - control.frames).min(axis=1) > 0.3 * _CURVE_STEP_S * sketch.fps
         curve = np.column_stack((times_s, control.curve(steps), weights))
+        if control.height_is_free:
+            keys[:, 2] = curve[:, 2] = np.median(library.heights_m[:, column])
         for part in (keys, curve[between]):
             rows.append(np.column_stack((part, np.full(len(part), column))))
     table = np.concatenate(rows)

@@ -38,11 +38,15 @@ class Control:
         joint: of the standard skeleton.
         frames: (K,) of the keys, whole numbers, ascending; two may be the same.
         positions_m: (K, 3) of the joint's origin in the world.
+        drawn_m: (S, 3) the curve in each frame from the first key to the last; None for Blender's default.
+        height_is_free: the keys' heights do not bind; the database's motion has them.
     """
 
     joint: str
     frames: Array
     positions_m: Array
+    drawn_m: Array | None = None
+    height_is_free: bool = False
 
     def distinct_keys(self) -> tuple[Array, Array]:
         """Return frames (K,) and positions (K, 3), m; keys in one frame as their mean."""
@@ -54,12 +58,21 @@ class Control:
     def curve(self, at: Array) -> Array:
         """Return positions (F, 3) on the curve through the keys, in metres.
 
-        Keys in one frame contradict each other; the curve goes through their mean.
+        Keys in one frame contradict each other; the curve goes through their mean. A drawn curve is bent to keys that
+        lie off it, such as one that is dragged.
 
         Args:
             at: (F,) frames.
         """
-        return curve_positions(*self.distinct_keys(), at)
+        keyed, positions_m = self.distinct_keys()
+        if self.drawn_m is None:
+            return curve_positions(keyed, positions_m, at)
+        drawn = self._drawn(self.drawn_m, at)
+        return drawn + curve_positions(keyed, positions_m - self._drawn(self.drawn_m, keyed), at)
+
+    def _drawn(self, points_m: Array, at: Array) -> Array:
+        frames = self.frames[0] + np.arange(len(points_m))
+        return np.stack([np.interp(at, frames, axis) for axis in points_m.T], axis=1)
 
 
 @dataclass(frozen=True)
@@ -95,7 +108,10 @@ def tilted(sketch: Sketch, rotation: Array) -> Sketch:
     """Return the sketch turned by a quaternion (4,) and set on the floor."""
     turned = [rot.rotate(rotation, control.positions_m) for control in sketch.controls]
     down = np.array([0.0, min(points[:, 1].min() for points in turned) - _ANKLE_M, 0.0])
-    controls = [replace(c, positions_m=points - down) for c, points in zip(sketch.controls, turned, strict=True)]
+    controls = []
+    for control, points in zip(sketch.controls, turned, strict=True):
+        drawn_m = None if control.drawn_m is None else rot.rotate(rotation, control.drawn_m) - down
+        controls.append(replace(control, positions_m=points - down, drawn_m=drawn_m))
     return replace(sketch, controls=tuple(controls))
 
 

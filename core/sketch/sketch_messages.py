@@ -39,25 +39,36 @@ class SolvedSketch:
 
 def sketch_table(sketch: Sketch) -> dict[str, Any]:
     """Return a sketch as JSON holds it."""
-    controls = [
-        {"joint": each.joint, "frames": each.frames.tolist(), "positions_m": each.positions_m.tolist()}
-        for each in sketch.controls
-    ]
-    return {"name": sketch.name, "fps": sketch.fps, "controls": controls}
+    return {"name": sketch.name, "fps": sketch.fps, "controls": [_control_table(each) for each in sketch.controls]}
+
+
+def _control_table(control: Control) -> dict[str, Any]:
+    """Return a control; only if it has them with a drawn curve and a free height."""
+    table = {"joint": control.joint, "frames": control.frames.tolist(), "positions_m": control.positions_m.tolist()}
+    if control.drawn_m is not None:
+        table["drawn_m"] = _packed(control.drawn_m)
+    if control.height_is_free:
+        table["height_is_free"] = True
+    return table
 
 
 def sketch_from(table: Mapping[str, Any]) -> Sketch:
     """Return the sketch of `sketch_table`; SettingsError if it is damaged."""
     with reading("sketch", SettingsError, "add the controls again"):
-        controls = tuple(
-            Control(
-                str(row["joint"]),
-                np.array(row["frames"], dtype=np.float64).reshape(-1),
-                np.array(row["positions_m"], dtype=np.float64).reshape(len(row["frames"]), 3),
-            )
-            for row in table["controls"]
-        )
+        controls = tuple(_control_from(row) for row in table["controls"])
         return Sketch(str(table["name"]), float(table["fps"]), controls)
+
+
+def _control_from(row: Mapping[str, Any]) -> Control:
+    frames = np.array(row["frames"], dtype=np.float64).reshape(-1)
+    drawn_m = _unpacked(row["drawn_m"]).reshape(int(frames[-1] - frames[0]) + 1, 3) if "drawn_m" in row else None
+    return Control(
+        str(row["joint"]),
+        frames,
+        np.array(row["positions_m"], dtype=np.float64).reshape(len(frames), 3),
+        drawn_m,
+        bool(row.get("height_is_free", False)),
+    )
 
 
 def settings_table(settings: SketchSettings) -> dict[str, Any]:

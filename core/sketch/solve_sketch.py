@@ -300,7 +300,8 @@ def key_distances(sketch: Sketch, motion: Motion) -> tuple[Array, tuple[UnmetKey
     distances, unmet = [], []
     for control in sketch.controls:
         at = (control.frames - sketch.frames[0]).astype(np.int64)
-        away = np.linalg.norm(positions[at, skeleton.index(control.joint)] - control.positions_m, axis=1)
+        ways = positions[at, skeleton.index(control.joint)] - control.positions_m
+        away = np.linalg.norm(ways[:, [0, 2]] if control.height_is_free else ways, axis=1)
         distances.append(away)
         for frame, distance in zip(control.frames.tolist(), away.tolist(), strict=True):
             if distance > MET_M:

@@ -137,9 +137,10 @@ def _control_targets(control: Control, frames: Array, base_m: Array, follow: flo
     """
     keyed, positions_m = control.distinct_keys()
     at = (keyed - frames[0]).astype(np.int64)
-    bent = base_m + curve_positions(keyed, positions_m - base_m[at], frames)
+    binds = np.array([1.0, 0.0 if control.height_is_free else 1.0, 1.0])
+    bent = base_m + curve_positions(keyed, binds * (positions_m - base_m[at]), frames)
     between = (frames >= keyed[0]) & (frames <= keyed[-1])
-    return np.where(between[:, None], bent + follow**2 * (control.curve(frames) - bent), bent)
+    return np.where(between[:, None], bent + follow**2 * binds * (control.curve(frames) - bent), bent)
 
 
 def _control_sigmas(control: Control, frames: Array, fps: float) -> Array:

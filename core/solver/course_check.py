@@ -54,9 +54,8 @@ class CourseCheck:
         """
         query = Query(root.to_root_frame(observation.points_m), None, 1.0, 0.0)
         free = self._sample.around(self._sample.nearest(query, _NEAREST))
-        nearest = [
-            self._distances(state, observation, root, frames).min(axis=1) for frames in (free, examples[:_EXAMPLES])
-        ]
+        distances = self._distances(state, observation, root, np.concatenate((free, examples[:_EXAMPLES])))
+        nearest = [part.min(axis=1) for part in (distances[:, : len(free)], distances[:, len(free) :])]
         share = np.prod(nearest[0] / nearest[1]) ** 0.25
         return max(state.evidence + float(np.log(_USUAL / share)), 0.0)
 
@@ -67,12 +66,17 @@ class CourseCheck:
         """
         seen = observation.located
         now = root.to_root_frame(observation.points_m[seen])
-        away = np.tile(np.sum((self._markers[frames][:, seen] - now) ** 2, axis=(1, 2)), (2, 1))
+        away = np.tile(_squares(self._markers.take(frames, axis=0)[:, seen] - now), (2, 1))
         earlier = self._earlier.observed(state.observed, state.time_s, root)
         for observed, known in zip(earlier, np.moveaxis(self._earlier.of_frames(frames), 1, 0), strict=True):
             seen = np.isfinite(observed[:, 0])
             if seen.any():
                 apart = known[:, seen] - observed[seen]
-                away[0] += np.sum(apart**2, axis=(1, 2))
-                away[1] += np.sum((apart - apart.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2))
+                away[0] += _squares(apart)
+                away[1] += _squares(apart - np.add.reduce(apart, axis=1, keepdims=True) / apart.shape[1])
         return np.asarray(np.maximum(away, 1e-12))
+
+
+def _squares(differences: Array) -> Array:
+    """Return the sums of squares (K,) of differences (K, M, 3)."""
+    return np.einsum("kmc,kmc->k", differences, differences)

@@ -10,16 +10,16 @@ and Cathey 1993).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import get_blas_funcs, get_lapack_funcs
-from scipy.linalg.blas import dgemm
+from scipy.linalg.blas import dgemm, dsyrk, dtrsm, ssyrk
 from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Mask
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
 
@@ -66,7 +66,7 @@ def neighbours_prior(
     spread -= _TINY
     spread *= np.sqrt(shares)[:, None]
     mean = centre + shift.astype(np.float64)
-    (syrk,) = get_blas_funcs(("syrk",), (samples,))
+    syrk = ssyrk if spread.dtype == np.float32 else dsyrk
     covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, as all that follows needs no more
     # from here on in full: half of it would slow down by numbers that are almost zero
     across, own = (
@@ -75,8 +75,7 @@ def neighbours_prior(
     _add_to_diagonal(own, variances)
     across, moved = _regress(across, own, observed - mean[kept:])
     given = covariance[:kept, :kept].astype(np.float64)
-    given = np.where(np.tri(kept, dtype=np.bool_), given.T, given)
-    return Prior(mean[:kept] + moved, given - _product(across, across.T))
+    return Prior(mean[:kept] + moved, np.where(_lower(kept), given.T, given) - _product(across, across.T))
 
 
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
@@ -101,13 +100,17 @@ def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tupl
     """
     if len(own) == 0:  # which LAPACK refuses
         return across, np.zeros(len(across))
-    (potrf,) = get_lapack_funcs(("potrf",), (own,))
-    (trsm,) = get_blas_funcs(("trsm",), (own,))
-    factor, failed = potrf(own)
+    factor, failed = dpotrf(own)
     if failed:
         raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
-    explained = np.asarray(trsm(1.0, factor, across, side=1))
-    return explained, explained @ trsm(1.0, factor, innovation, trans_a=1).ravel()
+    explained = np.asarray(dtrsm(1.0, factor, across, side=1))
+    return explained, explained @ dtrsm(1.0, factor, innovation, trans_a=1).ravel()
+
+
+@lru_cache(maxsize=4)
+def _lower(size: int) -> Mask:
+    """Return a mask of the entries on and below a square matrix's diagonal."""
+    return np.tri(size, dtype=np.bool_)
 
 
 def _add_to_diagonal(matrix: Array, values: Array | float) -> None:

@@ -50,12 +50,14 @@ class LaggedHistory:
         return [self._near(time_s - lag, _TOLERANCE * lag) for lag in lags_s]
 
     def _near(self, moment_s: float, tolerance_s: float) -> Array | None:
-        after = bisect_left(self.times_s, moment_s)
-        near = [i for i in (after - 1, after) if 0 <= i < len(self.times_s)]
-        closest = min(near, key=lambda i: abs(self.times_s[i] - moment_s), default=None)
-        if closest is None or abs(self.times_s[closest] - moment_s) > tolerance_s:
+        index = bisect_left(self.times_s, moment_s)
+        if index == len(self.times_s) or (
+            index and moment_s - self.times_s[index - 1] <= self.times_s[index] - moment_s
+        ):
+            index -= 1
+        if index < 0 or abs(self.times_s[index] - moment_s) > tolerance_s:
             return None
-        return self.values[closest]
+        return self.values[index]
 
 
 class LaggedFrames:
@@ -100,11 +102,9 @@ class LaggedMarkers:
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
         """Return earlier observed markers (L, M, 3) in the root's frame, NaN if unknown."""
-        result = np.full((len(self._lags_s), *self._markers.shape[1:]), np.nan)
-        for row, points in zip(result, history.before(time_s, self._lags_s), strict=True):
-            if points is not None:
-                row[:] = root.to_root_frame(points)
-        return result
+        unknown = np.full(self._markers.shape[1:], np.nan)
+        earlier = history.before(time_s, self._lags_s)
+        return root.to_root_frame(np.array([unknown if each is None else each for each in earlier]))
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the same for database frames (K,), (K, L, M, 3)."""
@@ -143,11 +143,9 @@ class LaggedPoses:
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
         """Return the components (L, C) of earlier solved poses, NaN if unknown."""
-        result = np.full((len(self._lags_s), self._components.shape[1]), np.nan)
-        for row, pose in zip(result, history.before(time_s, self._lags_s), strict=True):
-            if pose is not None:
-                row[:] = pose @ self._components
-        return result
+        unknown = np.full(len(self._components), np.nan)
+        earlier = history.before(time_s, self._lags_s)
+        return np.array([unknown if each is None else each for each in earlier]) @ self._components
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the same for database frames (K,), (K, L, C)."""

@@ -87,7 +87,8 @@ class Locator:
             sampled = self._sample.nearest(self._query(observation, root, None), self._examples)
             frames = found = self._sample.around(sampled, self._examples * _SPARE_CANDIDATES)
             local = _closest_mean(self._markers, sampled)
-        for _ in range(_FIRST_ROOT_PASSES if is_first else _ROOT_PASSES):
+        passes = _FIRST_ROOT_PASSES if is_first else _ROOT_PASSES
+        for number in range(passes):
             root = root_from_torso(observation, local, self._subject, root)
             if root is None:
                 return None
@@ -98,7 +99,8 @@ class Locator:
                 found = frames
             else:
                 frames, distances = self._search.nearest_among(query, frames)
-            local = _closest_mean(self._markers, frames)
+            if number < passes - 1:
+                local = _closest_mean(self._markers, frames)
         if root is None or frames is None or found is None:
             return None
         if self._factors is not None:  # people move more like themselves than like others

@@ -6,6 +6,7 @@ relative to a body frame found from the torso markers, so position and heading d
 """
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -144,8 +145,11 @@ class MotionPrior:
         lengths = np.linalg.norm(subject.skeleton.offsets_m[1:], axis=-1)
         bones = ((lengths - network.bones[0]) / network.bones[1]).astype(np.float32)
         parts, hidden = int(network.part_of_joint.max()) + 1, self._biases.shape[1]
-        self._parts = (network.part_of_joint[joints] == np.arange(parts)[:, None]).astype(np.float32)
-        self._first = network.first_weights[: parts * hidden]
+        # parts without a marker add nothing
+        worn = np.unique(network.part_of_joint[joints])
+        self._parts = (network.part_of_joint[joints] == worn[:, None]).astype(np.float32)
+        rows = network.first_weights[: parts * hidden].reshape(parts, hidden, -1)[worn]
+        self._first = rows.reshape(len(worn) * hidden, -1)
         self._first_bias = network.biases[0] + bones @ network.first_weights[parts * hidden :]
 
     @property
@@ -173,7 +177,8 @@ class MotionPrior:
         mean, sigma = self._run(within, np.isfinite(points_m[..., 0]).any(axis=0))
         turn = rot.multiply(frame.rotation, rot.from_rotation_vector(mean[:3]))
         root = RootPose(turn, frame.to_world(mean[3:_ROOT]))
-        root_sigma = (float(np.sqrt(np.mean(sigma[3:_ROOT] ** 2))), float(np.sqrt(np.mean(sigma[:3] ** 2))))
+        turned, moved = sigma[:3], sigma[3:_ROOT]
+        root_sigma = (math.sqrt(float(moved @ moved) / 3.0), math.sqrt(float(turned @ turned) / 3.0))
         return PriorEstimate(self._from_zero(mean[_ROOT:], sigma[_ROOT:]), root, root_sigma)
 
     def _run(self, features: FloatArray, seen: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -35,7 +35,7 @@ class Observation:
 
     def smoothed(self, points_m: Array, noise_m: Array) -> "Observation":
         """Return the observation with other positions (M, 3) and their noise (M,)."""
-        return replace(self, points_m=points_m, noise_m=noise_m)
+        return Observation(points_m, self.cameras, self.image_points, self.rig, noise_m)
 
     def back_projected(self, markers_m: Array) -> "Observation":
         """Return the observation with single-camera markers at points on their rays.
@@ -53,7 +53,7 @@ class Observation:
     @cached_property
     def located(self) -> Mask:
         """(M,) markers located in space."""
-        return np.all(np.isfinite(self.points_m), axis=-1)
+        return np.asarray(np.logical_and.reduce(np.isfinite(self.points_m), axis=-1))
 
     @cached_property
     def single(self) -> Mask:
@@ -81,6 +81,8 @@ def control_residual(observation: Observation, markers_m: Array) -> Array:
 def control_jacobian(observation: Observation, jacobian: Array) -> Array:
     """Return d `control_residual` from d markers (M, 3, n): its twin."""
     located, single = observation.located, observation.single
+    if located.all():
+        return jacobian.reshape(-1, jacobian.shape[-1])
     parts = [jacobian[located].reshape(-1, jacobian.shape[-1])]
     if not single.any():
         return np.asarray(parts[0])
@@ -96,6 +98,6 @@ def control_sigmas(observation: Observation, least_m: float) -> Array:
     """Return the standard deviations of the rows of `control_residual`, metres."""
     located = observation.located
     noise_m = np.zeros(len(located)) if observation.noise_m is None else observation.noise_m
-    return np.concatenate(
-        (np.repeat(np.hypot(least_m, noise_m[located]), 3), np.full(2 * observation.single.sum(), least_m))
-    )
+    sigmas_m = np.repeat(np.hypot(least_m, noise_m[located]), 3)
+    across = 2 * np.count_nonzero(observation.single)
+    return np.concatenate((sigmas_m, np.full(across, least_m))) if across else sigmas_m

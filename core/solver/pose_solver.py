@@ -1,5 +1,6 @@
 """From labelled markers to poses, frame by frame."""
 
+import math
 from copy import copy
 from dataclasses import replace
 
@@ -191,7 +192,7 @@ class PoseSolver:
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
         """Return the observation with three torso markers located in space."""
         torso = self.subject.torso & observation.located
-        if torso.sum() >= 3 or state.markers_m is None:
+        if np.count_nonzero(torso) >= 3 or state.markers_m is None:
             return observation
         return observation.back_projected(state.markers_m)
 
@@ -229,7 +230,7 @@ class PoseSolver:
 
 def _nearest_distance(observation: Observation, root: RootPose, examples: Examples) -> float:
     seen = observation.located
-    if not np.any(seen):
+    if not seen.any():
         return float("nan")
     differences = root.to_root_frame(observation.points_m[seen]) - examples.markers_m[0][seen]
     return _rms(differences)
@@ -237,4 +238,4 @@ def _nearest_distance(observation: Observation, root: RootPose, examples: Exampl
 
 def _rms(differences_m: Array) -> float:
     """Return the RMS length of differences (N, 3), 0 without any."""
-    return float(np.sqrt(np.sum(differences_m**2) / max(len(differences_m), 1)))
+    return math.sqrt(float(np.vdot(differences_m, differences_m)) / max(len(differences_m), 1))

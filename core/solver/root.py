@@ -25,7 +25,7 @@ def root_from_torso(
         previous: root of the last frame, None at the start.
     """
     seen = subject.torso & observation.located
-    if seen.sum() >= 3:
+    if np.count_nonzero(seen) >= 3:
         weights = np.where(subject.joints[seen] == 0, _CARRIED_BY_ROOT, 1.0)
         return RootPose(*fit_rigid(local_markers_m[seen], observation.points_m[seen], weights))
     if previous is None:

@@ -25,11 +25,11 @@ class RootPose:
 
     def to_root_frame(self, points_m: Array) -> Array:
         """Return world points (..., 3) in the root's frame: T(z_t, z_0) of Eq. 2."""
-        return np.asarray((points_m - self.position_m) @ self.matrix)
+        return (points_m - self.position_m) @ self.matrix
 
     def to_world(self, points_m: Array) -> Array:
         """Return points (..., 3) of the root's frame in the world."""
-        return np.asarray(points_m @ self.matrix.T + self.position_m)
+        return points_m @ self.matrix.T + self.position_m
 
     @cached_property
     def matrix(self) -> Array:

@@ -2,25 +2,40 @@
 
 import errno
 import os
+import re
 import shutil
 import stat
 import tempfile
 import time
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..errors import FormatError, PerfanimError, shorten
+from .lock import is_locked
+from .outputs import LOCK_ENDING, is_claimed, writer_lock
 
 SLACK_BYTES = 64 << 20  # that any input may take beside some times its own size
 _MOST_BYTES = 8 << 30  # of a file that is read whole
 _MOST_TOML = 4 << 20
 _DEEPEST_TOML = 32
+_MOST_TABLES = 30_000  # of TOML: Python's parser takes a kilobyte for each
+_KEYS_A_TABLE = 8  # that take as much
+# Text and comments of TOML. Possessive, and an end of the file ends them: one pass, without a stack.
+_QUOTED = re.compile(
+    r"""#[^\n]*+|\"{3}(?:[^"\\]|\\.?|"(?!""))*+"{0,5}|'{3}(?:[^']|'(?!''))*+'{0,5}"""
+    r"""|"(?:[^"\\\n]|\\[^\n]?)*+"?|'[^'\n]*+'?""",
+    re.DOTALL,
+)
+_DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with its square
+_LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser takes a hundred bytes for a digit
 _LARGEST_NUMBER = 1e18  # of TOML: its square is still a number
 _LEFT_BEHIND_S = 3600.0  # without a byte written, after which a temporary file's process is gone
 _RANDOM_LETTERS = 8  # of `tempfile`
+# `.NAME.RANDOM.ENDING`, of folders without an ending; words of eight letters are no random ones
+_TEMPORARY = re.compile(r"\..*\.(?=[a-z]*[0-9_])[a-z0-9_]{8}(\.\w+)?", re.DOTALL)
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
@@ -31,11 +46,19 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
     A link stays one: the file that it names is replaced. Temporary files of processes that were killed are removed.
 
     Raises:
-        FormatError: the folder cannot be written, `target` is a folder, or the disk is full.
+        FormatError: the folder cannot be written, `target` is a folder, another program writes it, or the disk is full.
     """
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
+    with nullcontext() if is_claimed(target) else writer_lock(target), _replacing(target) as temporary:
+        yield temporary
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[Path]:
+    """Yield a temporary path beside `target`; on success sync and rename it."""
+    with writing(target):
         start, end = f".{target.stem}.", target.suffix
         if not end and target.name.startswith("."):  # ".glb": writers go by the temporary file's ending, or add theirs
             start, end = ".", target.name
@@ -67,15 +90,34 @@ def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _
     with os.scandir(folder) as entries:
         for entry in entries:
             random = entry.name[len(start) : len(entry.name) - len(end)]
-            if entry.name != f"{start}{random}{end}" or len(random) != _RANDOM_LETTERS or entry.is_symlink():
-                continue
-            with suppress(OSError):  # another process may have been first
-                path = Path(entry.path)
-                if path.is_dir():
-                    if max(each.stat().st_mtime for each in (path, *path.iterdir())) < oldest_s:
-                        shutil.rmtree(path)
-                elif path.is_file() and path.stat().st_mtime < oldest_s:
-                    path.unlink()
+            if entry.name == f"{start}{random}{end}" and len(random) == _RANDOM_LETTERS:
+                _remove_old(entry, oldest_s)
+
+
+def clean_folder(folder: Path | str) -> None:
+    """Remove temporary files and locks of any name that killed processes left.
+
+    For folders of our own: elsewhere others may have files with such names. Those in use, and new ones, stay.
+    """
+    oldest_s = time.time() - _LEFT_BEHIND_S
+    with suppress(OSError), os.scandir(folder) as entries:  # not there, or not to be read
+        for entry in entries:
+            is_lock = entry.name.startswith(".") and entry.name.endswith(LOCK_ENDING) and len(entry.name) > 6
+            if _TEMPORARY.fullmatch(entry.name) or (is_lock and not is_locked(entry.path)):
+                _remove_old(entry, oldest_s)
+
+
+def _remove_old(entry: os.DirEntry[str], oldest_s: float) -> None:
+    """Remove a file or folder that has not been written since, but no link."""
+    with suppress(OSError):  # another process may have been first
+        path = Path(entry.path)
+        if entry.is_symlink():
+            return
+        if path.is_dir():
+            if max(each.stat().st_mtime for each in (path, *path.iterdir())) < oldest_s:
+                shutil.rmtree(path)
+        elif path.is_file() and path.stat().st_mtime < oldest_s:
+            path.unlink()
 
 
 @contextmanager
@@ -118,16 +160,16 @@ def _unreadable(path: Path | str, error: Exception, kind: type[PerfanimError]) -
     return kind(f"cannot be read ({getattr(error, 'strerror', error)})", where=str(path), advice="check the path")
 
 
-def read_bytes(path: Path | str, most: int = _MOST_BYTES) -> bytes:
-    """Return the content of a file; FormatError if unreadable or too large."""
-    with open_foreign(path) as file:
+def read_bytes(path: Path | str, most: int = _MOST_BYTES, kind: type[PerfanimError] = FormatError) -> bytes:
+    """Return the content of a file; `kind` is raised if unreadable or too large."""
+    with open_foreign(path, kind) as file:
         try:
             size = os.fstat(file.fileno()).st_size
             if size > most:
-                raise FormatError(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
+                raise kind(f"has {size} bytes, {most} at most", where=str(path), advice="cut it into parts")
             return file.read()
         except OSError as error:
-            raise _unreadable(path, error, FormatError) from error
+            raise _unreadable(path, error, kind) from error
 
 
 @contextmanager
@@ -150,28 +192,44 @@ def read_toml(path: Path | str) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
     Raises:
-        FormatError: it is missing, malformed, nested too deeply, or a number is not finite or beyond all use.
+        FormatError: it is missing, malformed, holds too many tables or is nested too deeply, or a number is not finite
+            or beyond all use.
     """
     with reading(path, what="is not valid TOML"):
-        tables = tomllib.loads(read_bytes(path, _MOST_TOML).decode("utf-8"))
-        level: list[tuple[Any, Any]] = list(tables.items())
-        for _ in range(_DEEPEST_TOML):
-            for key, value in level:
-                if isinstance(value, int | float) and not abs(value) < _LARGEST_NUMBER:
-                    raise ValueError(f"a number of {shorten(str(key), 40)} is not finite, or too large")
-                if isinstance(value, str) and "\0" in value:  # no path can hold it
-                    raise ValueError(f"a text of {shorten(str(key), 40)} holds NUL")
-            level = [
-                row
-                for key, value in level
-                for row in (
-                    value.items() if isinstance(value, dict)
-                    else [(key, item) for item in value] if isinstance(value, list) else ()
-                )
-            ]  # fmt: skip
-        if level:
-            raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+        text = read_bytes(path, _MOST_TOML).decode("utf-8")
+        _check_toml_text(text)
+        tables = tomllib.loads(text)
+        for key, value in tables.items():
+            _check_toml_value(key, value, _DEEPEST_TOML)
     return tables
+
+
+def _check_toml_text(text: str) -> None:
+    """Raise ValueError for a text of few bytes and much work for the parser."""
+    bare = _QUOTED.sub("", text)
+    if _DEEP_KEY.search(bare):
+        raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+    if _LONG_WORD.search(bare):
+        raise ValueError("a number or key without quotes has more than 1000 letters")
+    tables = sum(map(bare.count, ".[{")) + bare.count("=") // _KEYS_A_TABLE  # a number's point counts, too
+    if tables > _MOST_TABLES:
+        raise ValueError(f"more than {_MOST_TABLES} tables and fractions")
+
+
+def _check_toml_value(key: str, value: Any, levels: int) -> None:
+    """Raise ValueError for numbers and texts that no file needs."""
+    if levels == 0:
+        raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
+    if isinstance(value, int | float) and not abs(value) < _LARGEST_NUMBER:
+        raise ValueError(f"a number of {shorten(key, 40)} is not finite, or too large")
+    if isinstance(value, str) and "\0" in value:  # no path can hold it
+        raise ValueError(f"a text of {shorten(key, 40)} holds NUL")
+    if isinstance(value, dict):
+        for name, item in value.items():
+            _check_toml_value(name, item, levels - 1)
+    elif isinstance(value, list):
+        for item in value:
+            _check_toml_value(key, item, levels - 1)
 
 
 def write_toml(path: Path | str, tables: Mapping[str, Any]) -> None:

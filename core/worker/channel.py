@@ -175,6 +175,18 @@ class Channel:
             self.stop_requested.set()
             self._state_changed.notify_all()
 
+    def _receive(self, message: Message) -> None:
+        if message.kind is MessageKind.STOP:
+            self._request_stop()
+        elif message.kind is MessageKind.ACK:
+            with self._state_changed:
+                self.acknowledged = int(message.json().get("frames", 0))
+                self._state_changed.notify_all()
+        elif message.kind is MessageKind.FILTER:
+            self._filter_settings = message.json()
+        else:
+            self._requests.put(message)
+
     def _receive_loop(self) -> None:
         decoder = Decoder()
         while True:
@@ -184,17 +196,11 @@ class Channel:
                 data = b""
             if not data:
                 break
-            for message in decoder.feed(data):
-                if message.kind is MessageKind.STOP:
-                    self._request_stop()
-                elif message.kind is MessageKind.ACK:
-                    with self._state_changed:
-                        self.acknowledged = int(message.json().get("frames", 0))
-                        self._state_changed.notify_all()
-                elif message.kind is MessageKind.FILTER:
-                    self._filter_settings = message.json()
-                else:
-                    self._requests.put(message)
+            try:
+                for message in decoder.feed(data):
+                    self._receive(message)
+            except PerfanimError:  # no message can be found any more: as if Blender were gone
+                break
         # A job that does not end by itself now must not stay as an orphan.
         self.disconnected.set()
         self._request_stop()

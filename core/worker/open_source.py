@@ -7,8 +7,7 @@ from ..errors import SettingsError
 from ..vision.sources.camera_controls import CameraControls
 from ..vision.sources.cameras import CameraSource
 from ..vision.sources.images import ImageFileSource
-from ..vision.sources.source_kinds import ImageSource, frame_rate, listed_values
-from ..vision.sources.videos import VideoSource
+from ..vision.sources.source_kinds import ImageSource, frame_rate, listed_values, open_videos
 
 
 def open_source(spec: Mapping[str, Any]) -> ImageSource:
@@ -37,7 +36,7 @@ def _opened(spec: Mapping[str, Any]) -> ImageSource:
         simulated: ImageSource = open_simulated(spec)
         return simulated
     if kind == "videos":
-        return VideoSource(listed_values(spec, "paths"), fps or 30.0)
+        return open_videos(listed_values(spec, "paths"), fps)
     if kind == "images":
         return ImageFileSource(listed_values(spec, "paths"), fps or 30.0)
     if kind == "cameras":

@@ -25,6 +25,7 @@ from types import ModuleType
 
 from ..errors import CaptureError, PerfanimError
 from .channel import Channel, Stopped
+from .requests import check_request
 
 JOBS = (
     "capture",
@@ -48,7 +49,9 @@ def main(port: int, token: str, name: str) -> int:
     channel = Channel(port, token)
     try:
         job = _job(name)  # its libraries load while the request is on its way
-        job.run(channel.wait_request(), channel)
+        request = channel.wait_request()
+        check_request(name, request)
+        job.run(request, channel)
     except Stopped:
         return 0
     except PerfanimError as error:

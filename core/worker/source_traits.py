@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..system.files import exists
+from ..vision.sources.addresses import is_stream
 
 
 def _kind(request: Mapping[str, Any]) -> str:
@@ -12,7 +13,8 @@ def _kind(request: Mapping[str, Any]) -> str:
 
 def is_live(request: Mapping[str, Any]) -> bool:
     """Return whether the source of a job's request cannot wait: cameras, trackers."""
-    return _kind(request) == "cameras" or has_no_cameras(request)
+    kind = _kind(request)
+    return kind in ("cameras", "vmc") or (kind == "videos" and any(map(is_stream, request["source"]["paths"])))
 
 
 def has_no_cameras(request: Mapping[str, Any]) -> bool:
@@ -32,4 +34,4 @@ def is_repeatable(request: Mapping[str, Any]) -> bool:
     """
     if is_simulated(request):
         return not request["source"].get("live")
-    return not is_live(request) and all(exists(path) or "*" in path for path in request["source"]["paths"])
+    return not is_live(request) and all(exists(path) or "*" in path for path in request["source"].get("paths", ()))

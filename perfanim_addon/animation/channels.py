@@ -69,3 +69,11 @@ def play(armature_object: bpy.types.Object, before: tuple[Any, ...] | None) -> N
     animation.action, slot, animation.use_nla = before
     if slot is not None:
         animation.action_slot = slot
+
+
+def play_only(armature_object: bpy.types.Object, action: bpy.types.Action) -> None:
+    """Play an action of an armature without strips, until `play` restores them."""
+    animation = armature_object.animation_data or armature_object.animation_data_create()
+    animation.use_nla, animation.action = False, action
+    if HAS_SLOTS and animation.action_slot is None and len(action.slots):
+        animation.action_slot = action.slots[0]

@@ -163,7 +163,7 @@ def source(settings: Any) -> dict[str, Any]:
             "kind": "cameras",
             "devices": list(readiness.devices(settings))[: 1 if readiness.is_one_camera(settings) else None],
             "size": [settings.width, settings.height],
-            "fps": settings.camera_fps,
+            "fps": settings.camera_fps or None,
             "controls": preferences.camera_controls(bpy.context),
         }
     if not readiness.has_cameras(settings):

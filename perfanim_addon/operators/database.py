@@ -116,7 +116,9 @@ class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operat
         [*_COLLECTIONS, (_ADDRESS, "From an Address", "An archive of BVH or AMC files elsewhere")],
     )
     address: string("Address", "http or https address of an archive of BVH or AMC files (.zip, .tar)")
-    only: string("Only", "Take only files of this name or behaviour, such as 09_* or walk*; empty: all")
+    only: string(
+        "Only", "Take only files of these names or behaviours, such as 09_*, 14_*, boxing: commas between; empty: all"
+    )
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -138,7 +140,8 @@ class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operat
         if not is_online_allowed() and not is_this_computer(str(urlsplit(address).hostname)):
             raise DownloadError("online access is off", advice="allow it in the Preferences: System, Network")
         name = known.name if known else file_name(address).partition(".")[0]
-        only = ["--include", self.only.strip()] if self.only.strip() else []
+        names = [name.strip() for name in self.only.split(",") if name.strip()]
+        only = [word for name in names for word in ("--include", name)]
         source = known.name if known else address
         return ["database", "get", source, "--to", str(_folder()), *only, *self.build_options(context, name)]
 

@@ -20,8 +20,9 @@ from ..preferences.property_kinds import switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..sketch import control_colours, hips_path, live_sketch
-from ..sketch.controls import add_controls, controls_of, key_controls, read_controls, set_keys
-from ..sketch.write_solution import STORED, SketchBody, joints_of, kept_sketch, write_solution
+from ..sketch.controls import STORED, add_controls, controls_of, key_controls, set_keys
+from ..sketch.read_controls import read_controls
+from ..sketch.write_solution import SketchBody, joints_of, kept_sketch, write_solution
 from .character import performer_skeleton
 from .common import RunningOperator, UndoOperator, report_error
 from .database import SolvingOperator, is_starter_missing
@@ -55,7 +56,8 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
     bl_label = "Add Controls"
     panel = PANEL
     from_action: switch(
-        "Key from Animation", "Key them where the character's action has keys, to make a rough animation natural"
+        "Key from Animation",
+        "Key them where the character's rough action has keys, to make it natural; their earlier keys go",
     )
 
     def run(self, context: bpy.types.Context) -> str:
@@ -127,6 +129,7 @@ class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
         add_controls(context, armature, space, joints_of(sketch))
         set_keys(armature, sketch, space)
         armature.perfanim_sketch.take_over(chosen)
+        armature.perfanim_sketch.free_height = any(each.height_is_free for each in sketch.controls)
         armature.perfanim_sketch.action = action
         return f"{sum(len(each.frames) for each in sketch.controls)} keys of {action.name}"
 

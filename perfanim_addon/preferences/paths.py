@@ -6,6 +6,8 @@ from pathlib import Path
 
 import bpy
 
+from ...core.system.files import clean_folder
+
 # Root package: "bl_ext.<repository>.perfanim" in Blender; preferences are filed under this name.
 ADDON = __package__.partition(".perfanim_addon")[0]
 
@@ -13,6 +15,7 @@ ADDON = __package__.partition(".perfanim_addon")[0]
 # Folders that the user may choose in the preferences: first part of `user_folder` -> name of the preference.
 CHOSEN_FOLDERS = {"takes": "takes_folder", "databases": "databases_folder", "profiles": "profiles_folder"}
 _PROFILES = ("subjects", "calibrations", "bone_maps")  # lie in folders of these names below that of the profiles
+_KINDS = ("takes", "databases", *_PROFILES, "props", "collections")
 
 
 def user_folder(*parts: str) -> Path:
@@ -26,12 +29,25 @@ def user_folder(*parts: str) -> Path:
         folder = Path(absolute(base), *rest)
         if not _make(folder):
             return folder
-    path = "/".join(parts)
-    if ADDON.startswith("bl_ext."):
-        return Path(bpy.utils.extension_path_user(ADDON, path=path, create=True))
-    folder = Path(bpy.utils.user_resource("DATAFILES", path="perfanim", create=True)) / path
+    folder = _own_folder("/".join(parts))
     folder.mkdir(parents=True, exist_ok=True)
     return folder
+
+
+def clean_up() -> None:
+    """Remove from the user's folders the temporary files of killed processes."""
+    for kind in _KINDS:
+        clean_folder(_own_folder(kind))
+        base, rest = _chosen((kind,))
+        if base:
+            clean_folder(Path(absolute(base), *rest))
+
+
+def _own_folder(path: str) -> Path:
+    """Return the add-on's own folder for some data, whether it is there or not."""
+    if ADDON.startswith("bl_ext."):
+        return Path(bpy.utils.extension_path_user(ADDON, path=path))
+    return Path(bpy.utils.user_resource("DATAFILES", path="perfanim")) / path
 
 
 def folder_problem(kind: str) -> str:

@@ -121,12 +121,20 @@ class CameraSettings:
     )
     width: whole_number("Width", "Image width", 640, 160, 4096, subtype="PIXEL")
     height: whole_number("Height", "Image height", 480, 120, 4096, subtype="PIXEL")
-    camera_fps: number("Rate (Hz)", "Frame rate requested from the cameras", 60, 1, 500)
+    camera_fps: number(
+        "Rate (Hz)",
+        "Frame rate requested from the cameras. 0 leaves it to them: webcams mostly give 30; set it for faster ones",
+        0,
+        0,
+        500,
+    )
     left_video: file_path("Left", "Video of the left camera")
     right_video: file_path("Right", "Video of the right camera; empty for one camera only")
     left_folder: folder_path("Left", "Folder with the left camera's numbered images")
     right_folder: folder_path("Right", "Folder with the right camera's numbered images; empty for one camera only")
-    files_fps: number("Rate (Hz)", "Frame rate at which the images were taken", 60, 1, 500)
+    files_fps: number(
+        "Rate (Hz)", "Frame rate at which the images were taken, where their names do not say it", 30, 1, 500
+    )
     calibration: file_path("Calibration", "Calibration file of the two cameras (TOML)")
     ignored_places: string("Ignored Places", "Reflections that are no markers, until a calibration file holds them")
 
@@ -240,7 +248,7 @@ class CaptureSettings:
         "Overlay",
         "Drawn over the 3D viewports while live, with the solver's confidence. Shift-click for several",
         OVERLAYS,
-        default=set(),
+        default={"MARKERS"},
         options={"ENUM_FLAG"},
     )
     record_by_button: switch(

@@ -40,10 +40,16 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
     )
     variation: whole_number("Variation", "0 for the best explanation, 1 for the next best, and so on", 0, 0, 20)
     hold_feet: switch("Hold Feet", "Keep standing feet in place", default=True)
+    free_height: switch(
+        "Free Height", "Keys and path of the hips bind as seen from above; the database has their height"
+    )
     controls: bpy.props.PointerProperty(
         name="Collection", description="Collection of the sketch's controls", type=bpy.types.Collection
     )
     action: bpy.props.PointerProperty(name="Result", description="Action with the solved motion", type=bpy.types.Action)
+    rough: bpy.props.PointerProperty(
+        name="Rough Action", description="Action that From Animation reads the keys from", type=bpy.types.Action
+    )
 
     @property
     def chosen_joints(self) -> list[str]:
@@ -63,7 +69,7 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
 
 def draw(layout: bpy.types.UILayout, chosen: Any) -> None:
     """Draw the settings of the solver."""
-    draw_props(property_column(layout), chosen, "follow", "behaviours", "variation", "hold_feet")
+    draw_props(property_column(layout), chosen, "follow", "behaviours", "variation", "hold_feet", "free_height")
 
 
 register, unregister = attach_property_group(bpy.types.Object, "perfanim_sketch", PERFANIM_PG_sketch)

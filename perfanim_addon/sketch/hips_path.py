@@ -7,6 +7,7 @@ from ..animation.actions import scene_fps
 from .controls import action_curves, controls_of
 
 _SPEED = 0.8  # along a path, in the scene's metres a second: a calm walk, where no other key says how long it takes
+_FLAT = 0.05  # of the character's metre, by which a curve may leave the floor
 
 
 def add_path(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Object:
@@ -37,8 +38,9 @@ def follow(
 ) -> tuple[int, int]:
     """Let a control go evenly along a curve; return the first and last frame.
 
-    It keeps its height above the curve's origin. It takes the time of the other controls' keys; without them it goes at
-    walking speed from the present frame on. Its own keys go.
+    It keeps its height above the curve's origin; hips on a flat curve at the character's origin are free in height. It
+    takes the time of the other controls' keys; without them it goes at walking speed from the present frame on. Its own
+    keys go.
 
     Raises:
         SettingsError: the curve has no length.
@@ -55,6 +57,8 @@ def follow(
     first = round(frames[0]) if frames else context.scene.frame_current
     walked = first + max(1, round(length / _SPEED * scene_fps(context.scene)))
     last = round(frames[-1]) if frames and frames[-1] > first else walked
+    if control == controls_of(armature_object).get("root"):
+        armature_object.perfanim_sketch.free_height = _is_on_floor(path, armature_object)
     control.animation_data_clear()
     for old in [each for each in control.constraints if each.type == "FOLLOW_PATH"]:
         control.constraints.remove(old)
@@ -68,3 +72,12 @@ def follow(
     for key in (key for curve in action_curves(control) for key in curve.keyframe_points):
         key.interpolation = "LINEAR"
     return first, last
+
+
+def _is_on_floor(path: bpy.types.Object, armature_object: bpy.types.Object) -> bool:
+    """Return whether a curve lies flat at the height of the character's origin."""
+    floor = armature_object.matrix_world.translation.z
+    splines = path.data.splines
+    points = [point.co for spline in splines for point in (spline.bezier_points or spline.points)]
+    tolerance = _FLAT * armature_object.matrix_world.median_scale
+    return all(abs((path.matrix_world @ point.to_3d()).z - floor) < tolerance for point in points)

@@ -23,7 +23,8 @@ from ..capture.armature_driver import ArmatureDriver
 from ..character.create_character import find_armature
 from ..jobs import activity
 from ..settings.capture_settings import settings
-from .controls import controls_of, read_controls
+from .controls import controls_of
+from .read_controls import read_controls
 from .write_solution import SketchBody, keep_sketch, outcome_text, write_solution
 
 KEY = "sketch"  # of the panel's message

@@ -21,7 +21,8 @@ from ...core.sketch.sketch_messages import sketch_table
 from ..character import bone_map_settings
 from ..export.retarget_file import open_file
 from ..settings import sketch_settings
-from .controls import controls_of, read_controls
+from .controls import controls_of
+from .read_controls import read_controls
 from .write_solution import SketchBody
 
 

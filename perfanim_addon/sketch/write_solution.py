@@ -23,9 +23,9 @@ from ..character.bone_map_settings import joint_label
 from ..character.posing import plan_for
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
+from .controls import STORED
 from .own_skeleton import own_skeleton
 
-STORED = "perfanim_sketch"  # custom property of an action: its sketch as JSON
 _LISTED = 3  # unmet keys in the panel
 
 

@@ -17,6 +17,11 @@ def use_user_folder(user: Path) -> str:
     (folder / "perfanim").symlink_to(ROOT, target_is_directory=True)
     for variable in ("BLENDER_USER_RESOURCES", "BLENDER_USER_EXTENSIONS"):
         os.environ[variable] = str(user if variable.endswith("RESOURCES") else user / "extensions")
+    return find_extension(folder)
+
+
+def find_extension(folder: Path) -> str:
+    """Let this Blender look for the extension in a folder; return its name."""
     repos = bpy.context.preferences.extensions.repos
     for repo in list(repos):
         repos.remove(repo)

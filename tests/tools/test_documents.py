@@ -11,9 +11,11 @@ import perfanim
 import pytest
 import run_documents
 from documents.commands import DOCUMENTS, Command, blocks, commands, make_targets, parse_problem
+from manual_pages import anchor
 from PIL import Image
 
 ROOT = Path(perfanim.__file__).parent
+FRONT = tuple(ROOT / name for name in ("CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md"))
 COMMANDS = [command for document in DOCUMENTS for command in commands(document)]
 
 
@@ -59,11 +61,45 @@ def test_blocks_can_be_read(document):
         compile(block, f"{document.name}:{line}", "exec")
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("document", (*DOCUMENTS, *FRONT), ids=lambda path: path.name)
 def test_addresses_are_whole(document):
     for address in re.findall(r"\]\((\w+:[^)]*)\)", document.read_text(encoding="utf-8")):
         parts = urlsplit(address)
         assert parts.scheme == "https" and "." in parts.netloc, address
+
+
+@pytest.mark.parametrize("document", (*DOCUMENTS, *FRONT), ids=lambda path: path.name)
+def test_links_lead_to_files_and_headings(document):
+    """On a repository's page as well: the generator of the pages sees only what lies in docs."""
+    text = document.read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)\s]+)\)", text) if not re.match(r"\w+:", link)]
+    assert links or document.name not in ("README.md", "CONTRIBUTING.md", "SECURITY.md")
+    for link in links:
+        page, _, place = link.partition("#")
+        target = (document.parent / page).resolve() if page else document
+        generated = target.parent == ROOT / "docs" / "api"
+        assert generated or (target.is_file() and target.is_relative_to(ROOT)), link
+        if place and not generated:
+            headings = re.findall(r"^#+ (.+)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+            assert place in {anchor(heading) for heading in headings}, link
+
+
+def test_the_threat_model_is_among_the_pages():
+    page = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+    assert "{include} ../SECURITY.md" in page
+    threats = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+    for name in re.findall(r"`((?:core|tests|tools)/[\w/.]+)`", threats):
+        assert (ROOT / name).exists(), name
+    for target in re.findall(r"`make\s+([\w-]+)", threats):
+        assert target in make_targets(), target
+
+
+def test_the_share_of_right_names_is_that_of_the_films():
+    figures = (ROOT / "docs" / "figures.md").read_text(encoding="utf-8")
+    films = figures.partition("| film | right |")[2].partition("\n\n")[0]
+    shares = [float(share) for share in re.findall(r"\| ([\d.]+) % \|", films)]
+    assert len(shares) > 5
+    assert f"| {min(shares):g} to {max(shares):g} % |" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_cheap_commands_run(tmp_path):

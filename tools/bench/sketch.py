@@ -4,8 +4,8 @@ The true paths of a few joints are keyed every 8, 16 or 32 frames of 30 a second
 Blender's default curves. The takes are out of the database; other takes of their subjects are in it. The constants of
 the solver were chosen on the takes of `DEVELOPMENT`, while those of `TAKES` were seen; those of `FRESH` were solved
 after the last choice. Five controls with keys every 16 frames are also solved with the whole subject out of the
-database, for fresh takes, and with a solver that is told when the true feet stand: what is left to skate then is the
-fit's, the rest is not knowing when feet step between keys.
+database, for fresh takes, and with a solver that knows when the true feet stand: then feet skate only by
+the fit, the rest comes from not knowing when they step between keys.
 """
 
 import time
@@ -69,7 +69,8 @@ FRESH = (
 )
 CONTROLS = {"five": ("root", "lfoot", "rfoot", "lhand", "rhand"), "three": ("root", "lhand", "rhand")}
 KEYS = ("8", "16", "32", "turns")
-UNSEEN, ANEW, TOLD = "five, unseen subject", "five, fresh takes", "sketch told when feet stand"
+UNSEEN, UNTOUCHED = "five, unseen subject", "five, fresh takes"
+INFORMED = "sketch that knows when feet stand"
 _EDITS = 5
 _TURNS_EVERY = 16  # frames that there is a key for where paths turn most
 _MOST_FRAMES = 240  # of a take
@@ -104,7 +105,9 @@ def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
                 rows += compared.rows(sketch_of(truth, joints, keys), {"controls": controls, "keys": keys})
                 if (controls, keys) == ("five", "16"):
                     pictures += _strip(take.title, truth, compared.motions[OURS])
-                    rows.append(compared.told_row(sketch_of(truth, joints, keys), {"controls": controls, "keys": keys}))
+                    rows.append(
+                        compared.informed_row(sketch_of(truth, joints, keys), {"controls": controls, "keys": keys})
+                    )
         edits.append({"take": take.title, "frames": truth.frames} | edit_times(compared.solver, truth))
         path = out / "databases" / f"cmu-without-sketched-and-{take.trial}.pfdb"
         unseen = Compared(take, truth, without_subject_of(whole, path, take))
@@ -120,12 +123,12 @@ def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
 def _fresh_rows(data: Path, database: Database, progress: Progress) -> list[dict[str, Any]]:
     """Return the rows of takes that no constant was chosen by."""
     rows: list[dict[str, Any]] = []
-    facts = {"controls": ANEW, "keys": "16"}
+    facts = {"controls": UNTOUCHED, "keys": "16"}
     for number, take in enumerate(FRESH):
         progress(number / len(FRESH), f"{take.title}: fresh")
         truth = true_motion(data, take)
         compared, drawn = Compared(take, truth, database), sketch_of(truth, CONTROLS["five"], "16")
-        rows += [*compared.rows(drawn, facts), compared.told_row(drawn, facts)]
+        rows += [*compared.rows(drawn, facts), compared.informed_row(drawn, facts)]
     return rows
 
 
@@ -152,18 +155,18 @@ class Compared:
         }
         return [self._row(drawn, motion, facts | {"method": name}) for name, motion in self.motions.items()]
 
-    def told_row(self, drawn: Sketch, facts: dict[str, Any]) -> dict[str, Any]:
-        """Return the row of our solver told when the true feet stand."""
-        motion = _ToldSolver(self._truth, self._database).solve(drawn).motion
-        return self._row(drawn, motion, facts | {"method": TOLD})
+    def informed_row(self, drawn: Sketch, facts: dict[str, Any]) -> dict[str, Any]:
+        """Return the row of our solver that knows when the true feet stand."""
+        motion = _InformedSolver(self._truth, self._database).solve(drawn).motion
+        return self._row(drawn, motion, facts | {"method": INFORMED})
 
     def _row(self, drawn: Sketch, motion: Motion, facts: dict[str, Any]) -> dict[str, Any]:
         errors = errors_of(drawn, motion, self._truth)
         return {"take": self._take.title} | facts | {"frames": self._truth.frames} | errors
 
 
-class _ToldSolver(SketchSolver):
-    """A solver told in which frames the true feet stand, instead of by examples."""
+class _InformedSolver(SketchSolver):
+    """A solver that knows when the true feet stand, instead of by examples."""
 
     def __init__(self, truth: Motion, database: Database) -> None:
         super().__init__(truth.skeleton, database)

@@ -1,6 +1,7 @@
 """Steps on the add-on: its buttons, its settings, its timers, itself off and on."""
 
 import random
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -25,6 +26,7 @@ _WORKERS = {
 _NEVER = {"get_motion"}  # it asks a server
 _SCENE_GROUPS = tuple(f"perfanim{name}" for name in ("", "_targets", "_batch", "_result", "_sending", "_receiving"))
 _TICK_S = 0.02
+_SECOND_S = 120.0  # after which another Blender hangs
 
 
 def part(name: str) -> Any:
@@ -157,6 +159,32 @@ def harm_takes(chance: random.Random, folder: Path) -> None:
             path.write_bytes(path.read_bytes()[: chance.randrange(2000)])
 
 
+def second_blender(chance: random.Random, folder: Path) -> str:
+    """Start another Blender on the same folders; wait until it has changed a take.
+
+    Raises:
+        AssertionError: it fails.
+    """
+    if not is_on():
+        return "off"
+    extensions = Path(sys.modules[ADDON].__file__ or "").parents[1]
+    script = [str(Path(__file__).with_name("second_blender.py")), str(extensions), str(chance.random())]
+    blender = bpy.app.binary_path  # none as a module
+    command = [blender, "--background", "--python-exit-code", "1", "--python", script[0], "--", *script[1:]]
+    done = subprocess.run(
+        command if blender else [sys.executable, *script],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=_SECOND_S,
+    )
+    said = [line for line in done.stdout.splitlines() if line.startswith("second Blender: ")]
+    if done.returncode or not said or "Traceback" in done.stderr:
+        raise AssertionError(f"a second Blender ended with {done.returncode}: {done.stderr[-1500:]}")
+    return said[0]
+
+
 # step -> how often it comes, by the others
 ADDON_STEPS = {
     click_quick: 40,
@@ -166,4 +194,5 @@ ADDON_STEPS = {
     tick: 6,
     switch: 2,
     harm_takes: 1,
+    second_blender: 1,
 }

@@ -144,6 +144,38 @@ def open_file(chance: random.Random, folder: Path) -> None:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=chance.random() < 0.3, use_scripts=False)
 
 
+def render(chance: random.Random, folder: Path) -> None:
+    """Render a tiny picture, or two of an animation, by Cycles: it needs no window."""
+    scene = bpy.context.scene
+    if scene.camera is None:
+        scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        scene.collection.objects.link(scene.camera)
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    scene.render.resolution_percentage = 100
+    scene.frame_start, scene.frame_end = 1, 2
+    scene.render.filepath = str(folder / "rendered-")
+    if chance.random() < 0.3:
+        bpy.ops.render.render(animation=True)
+    else:
+        in_background = bpy.context.window is not None and chance.random() < 0.5
+        bpy.ops.render.render("INVOKE_DEFAULT" if in_background else "EXEC_DEFAULT")
+
+
+def change_windows(chance: random.Random, folder: Path) -> str:
+    """Open a second window, or close one of several."""
+    windows = list(bpy.context.window_manager.windows)
+    if bpy.context.window is None or not windows:
+        return "none"
+    if len(windows) == 1:
+        bpy.ops.wm.window_new()
+        return "opened"
+    with bpy.context.temp_override(window=chance.choice(windows)):
+        bpy.ops.wm.window_close()
+    return "closed"
+
+
 # step -> how often it comes, by the others
 SCENE_STEPS = {
     remove_object: 4,
@@ -162,4 +194,6 @@ SCENE_STEPS = {
     new_file: 1,
     save_file: 1,
     open_file: 1,
+    render: 1,
+    change_windows: 2,
 }

@@ -123,7 +123,8 @@ def why_doubtful(figures: dict[str, float | int | None]) -> list[str]:
             reasons.append(limit.text.format(value))
     confidence = figures["confidence"]
     if confidence is not None and confidence < LEAST_CONFIDENCE:
-        reasons.append(f"confidence is {confidence:.0%}: add motion like this to the database, or look at the labels")
+        advice = "check performer and labels, or add motion like this to the database"
+        reasons.append(f"confidence is {confidence:.0%}: {advice}")
     return reasons
 
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...errors import SettingsError
-from ...formats.take_file.lock import lock
-from ...system.files import is_file, writing
+from ...system.files import clean_folder, is_file, writing
+from ...system.lock import lock
 from ...system.progress import Progress
 from .content_hash import ContentDigests, take_digest
 from .plan import TakePlan
@@ -120,6 +120,7 @@ def _workplace(out: Path) -> Iterator[Path]:
             )
         for old in out.glob(f"{_UNFINISHED}*"):  # of a run that was ended by force
             shutil.rmtree(old, ignore_errors=True)
+        clean_folder(out)
         work = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=out)).absolute()
         try:
             yield work

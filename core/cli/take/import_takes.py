@@ -111,7 +111,8 @@ def _import_one(
         recorded = read_take_file(path)
         out = unused_path(Path(args.out), recorded.notes.name)
         recover(recorded, out)
-        return {"take": path.name, "frames": recorded.frame_count, "warnings": recorded.problems, "out": str(out)}
+        warnings = [*recorded.problems, *([] if recorded.poses else [f"{out.stem} has no poses yet: solve it again"])]
+        return {"take": path.name, "frames": recorded.frame_count, "warnings": warnings, "out": str(out)}
     take = read_take(path)
     declared = declared_frames(path)
     warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)

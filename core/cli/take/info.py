@@ -8,26 +8,47 @@ from typing import Any
 import numpy as np
 
 from ...body.scene_pose import doubtful_stretches
+from ...errors import PerfanimError
 from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
-from ...formats.take_file.lock import is_locked
 from ...formats.take_file.reading import TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...markers.subject import Subject
+from ...system.lock import is_locked
 from ...system.progress import Progress
 
+_MAIN = ("frames", "fps", "markers", "visible_fraction", "problems")  # of many takes
 _UNSOLVED = "has no labels and poses yet: perfanim solve finds them"
 _NOBODY = ", with --subject, or --skeleton and --marker-set"
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser("info", help="facts about a take, and whether it is complete")
-    parser.add_argument("take", metavar="TAKE", help=", ".join(READABLE))
+    parser = group.add_parser(
+        "info", help="facts about a take, and whether it is complete; of several takes the main ones"
+    )
+    parser.add_argument("takes", nargs="+", metavar="TAKE", help=", ".join(READABLE))
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    progress(0.0, "reading")
-    return _recorded_info(read_take_file(args.take)) if is_recorded(args.take) else _marker_info(args.take)
+    """Return all facts of one take, or the main ones of each of several."""
+    if len(args.takes) == 1:
+        progress(0.0, "reading")
+        return _info(args.takes[0])
+    known: dict[str, dict[str, Any]] = {}
+    failed: list[PerfanimError] = []
+    for number, path in enumerate(args.takes):
+        progress(number / len(args.takes), f"reading {path}")
+        try:
+            known[path] = {name: value for name, value in _info(path).items() if name in _MAIN and value != []}
+        except PerfanimError as error:
+            failed.append(error)
+    if not known:
+        raise failed[0]
+    return {"takes": known, "failed": [str(error) for error in failed]}
+
+
+def _info(path: str) -> dict[str, Any]:
+    return _recorded_info(read_take_file(path)) if is_recorded(path) else _marker_info(path)
 
 
 def _recorded_info(take: TakeFile) -> dict[str, Any]:

@@ -94,7 +94,9 @@ def declared_frames(path: Path | str) -> int:
 class _C3dParser:
     def __init__(self, data: bytes, where: str) -> None:
         if len(data) < 2 * _BLOCK or data[1] != _KEY:
-            raise FormatError("is not a C3D file" if data else "is empty", where=where)
+            is_cut = data[1:2] == bytes([_KEY])
+            what = "is cut off within its header" if is_cut else "is not a C3D file"
+            raise FormatError(what if data else "is empty", where=where)
         self.data = data
         self.where = where
         self.parameter_start = (data[0] - 1) * _BLOCK

@@ -5,6 +5,7 @@ then one row a frame in metres, blank where a marker is missing.
 """
 
 import csv
+import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .reader_parts import make_take, metres_of, numbers_of, rate_from_times, table_of
 
+_BLANK: list[str] = []
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
 # Motive's kinds of columns, best first: measured before modelled
 _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
@@ -33,7 +35,7 @@ def read_csv(path: Path | str) -> MarkerTake:
     if "\x00" in text:
         raise FormatError("is not a text file", where=where)
     try:
-        rows = list(csv.reader(text.splitlines()))
+        rows = [row or _BLANK for row in csv.reader(io.StringIO(text, newline=None))]  # of blank lines all the same
     except csv.Error as error:
         raise FormatError(f"is not CSV ({error})", where=where) from error
     if rows and rows[0] and rows[0][0].strip() == "Format Version":
@@ -58,9 +60,8 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
         if axes[i : i + 3] == ["X", "Y", "Z"] and kinds[i : i + 1] == [kind] and measures[i : i + 1] == ["position"]
     ]  # fmt: skip
     table = _table(rows, head + 1, len(axes), where)
-    positions = np.stack([table[:, i : i + 3] for i in starts], axis=1) * metres_of(
-        facts.get("Length Units", "Meters"), where
-    )
+    positions = table[:, np.array(starts, dtype=np.int64)[:, None] + np.arange(3)]
+    positions *= metres_of(facts.get("Length Units", "Meters"), where)
     rate = facts.get("Export Frame Rate") or facts.get("Capture Frame Rate") or "nan"
     fps = numbers_of([rate], f"{where}, line 1")[0]
     fps = fps if fps > 0.0 else rate_from_times(table[:, 1])
@@ -76,32 +77,37 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
     if head is None:
         raise FormatError("is empty", where=where)
     header = [cell.strip() for cell in rows[head]]
-    matches = [_COLUMN.fullmatch(cell) for cell in header]
-    starts = [i for i in range(len(header) - 2) if _is_triple(matches[i : i + 3])]
-    if not starts:
+    names = {i: name for i in range(len(header) - 2) if (name := _name_of(header[i : i + 3]))}
+    if not names:
         raise FormatError(
             "is not a marker take", where=f"{where}, line {head + 1}",
             advice="columns must be frame,time_s,NAME_x,NAME_y,NAME_z,... in metres",
         )  # fmt: skip
     table = _table(rows, head + 1, len(header), where)
-    lower = [cell.lower() for cell in header]
-    frames = table[:, lower.index("frame")] if "frame" in lower else None
-    times = next((table[:, lower.index(key)] for key in ("time_s", "time") if key in lower), None)
+    frames, *clocks = (_column(table, header, key) for key in ("frame", "time_s", "time"))
+    times = next((column for column in clocks if column is not None), None)
     stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", "\n".join(comments))
     fps = numbers_of([stated[1]], where)[0] if stated else float("nan")
     if not fps > 0.0 and times is not None:
         fps = rate_from_times(times)
     if not fps > 0.0:
         raise FormatError("gives neither fps nor times", where=where, advice="add a line '# fps=60' or a column time_s")
-    names = [match["name"] for i in starts if (match := matches[i])]
-    positions = np.stack([table[:, i : i + 3] for i in starts], axis=1)
-    return make_take(where, Path(where).stem, fps, names, positions, frames, times)
+    positions = table[:, np.array(list(names))[:, None] + np.arange(3)]
+    return make_take(where, Path(where).stem, fps, list(names.values()), positions, frames, times)
 
 
-def _is_triple(matches: list[re.Match[str] | None]) -> bool:
-    found = [match for match in matches if match]
-    axes = "".join(match["axis"].lower() for match in found)
-    return axes == "xyz" and len({match["name"] for match in found}) == 1
+def _column(table: Array, header: list[str], key: str) -> Array | None:
+    """Return the column of a name in small or capital letters, None without it."""
+    at = next((index for index, cell in enumerate(header) if cell.lower() == key), None)
+    return None if at is None else table[:, at]
+
+
+def _name_of(cells: list[str]) -> str:
+    """Return the name that three columns share, "" if they are no x, y and z."""
+    if "".join(cell[-1:] for cell in cells).lower() != "xyz":
+        return ""
+    found = {match["name"] for cell in cells if (match := _COLUMN.fullmatch(cell))}
+    return found.pop() if len(found) == 1 else ""
 
 
 def _table(rows: list[list[str]], start: int, width: int, where: str) -> Array:

@@ -1,5 +1,7 @@
 """Marker takes in the formats of other programs and in our own, all in metres."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import FormatError
@@ -13,7 +15,25 @@ from .qualisys_tsv import read_tsv
 from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
 
-READABLE = (".c3d", ".trc", ".csv", ".tsv", ".take.npz", ENDING)
+
+@dataclass(frozen=True)
+class _Format:
+    """Reader of a format, and of the frame count in its header if it has one."""
+
+    read: Callable[[Path], MarkerTake]
+    count: Callable[[Path], int] | None = None
+
+
+# file name ending -> format
+_FORMATS = {
+    ".c3d": _Format(read_c3d, c3d.declared_frames),
+    ".trc": _Format(read_trc, trc.declared_frames),
+    ".csv": _Format(read_csv),
+    ".tsv": _Format(read_tsv, qualisys_tsv.declared_frames),
+    ".take.npz": _Format(load_take),
+    ENDING: _Format(read_recorded_take),
+}
+READABLE = tuple(_FORMATS)
 WRITABLE = (".take.npz", ".c3d", ".csv", ".trc")
 
 
@@ -31,21 +51,21 @@ def read_take(path: Path | str) -> MarkerTake:
         FormatError: another kind of file, damaged, or without markers.
         TakeError: a .take.npz of another version, or a recorded take without poses.
     """
-    path = Path(path)
-    name = path.name.lower()
-    if name.endswith(".npz"):
-        return load_take(path)
-    readers = {".c3d": read_c3d, ".trc": read_trc, ".csv": read_csv, ".tsv": read_tsv, ENDING: read_recorded_take}
-    if path.suffix.lower() not in readers:
+    known = _format_of(path)
+    if known is None:
         raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
-    return readers[path.suffix.lower()](path)
+    return known.read(Path(path))
 
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in the header of a file, 0 if its format has none."""
-    counters = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames, ".tsv": qualisys_tsv.declared_frames}
-    count = counters.get(Path(path).suffix.lower())
-    return count(path) if count else 0
+    known = _format_of(path)
+    return known.count(Path(path)) if known and known.count else 0
+
+
+def _format_of(path: Path | str) -> _Format | None:
+    ending = Path(path).suffix.lower()
+    return _FORMATS.get(".take.npz" if ending == ".npz" else ending)
 
 
 def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:

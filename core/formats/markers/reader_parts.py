@@ -41,15 +41,15 @@ def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, 
         count: number of rows at most.
         size: bytes of the file, which a few names in its header must not blow up.
     """
-    if count * width * 8 > 4 * size + SLACK_BYTES:
+    if count * width * 8 > 4 * size + SLACK_BYTES // 2:  # the other half is for the rows of fields
         advice = "export it again, without columns that are empty"
         raise FormatError(
             f"declares {count} rows of {width} columns, far more than it holds", where=where, advice=advice
         )
-    table, row = np.full((count, width), np.nan), 0
+    table, row = np.empty((count, width)), 0  # of a row that does not come, nothing is written: it takes no memory
     for fields, place in rows:
         values = numbers_of(fields[:width], place)
-        table[row, : len(values)] = values
+        table[row, : len(values)], table[row, len(values) :] = values, np.nan
         row += 1
     if row == 0:
         raise FormatError("has no frames", where=where)

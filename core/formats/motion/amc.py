@@ -15,7 +15,7 @@ from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, Mask
 from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
-from .numbers import parse_numbers
+from .numbers import check_pose_bytes, parse_numbers
 
 CMU_FPS = 120.0
 _ANGLE_JUMP = np.radians(150.0)  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
@@ -62,6 +62,7 @@ def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
         values = _values(re.sub(rb"(?<![ \t])[ \t]*\n\s*", b"\n", body.strip()), layout)
     if values is None:
         raise _first_fault(body, where, layout, header.count(b"\n"))
+    check_pose_bytes(len(values), len(asf.skeleton), len(content), where)
     return AmcValues(tuple(layout), values, np.pi / 180.0 if degrees else 1.0)
 
 
@@ -167,8 +168,10 @@ def _line_fault(words: list[str], expected: list[str]) -> str:
 def amc_motion(table: AmcValues, asf: AsfFile, fps: float, name: str) -> Motion:
     """Return the motion of an AMC file's numbers on the skeleton of its ASF file.
 
-    AMC files do not store their rate; CMU's is `CMU_FPS`. Degrees of freedom that the frames lack are zero; frames with
-    NaN keep it.
+    AMC files do not store their rate; CMU's is `CMU_FPS`. Degrees of freedom that the frames lack are zero.
+
+    Raises:
+        FormatError: as `Motion`; frames with NaN are none.
     """
     skeleton, values = asf.skeleton, table.values
     rotations = rot.identity((len(values), len(skeleton)))

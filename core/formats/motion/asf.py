@@ -5,6 +5,7 @@ A bone of an ASF file starts at the end of its parent's bone; here it is the joi
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from ...system.files import read_bytes, reading
 
 _METRES_PER_INCH = 0.0254
 ROOT = "root"
+_SECTIONS = ("units", "root", "bonedata", "hierarchy")
 _CHANNELS = frozenset(("tx", "ty", "tz", "rx", "ry", "rz", "l"))
 
 
@@ -90,32 +92,37 @@ class _Parser:
         text = content.decode("utf-8", errors="replace")
         if "\x00" in text or ":bonedata" not in text:
             raise FormatError("is not an ASF skeleton (no :bonedata section)", where=where)
-        self.sections = self._split(text)
+        self.lines = text.splitlines()
+        self.sections = self._split()
         self.factor = 1.0
         self.metres = 1.0
         self.line = 0
 
-    def _split(self, text: str) -> dict[str, list[Line]]:
-        sections: dict[str, list[Line]] = {}
-        current: list[Line] = []
-        for number, raw in enumerate(text.splitlines(), start=1):
-            words = raw.split("#", 1)[0].replace("(", " ( ").replace(")", " ) ").split()
-            if words and words[0].startswith(":"):
-                current = sections.setdefault(words[0][1:].lower(), [])
-                words = words[1:]
-            if words:
-                current.append((number, words))
+    def _split(self) -> dict[str, list[range]]:
+        """Return the lines of each section that is used, as often as it begins."""
+        starts = [number for number, line in enumerate(self.lines) if line.lstrip().startswith(":")]
+        sections: dict[str, list[range]] = {name: [] for name in _SECTIONS}
+        for start, stop in pairwise((*starts, len(self.lines))):
+            name = self._words(start)[0][1:].lower()
+            if name in sections:
+                sections[name].append(range(start, stop))
         return sections
+
+    def _words(self, number: int) -> list[str]:
+        return self.lines[number].split("#", 1)[0].replace("(", " ( ").replace(")", " ) ").split()
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, where=f"{self.where}, line {self.line}" if self.line else self.where)
 
     def _lines(self, section: str) -> Iterator[list[str]]:
-        if section not in self.sections:
+        if not self.sections[section]:
             raise self._error(f"has no :{section} section")
-        for number, words in self.sections[section]:
-            self.line = number
-            yield words
+        for numbers in self.sections[section]:
+            for number in numbers:
+                words = self._words(number)[1 if number == numbers.start else 0 :]
+                self.line = number + 1
+                if words:
+                    yield words
         self.line = 0
 
     def parse(self) -> AsfFile:
@@ -127,7 +134,7 @@ class _Parser:
         return AsfFile(self.where, self.metres, degrees, bones, parents, root, position, orientation, skeleton)
 
     def _units(self) -> bool:
-        units = {words[0].lower(): words[1] for words in self._lines("units")} if "units" in self.sections else {}
+        units = {words[0].lower(): words[1] for words in self._lines("units")} if self.sections["units"] else {}
         length = float(units.get("length", "1"))
         if not length > 0.0 or not np.isfinite(length):
             raise self._error(f"has a length unit of {length}")

@@ -16,10 +16,10 @@ from ...body.skeleton import MOST_JOINTS, Skeleton
 from ...body.source_motion import SourceMotion
 from ...errors import FormatError
 from ...geometry import rotations as rot
-from ...geometry.arrays import Array, IntArray
+from ...geometry.arrays import Array, IntArray, Mask
 from ...system.files import atomic_path, read_bytes
 from ..unique_names import unique_names
-from .numbers import parse_numbers
+from .numbers import check_pose_bytes, parse_numbers
 
 # metres of one unit of a file; "cmu" is the unit of the CMU database's own files (inches / 0.45)
 UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "cmu": 0.0254 / 0.45}
@@ -27,6 +27,7 @@ WRITTEN_ORDER = "ZXY"
 _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
 _LONGEST_LIMB_M = 1.25  # pelvis to finger tips of an adult; decides between units, which lie a factor of two apart
 _ANGLE_JUMP_DEG = 150.0  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
+_BLOCK = 1 << 17  # poses of joints that are computed at once
 _STILL = 1e-4  # position channels that move a joint by less than this (file units) only repeat its offset
 
 
@@ -62,6 +63,7 @@ def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") ->
     header, motion, line = _split(data, where)
     joints = _HierarchyParser(header, where).parse()
     rows, fps, notes = _read_motion(motion, sum(len(j.channels) for j in joints), where, line)
+    check_pose_bytes(len(rows), len(joints), len(data), where)
     return _assemble(joints, rows, fps, unit, name or Path(where).stem, where, notes)
 
 
@@ -218,8 +220,9 @@ def _assemble(
     parents = np.array([joint.parent for joint in joints], dtype=np.int64)
     translations = _translations(channels, rows, offsets)
     metres = UNITS[unit] if unit != "auto" else _likely_unit(parents, offsets, tips)
-    turning = [column for column, (_, channel) in enumerate(channels) if channel.endswith("rotation")]
-    steps = np.abs(np.diff(rows[:, turning], axis=0))
+    for path in translations.values():
+        path *= metres
+    rotations, angle_jumps = _turns(channels, orders, rows)
     return SourceMotion(
         name=name,
         where=where,
@@ -228,27 +231,40 @@ def _assemble(
         parents=parents,
         offsets_m=offsets * metres,
         tips_m=tips * metres,
-        rotations=rot.continuous(_rotations(channels, orders, rows)),
-        translations_m={joint: path * metres for joint, path in translations.items()},
+        rotations=rotations,
+        translations_m=translations,
         euler_orders=tuple(orders),
         metres_per_unit=metres,
-        angle_jumps=np.concatenate(([False], np.any(steps > _ANGLE_JUMP_DEG, axis=1))),
+        angle_jumps=angle_jumps,
         notes=tuple(notes),
     )
 
 
-def _rotations(channels: list[tuple[int, str]], orders: list[str], rows: Array) -> Array:
-    """Return (F, J, 4); joints with the same order of channels are computed together."""
-    rotations = rot.identity((len(rows), len(orders)))
+def _turns(channels: list[tuple[int, str]], orders: list[str], rows: Array) -> tuple[Array, Mask]:
+    """Return rotations (F, J, 4) and jumps (F,), computed block by block.
+
+    All at once takes several times their memory. Joints with the same order of channels are computed together.
+    """
+    rotations, jumps = np.empty((len(rows), len(orders), 4)), np.zeros(len(rows), dtype=np.bool_)
     columns: list[list[int]] = [[] for _ in orders]
     for column, (joint, channel) in enumerate(channels):
         if channel.endswith("rotation"):
             columns[joint].append(column)
-    for order in set(orders) - {""}:
-        turned = [joint for joint, own in enumerate(orders) if own == order]
-        angles = rows[:, [columns[joint] for joint in turned]]
-        rotations[:, turned] = rot.from_euler(np.radians(angles), order)
-    return rotations
+    turning = [column for own in columns for column in own]
+    groups = [[joint for joint, own in enumerate(orders) if own == order] for order in set(orders) - {""}]
+    step = max(_BLOCK // len(orders), 1)
+    for start in range(0, len(rows), step):
+        block = rows[start : start + step]
+        turned = rot.identity((len(block), len(orders)))
+        for joints in groups:
+            angles = block[:, [columns[joint] for joint in joints]]
+            turned[:, joints] = rot.from_euler(np.radians(angles), orders[joints[0]])
+        before = max(start - 1, 0)  # the frame that the block goes on from
+        whole = rot.continuous(np.concatenate((rotations[before:start], turned)))
+        rotations[start : start + step] = whole[start - before :]
+        steps = np.abs(np.diff(rows[before : start + step, turning], axis=0))
+        jumps[before + 1 : start + step] = np.any(steps > _ANGLE_JUMP_DEG, axis=1)
+    return rotations, jumps
 
 
 def _translations(channels: list[tuple[int, str]], rows: Array, offsets: Array) -> dict[int, Array]:

@@ -4,18 +4,25 @@ import shutil
 import tarfile
 import tempfile
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path, PurePosixPath
 
 from ...errors import FormatError
-from ...system.files import SLACK_BYTES, is_file, is_folder, reading
+from ...system.files import SLACK_BYTES, is_file, is_folder, read_bytes, reading
 
 MOTION_SUFFIXES = frozenset((".bvh", ".amc"))
 _USED_SUFFIXES = MOTION_SUFFIXES | {".asf"}
 _INDEX_NAME = "index.tsv"
 _MOST_TIMES = 50  # an archive's files by its own bytes; motion as text is packed to a fifth, to a twentieth at best
+_FEW_MEMBERS, _MEMBER_BYTES = 1000, 256  # of an archive: always allowed, and its own bytes for each further one
+_MOST_NAME = 1 << 16  # bytes of a long name or further facts of a file in a tar archive
+_MOST_INDEX = 4 << 20
+_NAME_TYPES = frozenset((*tarfile.GNU_TYPES, tarfile.XHDTYPE, tarfile.XGLTYPE, tarfile.SOLARIS_XHDTYPE)) - {
+    tarfile.GNUTYPE_SPARSE
+}
 _TAR_SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
 
 
@@ -87,7 +94,8 @@ def _is_used(name: str) -> bool:
 def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     with zipfile.ZipFile(source) as archive:
-        _check_size(source, sum(member.file_size for member in archive.infolist()))
+        _check_count(source, len(archive.infolist()))
+        check_unpacked_size(source, sum(member.file_size for member in archive.infolist()))
         for member in archive.infolist():
             if not member.is_dir() and _is_used(member.filename):
                 target = _target(scratch, len(found), member.filename)
@@ -99,11 +107,12 @@ def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
 
 def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
-    with tarfile.open(source, mode="r|*") as archive:  # as a stream: compressed archives cannot go back
+    # as a stream: compressed archives cannot go back
+    with tarfile.open(source, mode="r|*", tarinfo=_counted_headers(source)) as archive:
         size = 0
         for member in archive:
             size += member.size
-            _check_size(source, size)
+            check_unpacked_size(source, size)
             packed = archive.extractfile(member) if member.isfile() and _is_used(member.name) else None
             if packed is not None:
                 target = _target(scratch, len(found), member.name)
@@ -113,7 +122,29 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     return found
 
 
-def _check_size(source: Path, size: int) -> None:
+def _counted_headers(source: Path) -> type[tarfile.TarInfo]:
+    """Return a class of tar headers that refuses too many, and endless names."""
+    numbers = count(1)
+
+    class Header(tarfile.TarInfo):
+        @classmethod
+        def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> "Header":
+            _check_count(source, next(numbers))
+            header = super().frombuf(buf, encoding, errors)
+            if header.type in _NAME_TYPES and header.size > _MOST_NAME:  # read whole at once
+                raise ValueError(f"a file's name of {header.size} bytes")
+            return header
+
+    return Header
+
+
+def _check_count(source: Path, members: int) -> None:
+    if members > _FEW_MEMBERS + source.stat().st_size // _MEMBER_BYTES:
+        raise FormatError("holds far more files than its own size", where=str(source), advice="give them in a folder")
+
+
+def check_unpacked_size(source: Path, size: int) -> None:
+    """Raise FormatError where an archive holds far more than its own size."""
     if size > _MOST_TIMES * source.stat().st_size + SLACK_BYTES:
         raise FormatError("holds far more than its own size", where=str(source), advice="give its files in a folder")
 
@@ -124,7 +155,7 @@ def _target(scratch: Path, number: int, name: str) -> Path:
 
 
 def _pair_skeletons(found: dict[str, Path]) -> list[MotionFile]:
-    skeletons = {name: path for name, path in found.items() if name.lower().endswith(".asf")}
+    skeletons = SkeletonNames(name for name in found if name.lower().endswith(".asf"))
     descriptions: dict[str, str] = {}
     for name, path in found.items():
         if PurePosixPath(name).name == _INDEX_NAME:
@@ -133,34 +164,47 @@ def _pair_skeletons(found: dict[str, Path]) -> list[MotionFile]:
     seen: set[Path] = set()
     for name, path in found.items():
         pure = PurePosixPath(name)
-        if pure.suffix.lower() not in MOTION_SUFFIXES or path.resolve() in seen:
+        suffix = pure.suffix.lower()
+        if suffix not in MOTION_SUFFIXES or (resolved := path.resolve()) in seen:
             continue
-        seen.add(path.resolve())
-        skeleton = find_skeleton(name, list(skeletons)) if pure.suffix.lower() == ".amc" else None
-        files.append(MotionFile(name, path, skeletons[skeleton] if skeleton else None, descriptions.get(pure.stem, "")))
+        seen.add(resolved)
+        skeleton = skeletons.of(name) if suffix == ".amc" else None
+        files.append(MotionFile(name, path, found[skeleton] if skeleton else None, descriptions.get(pure.stem, "")))
     return files
 
 
-def find_skeleton(motion: str, skeletons: Sequence[str]) -> str | None:
-    """Return the ASF name that belongs to an AMC name.
+class SkeletonNames:
+    """Names of ASF files, to be found by the names of their AMC files."""
 
-    First in its folder, then anywhere: the same stem, or the stem up to the last underscore ("14_02" -> "14");
-    otherwise the only one of its folder.
-    """
-    pure = PurePosixPath(motion)
-    stems = (pure.stem.lower(), pure.stem.rsplit("_", 1)[0].lower())
-    beside = [name for name in skeletons if PurePosixPath(name).parent == pure.parent]
-    for candidates in (beside, list(skeletons)):
-        for stem in stems:
-            for name in candidates:
-                if PurePosixPath(name).stem.lower() == stem:
-                    return name
-    return beside[0] if len(beside) == 1 else None
+    def __init__(self, names: Iterable[str]) -> None:
+        self._anywhere: dict[str, str] = {}  # by stem, the first name
+        self._folders: dict[PurePosixPath, dict[str, str]] = {}  # of each folder by stem
+        self._only: dict[PurePosixPath, str | None] = {}  # the only name of a folder, None for several
+        for name in names:
+            pure = PurePosixPath(name)
+            stem = pure.stem.lower()
+            self._anywhere.setdefault(stem, name)
+            self._folders.setdefault(pure.parent, {}).setdefault(stem, name)
+            self._only[pure.parent] = None if pure.parent in self._only else name
+
+    def of(self, motion: str) -> str | None:
+        """Return the name that belongs to an AMC name.
+
+        First in its folder, then anywhere: the same stem, or the stem up to the last underscore ("14_02" -> "14");
+        otherwise the only one of its folder.
+        """
+        pure = PurePosixPath(motion)
+        stems = (pure.stem.lower(), pure.stem.rsplit("_", 1)[0].lower())
+        for table in (self._folders.get(pure.parent, {}), self._anywhere):
+            for stem in stems:
+                if stem in table:
+                    return table[stem]
+        return self._only.get(pure.parent)
 
 
 def _descriptions(path: Path) -> dict[str, str]:
     """Return trial -> description of a table with columns of these names."""
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = read_bytes(path, _MOST_INDEX).decode("utf-8", "replace").splitlines()
     header = lines[0].lower().split("\t") if lines else []
     if "trial" not in header or "description" not in header:
         return {}

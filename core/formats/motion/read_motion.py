@@ -15,11 +15,11 @@ from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Mask, runs
 from ...retarget.to_standard_skeleton import to_standard_skeleton
-from ...system.files import read_bytes
+from ...system.files import is_folder, read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
 from .asf import AsfFile, read_asf
 from .bvh import read_bvh
-from .motion_sources import find_skeleton
+from .motion_sources import SkeletonNames
 
 _NOT_FINITE = "numbers that are not finite"
 
@@ -106,8 +106,8 @@ def _finite_ranges(finite: Mask, where: str) -> tuple[list[tuple[int, int]], lis
 
 def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     if skeleton is None:
-        beside = [str(p) for p in path.parent.glob("*") if p.suffix.lower() == ".asf"]
-        found = find_skeleton(str(path), beside)
+        changed = path.parent.stat().st_mtime_ns if is_folder(path.parent) else 0
+        found = _skeletons_beside(path.parent, changed).of(path.as_posix())
         if found is None:
             raise FormatError(
                 "has no skeleton: no .asf file beside it fits", where=str(path), advice="give --skeleton FILE.asf"
@@ -124,6 +124,12 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
             motion = to_standard_skeleton(source_of_motion(motion, str(path)))
         parts.append(MotionPart(motion, start, jumps[start:stop]))
     return MotionParts(tuple(parts), tuple(gaps))
+
+
+@lru_cache(maxsize=8)
+def _skeletons_beside(folder: Path, changed: int) -> SkeletonNames:
+    """List skeleton files once for many motions; `changed`: modification time."""
+    return SkeletonNames(path.as_posix() for path in folder.glob("*") if path.suffix.lower() == ".asf")
 
 
 @lru_cache(maxsize=8)

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from ...errors import TakeError
 from ...system.files import writing
+from ...system.lock import is_locked, lock
+from ...system.outputs import check_no_input
 from .chunks import ChunkKind, encode_chunk
 from .footer import Footer, find_footer
-from .lock import is_locked, lock
 from .reading import TakeFile
 from .setup import TakeNotes
 from .whole import take_facts, write_chunks
@@ -50,12 +51,11 @@ def recover(take: TakeFile, path: Path | str) -> None:
     """Write the intact part of a take as a complete take.
 
     Raises:
-        TakeError: the take is being recorded, `path` is its own file, or its set-up is lost.
-        FormatError: `path` cannot be written.
+        TakeError: the take is being recorded, or its set-up is lost.
+        FormatError: `path` cannot be written, or is the take's own file.
     """
     path = Path(path)
-    if path.exists() and path.samefile(take.path):
-        raise TakeError("would be overwritten", where=str(path), advice="give another name")
+    check_no_input(path, [take.path])
     if is_locked(take.path):
         raise TakeError("is being recorded", where=str(take.path), advice="wait for the end of the capture")
     _ = take.setup

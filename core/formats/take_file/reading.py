@@ -10,7 +10,7 @@ from ...body.scene_pose import PerformerPose, ScenePose
 from ...errors import CaptureError, TakeError
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import unpack_stamped
-from ...system.files import open_foreign, read_bytes, reading
+from ...system.files import exists, open_foreign, read_bytes, reading
 from .chunks import (
     HEADER_BYTES,
     PREAMBLE_BYTES,
@@ -28,6 +28,7 @@ from .setup import TakeNotes, TakeSetup, json_object
 
 ENDING = ".perftake"
 
+_LONGEST_STEM = 200  # bytes of a file's name without its ending, which may have some more
 _RECOVER = "perfanim take recover writes the intact part as a complete take"
 
 
@@ -179,12 +180,11 @@ def take_name(path: Path | str) -> str:
 
 
 def unused_path(folder: Path, name: str) -> Path:
-    """Return an unused path in a folder for a take of that name."""
-    stem = (
-        "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name).strip(". ") or "take"
-    )
+    """Return an unused path in a folder for a take of that name, a long one cut."""
+    stem = "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name)
+    stem = stem.encode("utf-8", "replace")[:_LONGEST_STEM].decode("utf-8", "ignore").strip(". ") or "take"
     path, count = folder / f"{stem}{ENDING}", 2
-    while path.exists():
+    while exists(path):
         path, count = folder / f"{stem} ({count}){ENDING}", count + 1
     return path
 

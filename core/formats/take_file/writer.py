@@ -20,9 +20,9 @@ from ...errors import FormatError, PerfanimError, TakeError
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...system.files import atomic_path
+from ...system.lock import lock
 from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
 from .footer import Footer
-from .lock import lock
 from .reading import take_name, unused_path
 from .setup import TakeNotes, TakeSetup
 

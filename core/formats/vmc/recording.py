@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...body.motion import MOST_FPS, Motion
+from ...body.motion import LEAST_FPS, MOST_FPS, Motion
 from ...errors import TakeError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
@@ -103,7 +103,8 @@ class Recording:
         is_steady = len(clocks_s) == len(frames) and bool(np.all(np.diff(clocks_s) > 0.0))
         for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
             from_first_s = times_s - times_s[0]
-            fps = min(frame_rate(from_first_s, np.arange(len(frames))), MOST_FPS)  # packets may come all at once
+            rate = frame_rate(from_first_s, np.arange(len(frames)))
+            fps = float(np.clip(rate, LEAST_FPS, MOST_FPS))  # packets may come all at once
             if from_first_s[-1] * fps < _MOST_LOST * len(frames):
                 return frames, from_first_s, fps
         raise TakeError(

@@ -13,10 +13,11 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...formats.motion.bvh import write_bvh
+from ...geometry.npz import write_arrays
 from ...geometry.rig_file import save_rig
 from ...markers.marker_take import MarkerTake, save_take
 from ...markers.subject import save_subject
-from ...system.files import atomic_path, writing
+from ...system.files import writing
 from ...system.progress import Progress, no_progress
 from .boards import DEFAULT_BOARD, board_pictures
 from .render import FrameTruth
@@ -100,12 +101,14 @@ def _write_board(source: SimulatedSource, folder: Path, files: RecordingFiles, p
             for name, image in zip(names, picture.images, strict=True):
                 cv2.imwrite(str(folder / "board" / name / f"{picture.number:03d}.png"), image)
             rows.append(picture)
-    _save_arrays(
+    write_arrays(
         folder / "truth" / "board_truth.npz",
-        corners_px=np.array([row.corners for row in rows]),
-        world_from_board=np.array([row.pose.world_from_board for row in rows]),
-        positions_m=np.array([row.pose.position_m for row in rows]),
-        points_m=DEFAULT_BOARD.points_m,
+        {
+            "corners_px": [row.corners for row in rows],
+            "world_from_board": [row.pose.world_from_board for row in rows],
+            "positions_m": [row.pose.position_m for row in rows],
+            "points_m": DEFAULT_BOARD.points_m,
+        },
     )
 
 
@@ -155,24 +158,21 @@ def _write_truth(source: SimulatedSource, folder: Path, truths: list[FrameTruth]
         times_s=np.array([truth.time_s for truth in truths]),
     )
     save_take(take, folder / "markers.take.npz")
-    _save_arrays(
+    write_arrays(
         folder / "image_truth.npz",
-        cameras=np.array([camera.name for camera in source.rig.cameras]),
-        markers=np.array(source.performance.marker_names),
-        pixels=np.array([truth.pixels for truth in truths]),
-        radii_px=np.array([truth.radii_px for truth in truths]),
-        visible=np.array([truth.visible for truth in truths]),
-        times_s=np.array([truth.time_s for truth in truths]),
-        time_offsets_s=np.array(_time_offsets_s(source)),
-        rolling_shutter_s=np.array(source.renderer.settings.rolling_shutter_s),
+        {
+            "cameras": [camera.name for camera in source.rig.cameras],
+            "markers": source.performance.marker_names,
+            "pixels": [truth.pixels for truth in truths],
+            "radii_px": [truth.radii_px for truth in truths],
+            "visible": [truth.visible for truth in truths],
+            "times_s": [truth.time_s for truth in truths],
+            "time_offsets_s": _time_offsets_s(source),
+            "rolling_shutter_s": source.renderer.settings.rolling_shutter_s,
+        },
     )
 
 
 def _time_offsets_s(source: SimulatedSource) -> list[float]:
     """Return how much later than the videos' frames say each camera takes its images."""
     return [source.renderer.settings.time_offset_s(i) for i in range(len(source.rig))]
-
-
-def _save_arrays(path: Path, **arrays: Any) -> None:
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)

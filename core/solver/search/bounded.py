@@ -91,7 +91,7 @@ class BoundedSearch:
             near = self._near = self._near_frames(query, bounds, limit, rounding)
             if near is None:  # single rows cost more than all in their order
                 return self._frames.nearest(query, count)
-        frames = near.frames[times(near.rows, factors) + np.float32(squares) <= limit]
+        frames = near.frames[times(near.rows, factors) <= np.float32(limit - squares)]
         chosen, distances = closest(self._frames.distances(query, frames), count)
         return frames[chosen], distances
 

@@ -26,6 +26,14 @@ class Query:
     marker_weight: float
     pose_weight: float
 
+    @cached_property
+    def single_precision(self) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Markers (3 M,), 0 where hidden, weights of these, and the pose if it counts."""
+        seen = np.isfinite(self.markers_m.ravel())
+        target = np.where(seen, self.markers_m.ravel(), 0.0).astype(np.float32)
+        pose = self.pose.astype(np.float32) if self.pose is not None and self.pose_weight > 0.0 else None
+        return target, seen * np.float32(self.marker_weight), pose
+
 
 class Search(Protocol):
     """A search of the closest database frames.
@@ -89,10 +97,7 @@ class ExhaustiveSearch:
 
     def distances(self, query: Query, frames: IntArray | slice = slice(None)) -> FloatArray:
         """Return the Eq. 2 distances of frames."""
-        seen = np.isfinite(query.markers_m.ravel())
-        target = np.where(seen, query.markers_m.ravel(), 0.0).astype(np.float32)
-        weights = seen * np.float32(query.marker_weight)
-        pose = query.pose.astype(np.float32) if query.pose is not None and query.pose_weight > 0.0 else None
+        target, weights, pose = query.single_precision
         if not isinstance(frames, slice):
             away = self._markers.take(frames, axis=0)
             away -= target

@@ -20,9 +20,15 @@ _TEARS, _TEARS_S = 2, 0.5  # torn images, and within which time they are reporte
 
 
 class CameraHealth:
-    """Health of a camera: frozen, gone, black, changed, torn, or repeating an image."""
+    """Health of a camera: frozen, gone, black, changed, torn, or repeating an image.
 
-    def __init__(self, title: str, period_s: float, now_s: float, shape: tuple[int, ...]) -> None:
+    Args:
+        is_compressed: an encoder copies rows of the last image as it likes, so torn images are not looked for.
+    """
+
+    def __init__(
+        self, title: str, period_s: float, now_s: float, shape: tuple[int, ...], is_compressed: bool = False
+    ) -> None:
         self._title = title
         self._period_s, self._shape = period_s, shape
         self._patience_s = max(_SILENT_S, _SILENT_PERIODS * period_s)
@@ -34,6 +40,7 @@ class CameraHealth:
         self._often_since_s: float | None = None
         self._is_resized = False
         self._tears = _TearWatch()
+        self._is_compressed = is_compressed
 
     def update(self, time_s: float, image: Image) -> bool:
         """Take the next image; return whether it shows something new."""
@@ -42,7 +49,8 @@ class CameraHealth:
         self._last_s, self._is_resized = time_s, image.shape != self._shape
         same_rows = _same_rows(self._last, image)
         repeated = self._last is not None and bool(same_rows.all()) and np.array_equal(self._last, image)
-        self._tears.update(time_s, same_rows)
+        if not self._is_compressed:
+            self._tears.update(time_s, same_rows)
         brightest = int(image.max())
         black = self._has_shown and brightest < _BLACK_LEVEL
         self._has_shown = self._has_shown or brightest >= _CONTRAST * _BLACK_LEVEL

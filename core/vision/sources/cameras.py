@@ -1,4 +1,4 @@
-"""Cameras by device number as a source."""
+"""Cameras by device number, or by address on a network, as a source."""
 
 import threading
 import time
@@ -14,6 +14,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
+from .addresses import open_address
 from .camera_controls import CameraControls, apply_controls
 from .device_names import device_numbers
 from .image_set import ClosableSource, ImageSet
@@ -29,6 +30,8 @@ _ALL_LOST_S = 10.0
 _NEVER_USABLE_S = 5.0
 _JOIN_S = 0.5
 _SAME_CLOCK_S = 1.0
+_STREAM_OPENS_MS = 5000
+_STREAM_STALLS_MS = 1000  # then its connection may be gone: another is made
 
 
 class CameraSource(ClosableSource):
@@ -37,11 +40,13 @@ class CameraSource(ClosableSource):
     Each camera is read by a thread of its own, so that one that freezes holds up no other. Images are stamped by the
     driver where its clock is ours, else when they come. Frames are numbered by these times, so that a number left out
     is a frame that was lost. A camera that freezes, is gone, black or repeats its image is named in the sets' notes and
-    skipped until it is back; a lost one is opened again twice a second.
+    skipped until it is back; a lost one is opened again twice a second, so is one on a network that gave nothing for a
+    second.
 
     Args:
-        devices: device numbers (or stream addresses), one per camera.
+        devices: device numbers or addresses, one per camera.
         size: (width, height) asked for, or None for the camera's default.
+        fps: rate asked for; that of cameras on a network, which may tell a wrong one.
 
     Attributes:
         warnings: what a camera did not take.
@@ -77,14 +82,15 @@ class CameraSource(ClosableSource):
             for device, reader in zip(devices, self._readers, strict=True)
             if reader.refused
         )
-        rate = self._readers[0].fps
+        self._are_streams = [isinstance(device, str) for device in devices]
+        rate = fps if fps is not None and self._are_streams[0] else self._readers[0].fps
         self.fps = rate if 1.0 <= rate <= 1000.0 else (fps or 30.0)
 
     def __iter__(self) -> Iterator[ImageSet]:
         """Yield image sets until `close`."""
         start_s = last_s = time.perf_counter()
         shapes = [reader.shape for reader in self._readers]
-        pairing = ImagePairing(shapes, self._names, 1.0 / self.fps, 0.0)
+        pairing = ImagePairing(shapes, self._names, 1.0 / self.fps, 0.0, self._are_streams)
         for reader in self._readers:
             reader.begin()
         while not self._closed:
@@ -210,13 +216,15 @@ class _Reader:
 
 def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) -> tuple[Any, Image]:
     """Return an open camera and an image of it."""
-    capture = cv2.VideoCapture(device)
+    if isinstance(device, str):
+        capture = open_address(device, _STREAM_OPENS_MS, _STREAM_STALLS_MS)
+        advice = "check the address, also in a web browser or player, and that the camera is switched on"
+    else:
+        capture = cv2.VideoCapture(device)
+        advice = "check that it is plugged in, that no other program uses it and that this one may use cameras"
     if not capture.isOpened():
         capture.release()
-        raise CaptureError(
-            f"camera {device} does not open",
-            advice="check that it is plugged in, that no other program uses it and that this one may use cameras",
-        )
+        raise CaptureError(f"camera {device} does not open", advice=advice)
     if size is not None:
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])

@@ -12,10 +12,12 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
-from ...system.files import atomic_path, is_file, is_folder, open_foreign
+from ...system.files import atomic_path, is_file, is_folder, read_bytes, reading
+from .image_header import check_image_size, image_size
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
+_MOST_IMAGE = 128 << 20  # bytes of a picture's file
 _DIGITS = re.compile(r"\d+")
 
 
@@ -114,13 +116,15 @@ def write_image(path: Path | str, image: Image) -> None:
 
 
 def read_image(path: Path) -> Image:
-    """Return a BGR image; CaptureError when the file is missing or not an image."""
-    try:
-        with open_foreign(path, CaptureError) as file:  # not cv2.imread: it cannot open every path on Windows
-            data = np.frombuffer(file.read(), dtype=np.uint8)
-        image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    except cv2.error:  # more pixels than OpenCV allows
-        image = None
-    if image is None:
-        raise CaptureError("is not a readable image", where=str(path), advice="export it again")
+    """Return a BGR image.
+
+    Raises:
+        CaptureError: the file is missing, not an image, or small with a huge number of pixels.
+    """
+    with reading(path, CaptureError, "export it again", "is not a readable image"):
+        data = read_bytes(path, _MOST_IMAGE, CaptureError)  # not cv2.imread: it cannot open every path on Windows
+        check_image_size(image_size(data), len(data), str(path))
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
+        if image is None:
+            raise ValueError("damaged")
     return np.asarray(image, dtype=np.uint8)

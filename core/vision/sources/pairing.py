@@ -23,13 +23,24 @@ class ImagePairing:
 
     Args:
         now_s: time on the clock that the images' times are read from.
+        compressed: per camera whether its images come compressed; empty: none.
     """
 
-    def __init__(self, shapes: Sequence[tuple[int, ...]], names: Sequence[str], period_s: float, now_s: float) -> None:
+    def __init__(
+        self,
+        shapes: Sequence[tuple[int, ...]],
+        names: Sequence[str],
+        period_s: float,
+        now_s: float,
+        compressed: Sequence[bool] = (),
+    ) -> None:
         self._black = [np.zeros(shape, dtype=np.uint8) for shape in shapes]
         self._period_s = period_s
         self._held: list[deque[tuple[float, Image, bool]]] = [deque(maxlen=_HELD) for _ in shapes]
-        self._watches = [CameraHealth(camera_title(i, names), period_s, now_s, shape) for i, shape in enumerate(shapes)]
+        self._watches = [
+            CameraHealth(camera_title(i, names), period_s, now_s, shape, is_compressed)
+            for i, (shape, is_compressed) in enumerate(zip(shapes, compressed or [False] * len(shapes), strict=True))
+        ]
         self._clocks = [SteadyClock() for _ in shapes]
         self._number = -1
         self._last_s = -np.inf

@@ -2,7 +2,7 @@
 
 Kinds: {"kind": "simulated", ...} (see `simulate.studio.open_simulated`), {"kind": "videos", "paths": [...]},
 {"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480], "controls": [{...}, ...]}
-(see `CameraControls`); all take "fps".
+(see `CameraControls`); all take "fps". A device, or a video's path, may be the address of a network camera.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,9 +12,10 @@ from typing import Any, Protocol
 from ...errors import CaptureError, SettingsError
 from ...geometry.arrays import Image
 from ...system.files import is_file, is_folder
+from .addresses import is_address, is_stream
 from .cameras import CameraSource
 from .images import ImageFileSource, is_image_pattern
-from .videos import VideoSource, is_stream
+from .videos import VideoSource
 
 
 class ImageSetLike(Protocol):
@@ -57,7 +58,8 @@ def open_image_source(
 ) -> SampledSource:
     """Return a source from one text per camera: file, folder, pattern, device, stream.
 
-    Cameras by device number deliver images of `size` (width, height), that of their calibration.
+    Cameras by device number deliver images of `size` (width, height), that of their calibration; a network camera is
+    read like one.
 
     Raises:
         CaptureError: a text is none of these, or they are not all of one kind.
@@ -68,20 +70,34 @@ def open_image_source(
         raise CaptureError(
             "the cameras' sources are of different kinds: "
             + ", ".join(f"{text} ({kind})" for text, kind in zip(texts, kinds, strict=True)),
-            advice="give two videos, two folders or patterns of images, or two device numbers",
+            advice="give two videos, two folders or patterns of images, or two device numbers or addresses",
         )
     if kinds[0] == "cameras":
-        return CameraSource([int(text) for text in texts], size, fps)
+        return CameraSource([text if is_stream(text) else int(text) for text in texts], size, fps)
     if kinds[0] == "videos":
         return VideoSource(texts, fps or 30.0)
     return ImageFileSource(texts, fps or 30.0)
 
 
+def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource:
+    """Return a source from films, or from addresses of network cameras.
+
+    Raises:
+        CaptureError: they are of both kinds, or cannot be opened.
+    """
+    streams = [path for path in paths if is_stream(path)]
+    if not streams:
+        return VideoSource(paths, fps or 30.0)
+    if len(streams) < len(paths):
+        raise CaptureError("is a camera, the other source a film", where=streams[0], advice="give two of one kind")
+    return CameraSource(streams, None, fps)
+
+
 def _kind(text: str) -> str:
     if text.isdecimal() and len(text) < 6:
         return "cameras"
-    if is_stream(text):
-        return "videos"
+    if is_address(text):
+        return "cameras" if is_stream(text) else "videos"
     if is_image_pattern(text):
         return "images"
     if is_file(text):

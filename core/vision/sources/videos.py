@@ -1,4 +1,4 @@
-"""Video files and streams as a source."""
+"""Video files as a source."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
@@ -11,16 +11,13 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import is_file
+from .addresses import is_address, open_address
 from .camera_watch import is_repeated
+from .image_header import check_image_size
 from .image_set import ClosableSource, ImageSet, next_number
 
 _SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
-_STREAM_PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
-
-
-def is_stream(address: str) -> bool:
-    """Return whether an address is a network stream."""
-    return address.lower().startswith(_STREAM_PREFIXES)
+_NO_ANSWER_MS = 10000  # after which a film behind an address is given up
 
 
 class VideoSource(ClosableSource):
@@ -30,7 +27,7 @@ class VideoSource(ClosableSource):
     one video lacks, or shows twice while another goes on, is not usable there; `warnings` counts them afterwards.
 
     Args:
-        paths: video files or stream addresses, one per camera.
+        paths: video files or addresses of films, one per camera.
         fps: rate to assume where a file does not tell it.
 
     Raises:
@@ -45,7 +42,7 @@ class VideoSource(ClosableSource):
         counts, rates = [], []
         for path in self._paths:
             capture = _open(path)
-            counts.append(0 if is_stream(path) else int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+            counts.append(max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0))
             rates.append(float(capture.get(cv2.CAP_PROP_FPS)))
             capture.release()
         if len(set(counts)) > 1 and min(counts) > 0:
@@ -114,7 +111,7 @@ class VideoSource(ClosableSource):
         return tuple(found)
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield images of up to `count` moments spread over files (none for streams)."""
+        """Yield images of up to `count` moments spread over files of known length."""
         if self.frames <= 0:
             return
         wanted = {int(i) for i in np.linspace(0, self.frames - 1, count)}
@@ -165,12 +162,17 @@ class _Reader:
 
 
 def _open(path: str) -> Any:
-    if not is_stream(path) and not is_file(path):
+    if is_address(path):
+        capture = open_address(path, _NO_ANSWER_MS, _NO_ANSWER_MS)
+    elif is_file(path):
+        capture = cv2.VideoCapture(path)
+    else:
         raise CaptureError("there is no such video", where=path, advice="check the path")
-    capture = cv2.VideoCapture(path)
     if not capture.isOpened():
         capture.release()
         raise CaptureError("cannot be opened as a video", where=path, advice="use MP4 (H.264) or AVI (MJPEG)")
+    size = (int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+    check_image_size(size, 0 if is_address(path) else Path(path).stat().st_size, path)
     return capture
 
 

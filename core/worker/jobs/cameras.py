@@ -23,8 +23,9 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
+from ...geometry.npz import read_arrays, write_arrays
 from ...geometry.rig_file import rig_from
-from ...system.files import atomic_path
+from ...system.files import reading
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
 from ...vision.live import live_frames, live_settings
@@ -103,8 +104,7 @@ def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tupl
         if takes_place and kept.is_file():
             pipeline.set_backgrounds(_read_backgrounds(kept))
         else:
-            seconds = float(request.get("background_s", 2.0))
-            if learned := learn_room(source, str(spec.get("kind", "")), seconds, channel):
+            if learned := learn_room(source, request, channel):
                 pipeline.set_backgrounds(learned)
             if kept.name:
                 _keep_backgrounds(pipeline, kept)
@@ -117,14 +117,14 @@ def _keep_backgrounds(pipeline: MarkerPipeline, path: Path) -> None:
     known = [background for background in pipeline.backgrounds if background is not None]
     arrays = [array for background in known for array in (background.mean, background.deviation)]
     if len(known) == len(pipeline.backgrounds):
-        with atomic_path(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, *arrays)
+        write_arrays(path, {str(number): array for number, array in enumerate(arrays)}, packed=False)
 
 
 def _read_backgrounds(path: Path) -> list[Background]:
-    with np.load(path) as arrays:
-        pairs = [(arrays[f"arr_{i}"], arrays[f"arr_{i + 1}"]) for i in range(0, len(arrays.files), 2)]
-    return [Background(mean, deviation) for mean, deviation in pairs]
+    with reading(path, CaptureError, "start the capture again", "holds no backgrounds"):
+        kept = read_arrays(path, CaptureError)
+        arrays = [kept[str(number)].astype(np.float32) for number in range(len(kept))]
+        return [Background(mean, deviation) for mean, deviation in zip(arrays[::2], arrays[1::2], strict=True)]
 
 
 def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
@@ -147,16 +147,16 @@ def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
     return rig
 
 
-def learn_room(source: Any, kind: str, seconds: float, channel: Channel) -> list[Background]:
-    """Return the learned backgrounds of the cameras; none of a stream.
+def learn_room(source: Any, request: Mapping[str, Any], channel: Channel) -> list[Background]:
+    """Return the learned backgrounds of the cameras; none of a film of unknown length.
 
     Raises:
         Stopped: a stop was requested meanwhile. PerfanimError: the source gives no images.
     """
-    if kind == "simulated":
+    if is_simulated(request):
         return learn_backgrounds(_report_learning(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
-    if kind == "cameras":
-        count = max(2, round(seconds * source.fps))
+    if is_live(request):
+        count = max(2, round(float(request.get("background_s", 2.0)) * source.fps))
         return learn_backgrounds(_report_learning(source.samples(count), count, ": stay out of sight", channel))
     moments = list(_report_learning(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
     return [background_from_take(column) for column in zip(*moments, strict=True)]

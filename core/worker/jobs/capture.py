@@ -27,6 +27,7 @@ from ...markers.subject import subject_from
 from ...session.pose_filters import FilterSettings, PoseFilter
 from ...simulate.studio.rig import default_rig
 from ...solver.settings import SolveSettings
+from ...system.files import reading
 from ..channel import Channel
 from ..client import WorkerClient
 from ..restart_point import RestartPoint
@@ -89,13 +90,11 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
 def _setup(
     request: Mapping[str, Any], cameras: Mapping[str, Any], database: Database
 ) -> tuple[TakeSetup, SolveSettings]:
-    given = request.get("settings", {})
-    try:
+    given = request.get("settings") or {}
+    with reading("solver", SettingsError, "choose the method again"):
         settings = SolveSettings.of_table(given)
-    except TypeError as error:
-        raise SettingsError(str(error), where="solver") from error
     performers = [subject_from(table, "performer") for table in request["performers"]]
-    props = [prop_from(table, "prop") for table in request.get("props", ())]
+    props = [prop_from(table, "prop") for table in request.get("props") or ()]
     asked = {key: value for key, value in cameras.items() if key != "rig"}  # which the take has beside it
     return TakeSetup.of(_rig(cameras), performers, given, identity(database), asked, props), settings
 
@@ -116,7 +115,7 @@ def _output(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, 
     """Return the output to Blender, and by VMC if the request names a program."""
     floor_m = floor_of(setup.camera_rig()) if cameras.get("rig") else 0.0  # the simulated performer's is known
     skeletons = [subject.skeleton for subject in setup.subjects()]
-    shaper = PoseFilter(skeletons, floor_m, FilterSettings.of_table(request.get("shape", {})))
+    shaper = PoseFilter(skeletons, floor_m, FilterSettings.of_table(request.get("shape") or {}))
     ahead = _POSES_AHEAD if is_simulated(cameras) else None
     if not request.get("vmc"):
         return PoseOutput(shaper, channel, ahead)

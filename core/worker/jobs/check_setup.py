@@ -64,10 +64,9 @@ def _check_source(request: Mapping[str, Any], channel: Channel) -> tuple[list[Fi
     rig = rig_from(request["rig"], "calibration") if request.get("rig") else None
     channel.send_status("opening the cameras")
     with closing(open_source(spec)) as source:
-        kind, seconds = str(spec.get("kind", "")), float(request.get("background_s", 2.0))
-        backgrounds = learn_room(source, kind, seconds, channel)
+        backgrounds = learn_room(source, request, channel)
         if not backgrounds:
-            raise CaptureError("a stream does not show the empty room", advice="choose cameras, or files")
+            raise CaptureError("a film of unknown length cannot be looked through", advice="choose cameras, or files")
         images = iter(source)
         if is_live(request):
             count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS["t"])

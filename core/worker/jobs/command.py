@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from ...cli.guarded_run import guarded_run
 from ...cli.main import COMMANDS, build_parser
 from ...errors import CaptureError
 from ..channel import Channel
@@ -23,4 +24,4 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
             raise CaptureError("stopped", where=" ".join(arguments[:2]))
         channel.send_status(text, fraction)
 
-    channel.send_result(options.run(options, progress))
+    channel.send_result(guarded_run(options, progress))

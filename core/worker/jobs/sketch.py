@@ -9,11 +9,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...database.store import open_database
-from ...errors import PerfanimError
+from ...errors import PerfanimError, SkeletonError
 from ...markers.subject import skeleton_from
 from ...sketch.sketch_messages import motion_table, settings_from, sketch_from, solution_table
 from ...sketch.solve_sketch import SketchSolver
+from ...system.files import reading
 from ..channel import Channel, Stopped
+from ..requests import check_request
 
 
 class _OutdatedError(Exception):
@@ -24,14 +26,17 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """Solve the request's sketch; live, go on until Blender closes the connection.
 
     Raises:
-        PerfanimError: the database is unusable; not live, the sketch cannot be solved.
+        PerfanimError: the database is unusable, or a request damaged; not live, the sketch cannot be solved.
     """
     channel.send_status("opening the database", 0.0)
-    solver = SketchSolver(skeleton_from(request["skeleton"]), open_database(request["database"]))
+    with reading("sketch", SkeletonError, "choose the character again"):
+        skeleton = skeleton_from(request["skeleton"])
+    solver = SketchSolver(skeleton, open_database(request["database"]))
     if not request.get("live"):
         _solve(solver, request, channel, is_live=False)
         return
     while request:
+        check_request("sketch edit", request)
         try:
             _solve(solver, request, channel, is_live=True)
         except PerfanimError as error:  # the next edit may mend it

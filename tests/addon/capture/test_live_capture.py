@@ -36,7 +36,9 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
             bpy.context.scene.frame_set(frame)
             np.testing.assert_array_equal(bone.rotation_quaternion, before)
         overlay = part("viewport.overlay")
-        assert overlay._state.handler is None
+        assert overlay._state.parts == {"MARKERS"}
+        bpy.context.scene.perfanim.overlay = set()
+        tick_until(capture, lambda: overlay._state.handler is None)
         bpy.context.scene.perfanim.overlay = {"SKELETON"}
         count = len(capture.run.poses)
         tick_until(capture, lambda: len(capture.run.poses) > count + 5)
@@ -141,6 +143,7 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
     asked = {"take": "a.perftake"}
     setup = SimpleNamespace(performers=performers, props=(), request=asked, start=lambda _python: run)
     monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: setup)
+    bpy.context.scene.perfanim.overlay = set()  # there are no cameras
     return run
 
 

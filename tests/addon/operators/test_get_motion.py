@@ -1,14 +1,16 @@
 """Motion data from the network, as the button gets them."""
 
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import pytest
-from clicked import run_job
+from clicked import PATIENCE_S, run_job
 from file_site import motion_archive, serving
 from perfanim.core.database.store import open_database
+from perfanim.perfanim_addon.jobs.job import Job, command
 
 
 def asked(part: Any, **chosen: Any) -> tuple[Any, SimpleNamespace]:
@@ -34,6 +36,41 @@ def test_an_archive_from_an_address_is_used_at_once(part: Any, tmp_path: Path) -
         assert text.startswith(f"{database.frames:,} frames imported")
     finally:
         bpy.context.scene.perfanim.database = ""
+
+
+def test_stop_during_the_download_keeps_what_came_and_changes_nothing(part: Any, tmp_path: Path) -> None:
+    before = bpy.context.scene.perfanim.database
+    motion_archive(tmp_path / "walks.tar")
+    folder = part("operators.database")._folder()
+    limit = time.monotonic() + PATIENCE_S
+    with serving(tmp_path, pause_s=0.05) as address:
+        operator, dialog = asked(part, address=f"{address}/walks.tar")
+        running = Job(operator.title, operator.panel, command(operator.arguments(dialog, bpy.context)), None)
+        try:
+            while not running.fraction > 0.05:
+                running.tick()
+                assert not running.ended and time.monotonic() < limit
+                time.sleep(0.01)
+            assert "getting walks.tar" in running.text
+        finally:
+            running.close()  # as the button Stop does
+        assert running.ended and running.summary is None
+        assert {path.name for path in folder.iterdir()} == {".walks.tar.part", ".walks.tar.part.json"}
+        assert bpy.context.scene.perfanim.database == before
+    with serving(tmp_path) as address:
+        operator, dialog = asked(part, address=f"{address}/walks.tar")
+        try:
+            assert "frames imported" in run_job(part, operator, dialog)
+        finally:
+            bpy.context.scene.perfanim.database = before
+    assert [path.name for path in folder.iterdir()] == ["walks.tar"]
+
+
+def test_several_subjects_and_behaviours_are_taken(part: Any) -> None:
+    operator, dialog = asked(part, address="http://127.0.0.1:9/a.zip", only=" 09_*, boxing,,*walk* ")
+    arguments = operator.arguments(dialog, bpy.context)
+    included = [arguments[at + 1] for at, word in enumerate(arguments) if word == "--include"]
+    assert included == ["09_*", "boxing", "*walk*"]
 
 
 @pytest.mark.parametrize("chosen", [{"collection": "cmu"}, {"address": "https://example.org/walks.zip"}])

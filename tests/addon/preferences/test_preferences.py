@@ -160,3 +160,19 @@ def our_classes() -> Iterator[Any]:
             waiting += cls.__subclasses__()
             if cls.__name__.startswith("PERFANIM_") and cls.is_registered:
                 yield cls
+
+
+def test_files_that_killed_processes_left_are_removed_when_the_addon_starts(
+    addon: ModuleType, part: Any, preferences: Any, tmp_path: Path
+) -> None:
+    user_folder = part("preferences.paths").user_folder
+    own = [user_folder(kind) for kind in ("takes", "databases", "subjects", "props")]
+    preferences.takes_folder = str(tmp_path)
+    folders = [*own, tmp_path]
+    for folder in folders:
+        for name in (".walk.a1b2c3d4.toml", ".walk.toml.lock", "walk.toml"):
+            (folder / name).write_text("half")
+            os.utime(folder / name, (0.0, 0.0))
+    part("registration").unregister()
+    part("registration").register()
+    assert {path.name for folder in folders for path in folder.iterdir()} == {"walk.toml"}

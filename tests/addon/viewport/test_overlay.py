@@ -4,7 +4,6 @@ from dataclasses import replace
 from types import ModuleType
 from typing import Any
 
-import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
@@ -133,7 +132,6 @@ def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
     assert overlay._state.handler is not None
     overlay.show(scene, ScenePose((pose(),)), frozenset())
     assert overlay._state == overlay._State(parts=frozenset({"MARKERS"}))
-    assert bpy.context.scene.perfanim.overlay == set()
 
 
 @pytest.mark.parametrize("calibrated", [False, True])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.body.motion import Motion, resampled, sliced
@@ -52,6 +54,21 @@ def test_inconsistent_motion_is_refused() -> None:
         Motion("a", 30.0, motion.skeleton, motion.rotations[:, :5], motion.root_positions_m)
     with pytest.raises(FormatError, match="shapes"):
         Motion("a", 30.0, motion.skeleton, motion.rotations, motion.root_positions_m[:-1])
-    for fps in (0.0, -1.0, float("nan")):
-        with pytest.raises(FormatError, match="a: frame rate"):
+    for fps in (0.0, -1.0, float("nan"), 0.9, 2001.0, 1e9):
+        with pytest.raises(FormatError, match=r"a: frame rate .* is not 1 to 2000"):
             Motion("a", fps, motion.skeleton, motion.rotations, motion.root_positions_m)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 1e30, -1e30])
+def test_numbers_out_of_range_are_refused(value: float) -> None:
+    motion = steady_turn()
+    roots, rotations = motion.root_positions_m.copy(), motion.rotations.copy()
+    roots[7, 1] = value
+    with pytest.raises(FormatError, match="turn: the root is not within 10000 m; check the unit of length"):
+        replace(motion, root_positions_m=roots)
+    rotations[7, 3, 2] = value
+    with pytest.raises(FormatError, match="turn: a joint's rotation is no unit quaternion"):
+        replace(motion, rotations=rotations)
+    with pytest.raises(FormatError, match="no unit quaternion"):
+        replace(motion, rotations=0.99 * motion.rotations)
+    assert replace(motion, rotations=motion.rotations.astype(np.float32)).frames == 31

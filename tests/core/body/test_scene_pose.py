@@ -27,6 +27,12 @@ def test_doubtful_stretches_have_times_and_the_most_frequent_reason() -> None:
     np.testing.assert_allclose([(s.start_s, s.stop_s) for s in found], [(0.1, 0.2), (0.5, 0.5)])
 
 
+def test_what_holds_for_few_frames_is_not_the_reason_of_a_long_stretch() -> None:
+    low = [pose(number / 30, 0.1, *["left hip hidden"] * (number < 5)) for number in range(30)]
+    assert [stretch.reason for stretch in doubtful_stretches(low)] == [""]
+    assert [stretch.reason for stretch in doubtful_stretches(low[:15])] == ["left hip hidden"]
+
+
 def test_a_sure_take_has_no_doubtful_stretch() -> None:
     assert doubtful_stretches([]) == []
     assert doubtful_stretches([pose(0.0, 1.0), pose(1.0, DOUBTFUL)]) == []

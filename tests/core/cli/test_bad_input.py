@@ -13,7 +13,7 @@ from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
 from perfanim.core.markers.marker_take import MarkerTake, save_take
-from perfanim.core.markers.subject import save_subject
+from perfanim.core.markers.subject import save_subject, subject_tables
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.files import write_toml
 
@@ -37,6 +37,15 @@ def write_pictures(folder, numbers):
         cv2.imwrite(str(folder / f"{number:03d}.png"), np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8))
 
 
+def save_enlarged(folder, subject):
+    """A subject with bones a million times too long, and one with such offsets of markers."""
+    tables = subject_tables(subject)
+    joints = [row | {"offset_m": (1e6 * np.array(row["offset_m"])).tolist()} for row in tables["joint"]]
+    write_toml(folder / "giant.toml", tables | {"joint": joints})
+    markers = [row | {"offset_m": (1e6 * np.array(row["offset_m"])).tolist()} for row in tables["marker_set"]["marker"]]
+    write_toml(folder / "far.toml", tables | {"marker_set": tables["marker_set"] | {"marker": markers}})
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory, truth, subject, database_file):
     """Good files and bad ones of every kind."""
@@ -46,6 +55,7 @@ def files(tmp_path_factory, truth, subject, database_file):
     save_take(replace(take, positions_m=np.full_like(take.positions_m, np.nan)), folder / "unseen.take.npz")
     save_take(MarkerTake("hand", 60.0, ("LHAN", "RHAN"), np.zeros((9, 2, 3))), folder / "hands.take.npz")
     save_subject(subject, folder / "walker.toml")
+    save_enlarged(folder, subject)
     (folder / "walk.db").write_bytes(database_file.read_bytes())
     (folder / "half.db").write_bytes(database_file.read_bytes()[: database_file.stat().st_size // 2])
     (folder / "words.txt").write_text("no motion here\n")
@@ -134,6 +144,9 @@ CASES = [
     (BUILD.replace("empty", "words.bvh"), "words.bvh: is not a BVH file"),
     (BUILD.replace("empty", "words.txt"), "neither motion nor an archive"),
     ("database info half.db", "half.db: is cut off"),
+    # a unit of length mistaken
+    (SOLVE.replace("walker", "giant"), "giant.toml, .*: offset_m must be three numbers from -10 to 10 m; calibrate the subject again"),
+    (SOLVE.replace("walker", "far"), "far.toml, marker_set, LSHO: offset_m must be three numbers from -10 to 10 m; calibrate"),
     # calibrate cameras
     ("calibrate cameras --points words.json --out out/a.toml", "words.json: does not hold board points"),
     ("calibrate cameras --left left --right right --board 9x6 --out out/a.toml", "is not a board"),

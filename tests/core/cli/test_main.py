@@ -211,6 +211,36 @@ def test_the_command_as_a_process(inputs, tmp_path):
     assert bad.stderr.startswith("perfanim: ") and bad.stderr.count("\n") == 1
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such pipes")
+@pytest.mark.parametrize("line", ["database info {} --json", "database info {}", "--version", "database info gone.db"])
+def test_an_output_that_nobody_reads_ends_the_command_quietly(inputs, line):
+    command = [sys.executable, "-m", "perfanim.core.cli.main", *line.format(inputs / "good.db").split()]
+    reading, writing = os.pipe()
+    os.close(reading)
+    pipes = (subprocess.PIPE, writing) if line.endswith("gone.db") else (writing, subprocess.PIPE)
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}  # written at the end
+    done = subprocess.run(command, stdout=pipes[0], stderr=pipes[1], env=environment, check=False)
+    os.close(writing)
+    assert (done.returncode, done.stdout or b"", done.stderr or b"") == (141, b"", b"")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such shell")
+@pytest.mark.parametrize(("closed", "status"), [("database info {} >&-", 0), ("database info gone.db 2>&-", 1)])
+def test_closed_outputs_are_like_none(inputs, closed, status):
+    line = f"exec {sys.executable} -m perfanim.core.cli.main {closed.format(inputs / 'good.db')}"
+    done = subprocess.run(["/bin/sh", "-c", line], capture_output=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (status, b"", b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device")
+def test_an_output_on_a_full_disk_is_one_line(inputs):
+    with Path("/dev/full").open("wb") as full:
+        command = [sys.executable, "-m", "perfanim.core.cli.main", "database", "info", str(inputs / "good.db")]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith("perfanim: the output cannot be written (No space left")
+
+
 def test_figures_without_a_value_are_null_in_json():
     value = cli.jsonable(
         {"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": (np.int64(3), Path("/x")), 4: None}
@@ -244,6 +274,9 @@ def test_rows_of_a_report_get_a_line_each():
         "  root: deg=1.235",
         "  head: deg=2 twist_deg=0.5",
     ]
+    stretches = [{"start_s": 0.0, "stop_s": 1.5, "reason": ""}]  # from the very beginning
+    assert summary_text({"doubtful": stretches}).splitlines() == ["doubtful: 1", "  start s 0, stop s 1.5"]
+    assert summary_text({"doubtful": {}, "warnings": []}).splitlines() == ["doubtful: none", "warnings: none"]
     assert summary_text({"worst": [{"frame": 220, "error_mm": 51.42527}]}).splitlines()[1] == "  220, error mm 51.43"
     lines = summary_text({"skipped": rows * 100}).splitlines()
     assert (lines[0], lines[-1], len(lines)) == ("skipped: 200", "  and 140 more, see --json", 62)

@@ -19,7 +19,7 @@ from perfanim.core.database.labels import behaviour_of, subject_of
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
 from perfanim.core.formats.motion.bvh import write_bvh
-from perfanim.core.formats.motion.motion_sources import find_skeleton
+from perfanim.core.formats.motion.motion_sources import SkeletonNames
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.system.progress import Progress
 
@@ -294,11 +294,17 @@ def test_an_unwritable_target_is_told_before_any_work(folder: Path, tmp_path: Pa
 
 
 def test_skeleton_of_an_amc_file() -> None:
-    skeletons = ["x/14/14.asf", "x/15/15.asf", "x/16/other.asf"]
-    assert find_skeleton("x/14/14_02.amc", skeletons) == "x/14/14.asf"
-    assert find_skeleton("y/15_01.amc", skeletons) == "x/15/15.asf"
-    assert find_skeleton("x/16/16_01.amc", skeletons) == "x/16/other.asf"
-    assert find_skeleton("y/17_01.amc", skeletons) is None
+    names = SkeletonNames(
+        ["w/16.asf", "x/14/14.asf", "x/15/15.asf", "x/16/other.asf", "z/16.asf", "z/a.asf", "z/A.asf"]
+    )
+    assert names.of("x/14/14_02.amc") == "x/14/14.asf"
+    assert names.of("y/15_01.amc") == "x/15/15.asf"
+    assert names.of("x/16/18_01.amc") == "x/16/other.asf"
+    assert names.of("z/16_01.amc") == "z/16.asf", "beside it before elsewhere"
+    assert names.of("y/16_01.amc") == "w/16.asf", "the first elsewhere"
+    assert names.of("z/a.amc") == "z/a.asf"
+    assert names.of("z/b.amc") is None, "several are beside it"
+    assert names.of("y/17_01.amc") is None
 
 
 @pytest.mark.parametrize(

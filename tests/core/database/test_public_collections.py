@@ -1,5 +1,8 @@
 """Collections of motion from the network, and the database made of one."""
 
+import io
+import tarfile
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,7 +11,7 @@ from file_site import motion_archive, serving
 from perfanim.core.cli.main import main
 from perfanim.core.database.public_collections import file_name, get_collection, public_collections
 from perfanim.core.database.store import open_database
-from perfanim.core.errors import DownloadError, SettingsError
+from perfanim.core.errors import DownloadError, FormatError, SettingsError
 from perfanim.core.system.progress import no_progress
 
 
@@ -57,6 +60,97 @@ def test_a_damaged_archive_is_told_and_not_kept(site: tuple[str, Path], tmp_path
     with pytest.raises(DownloadError, match=r"is damaged .*get it again"):
         get_collection(f"{address}/walks.zip", tmp_path / "got", no_progress)
     assert list((tmp_path / "got").iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["walks.tar", "walks.tar.gz", "walks.tgz"])
+def test_a_tar_archive_becomes_a_database_too(site: tuple[str, Path], tmp_path: Path, name: str) -> None:
+    address, folder = site
+    motion_archive(folder / name)
+    out = tmp_path / "a.pfdb"
+    assert main(["database", "get", f"{address}/{name}", "--to", str(tmp_path / "got"), "--out", str(out)]) == 0
+    assert len(open_database(out).clips) == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        *((name, damage) for name in ("walks.tar", "walks.tar.gz") for damage in ("cut", "turned", "another kind")),
+        ("walks.tgz", "checksum"),  # a .tar has none of its files' bytes
+    ],
+)
+def test_a_damaged_tar_archive_is_told_and_not_kept(
+    site: tuple[str, Path], tmp_path: Path, name: str, damage: str
+) -> None:
+    address, folder = site
+    content = bytearray(motion_archive(folder / name).read_bytes())
+    if damage == "cut":
+        del content[len(content) // 3 :]
+    elif damage == "turned":
+        content[100 if name.endswith(".tar") else len(content) // 3] ^= 0xFF
+    elif damage == "another kind":
+        content[:] = b"<html>not found</html>" * 100
+    else:
+        content[-6] ^= 0x01
+    (folder / name).write_bytes(content)
+    with pytest.raises(DownloadError, match=r"is damaged .*get it again"):
+        get_collection(f"{address}/{name}", tmp_path / "got", no_progress)
+    assert list((tmp_path / "got").iterdir()) == []
+
+
+def packed(path: Path, name: str, size: int = 1000) -> None:
+    """Write an archive with one file of zeros under any name."""
+    if path.suffix == ".zip":
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as opened:
+            opened.writestr(name, bytes(size))
+        return
+    member = tarfile.TarInfo(name)
+    member.size = size
+    with tarfile.open(path, "w:gz") as archive:
+        archive.addfile(member, io.BytesIO(bytes(size)))
+
+
+@pytest.mark.parametrize("kind", ["zip", "tgz"])
+@pytest.mark.parametrize("inside", ["../evil.bvh", "/etc/evil.bvh", "a/../../evil.bvh", "..\\evil.bvh", "C:\\evil.bvh"])
+def test_an_archive_with_files_outside_its_folder_is_refused(
+    site: tuple[str, Path], tmp_path: Path, kind: str, inside: str
+) -> None:
+    address, folder = site
+    packed(folder / f"a.{kind}", inside)
+    with pytest.raises(DownloadError, match="outside its own folder"):
+        get_collection(f"{address}/a.{kind}", tmp_path / "got", no_progress)
+    assert list((tmp_path / "got").iterdir()) == []
+    assert not list(tmp_path.rglob("evil*"))
+
+
+@pytest.mark.parametrize("kind", ["zip", "tgz"])
+def test_an_archive_that_holds_far_more_than_its_size_is_refused(
+    site: tuple[str, Path], tmp_path: Path, kind: str
+) -> None:
+    address, folder = site
+    packed(folder / f"a.{kind}", "a.bvh", 200_000_000)
+    with pytest.raises(FormatError, match="far more than its own size"):
+        get_collection(f"{address}/a.{kind}", tmp_path / "got", no_progress)
+    assert list((tmp_path / "got").iterdir()) == []
+
+
+def test_a_stopped_download_keeps_what_came_and_nothing_else(tmp_path: Path) -> None:
+    folder, got = tmp_path / "site", tmp_path / "got"
+    folder.mkdir()
+    (folder / "walks.tar").write_bytes(bytes(500_000))
+
+    def stop(fraction: float, _text: str) -> None:
+        if fraction > 0.2:
+            raise KeyboardInterrupt
+
+    with serving(folder, pause_s=0.01) as address:
+        with pytest.raises(KeyboardInterrupt):
+            get_collection(f"{address}/walks.tar", got, stop)
+        assert {path.name for path in got.iterdir()} == {".walks.tar.part", ".walks.tar.part.json"}
+        assert 100_000 <= (got / ".walks.tar.part").stat().st_size < 500_000
+        motion_archive(folder / "walks.tar")
+        assert get_collection(f"{address}/walks.tar", got, no_progress) == got / "walks.tar"
+    assert [path.name for path in got.iterdir()] == ["walks.tar"]
+    assert (got / "walks.tar").read_bytes() == (folder / "walks.tar").read_bytes()
 
 
 @pytest.mark.parametrize(

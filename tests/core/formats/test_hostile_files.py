@@ -1,8 +1,14 @@
 """Files that declare more than they hold, or repeat one thing without end: linear work, bounded memory."""
 
 import struct
+import sys
+import tarfile
+import tracemalloc
 import zipfile
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +17,12 @@ from perfanim.core.formats.markers.c3d import read_c3d
 from perfanim.core.formats.markers.c3d_write import write_c3d
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.motion.amc import parse_amc_values
-from perfanim.core.formats.motion.asf import parse_asf
+from perfanim.core.formats.motion.asf import parse_asf, read_asf
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.unique_names import unique_names
 from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.system.files import SLACK_BYTES
 
 ASF = """:units
 length 1
@@ -121,6 +128,36 @@ def _csv(names: int, rows: int) -> str:
     return "# fps=60\n" + ",".join(header) + "\n" + "1,0\n" * rows
 
 
+def _still(channels: str, joints: int, frames: int) -> str:
+    """A motion of a root with these channels, of joints without any, and of a number a frame."""
+    children = "".join(f"JOINT a{index}\n{{\nOFFSET 0 1 0\nCHANNELS 0\n}}\n" for index in range(joints))
+    root = f"ROOT a\n{{\nOFFSET 0 1 0\nCHANNELS {channels}\n{children}}}\n"
+    return f"HIERARCHY\n{root}MOTION\nFrames: 2\nFrame Time: 0.02\n" + "0\n" * frames
+
+
+REPEATED = {
+    "turning root.bvh": _still("1 Xrotation", 0, 500_000),
+    "joints without numbers.bvh": _still("1 Xrotation", 300, 480_000),
+    "last line.asf": ASF + "end\n" * 250_000,
+    "names.csv": "# fps=60\nframe,time_s," + ",".join(["M_x,M_y,M_z"] * 80_000) + "\n1,0\n",
+    "blank lines.csv": _csv(1, 0) + "\n" * 1_000_000,
+    "short rows.csv": _csv(5, 0) + "1\n" * 500_000,
+}
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_a_part_repeated_to_a_megabyte_takes_no_more_than_allowed(name: str, tmp_path: Path) -> None:
+    text, path = REPEATED[name], tmp_path / name
+    path.write_text(text)
+    read = {".bvh": read_bvh, ".asf": read_asf, ".csv": read_take}[path.suffix]
+    tracemalloc.start()
+    with suppress(FormatError):
+        read(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 4 * len(text) + SLACK_BYTES
+
+
 @pytest.mark.parametrize(("ending", "text"), [("trc", _trc(50_000, 50_000)), ("csv", _csv(20_000, 50_000))])
 def test_a_table_that_is_only_declared_takes_no_memory(tmp_path: Path, ending: str, text: str) -> None:
     (tmp_path / f"a.{ending}").write_text(text)
@@ -134,6 +171,74 @@ def test_an_archive_that_holds_far_more_than_its_size(tmp_path: Path) -> None:
             archive.writestr(f"{number}.bvh", bytes(10 << 20))
     with pytest.raises(FormatError, match="far more than its own size"), motion_files([tmp_path / "a.zip"]):
         pass
+
+
+def _calls(function: Callable[[], object]) -> int:
+    """Return how many calls of functions some work takes."""
+    counts = {"call": 0, "c_call": 0}
+
+    def count(_: object, event: str, __: object) -> None:
+        if event in counts:
+            counts[event] += 1
+
+    sys.setprofile(count)
+    try:
+        function()
+    finally:
+        sys.setprofile(None)
+    return sum(counts.values())
+
+
+def _list(path: Path) -> None:
+    with motion_files([path]):
+        pass
+
+
+def test_skeletons_are_found_in_linear_work(tmp_path: Path) -> None:
+    works = []
+    for number in (100, 200):
+        path = tmp_path / f"{number}.zip"
+        with zipfile.ZipFile(path, "w") as archive:
+            for index in range(number):
+                archive.writestr(f"a/{index}.asf", b"")
+                archive.writestr(f"b/x{index}_1.amc", b"")
+        works.append(_calls(lambda path=path: _list(path)))
+    assert works[1] < 2.2 * works[0]
+
+
+def _tar(path: Path, names: list[str], **extra: Any) -> None:
+    with tarfile.open(path, "w:gz", **extra) as archive:
+        for name in names:
+            archive.addfile(tarfile.TarInfo(name))
+
+
+@pytest.mark.parametrize("ending", ["bvh", "txt"])
+def test_an_archive_of_more_files_than_its_size_allows(tmp_path: Path, ending: str) -> None:
+    names = [f"{number}.{ending}" for number in range(4000)]
+    _tar(tmp_path / "a.tar.gz", names)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for name in names:
+            archive.writestr(name, b"")
+    for name in ("a.tar.gz", "a.zip"):
+        with pytest.raises(FormatError, match="holds far more files than its own size"):
+            _list(tmp_path / name)
+    _tar(tmp_path / "b.tar.gz", names[:900])
+    with motion_files([tmp_path / "b.tar.gz"]) as files:
+        assert len(files) == (900 if ending == "bvh" else 0)
+
+
+def test_a_name_in_a_tar_archive_that_is_larger_than_the_archive(tmp_path: Path) -> None:
+    _tar(tmp_path / "a.tar.gz", ["x" * 50_000_000 + ".bvh"], format=tarfile.GNU_FORMAT)
+    assert (tmp_path / "a.tar.gz").stat().st_size < 100_000
+    tracemalloc.start()
+    with pytest.raises(FormatError, match="is a damaged archive"):
+        _list(tmp_path / "a.tar.gz")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 10 << 20
+    _tar(tmp_path / "b.tar.gz", ["x" * 300 + ".bvh"])
+    with motion_files([tmp_path / "b.tar.gz"]) as files:
+        assert files[0].stem == "x" * 300
 
 
 @pytest.mark.parametrize("ending", ["trc", "c3d", "csv", "take.npz"])

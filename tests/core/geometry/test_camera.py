@@ -171,6 +171,15 @@ def test_ignored_places_are_kept_in_the_file_and_nothing_else_is_changed(tmp_pat
     assert path.read_text() == before
 
 
+def test_a_rig_ignores_the_places_given_and_no_others() -> None:
+    rig = CameraRig((camera(), replace(camera(), name="right")))
+    places = [(1, 3.0, 4.0), (0, 12.5, 80.25)]
+    ignoring = rig.ignoring(places)
+    np.testing.assert_array_equal(ignoring.ignored, [places[1], places[0]])
+    np.testing.assert_array_equal(ignoring.ignoring(places[:1]).ignored, places[:1])
+    assert ignoring.ignoring(()).ignored.shape == (0, 3)
+
+
 def test_other_programs_calibrations_are_left_as_they_are(tmp_path: Path) -> None:
     path = tmp_path / "caliscope.toml"
     path.write_text("[cameras.0]\nsize = [640, 480]\n")

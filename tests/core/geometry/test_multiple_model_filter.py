@@ -33,3 +33,15 @@ def test_an_unseen_point_goes_on_and_one_that_jumps_starts_over() -> None:
     follower.predict(61 * FRAME_S)
     assert not follower.observe(np.array([[300.0, 0.0, 0.0]]), np.zeros(1)).any()
     np.testing.assert_allclose(follower.means()[0], [[300.0, 0.0, 0.0]])
+
+
+def test_far_from_the_origin_points_are_followed_as_near_it() -> None:
+    found = []
+    for away in (0.0, 1e8):
+        chance, follower = np.random.default_rng(1), MultipleModelFilter((SLOW, 1))
+        for frame in range(60):
+            follower.predict(frame * FRAME_S)
+            follower.observe(chance.normal(away, NOISE, (1, 3)), np.full(1, NOISE))
+        found.append(follower.means())
+    np.testing.assert_allclose(found[1][0] - 1e8, found[0][0], atol=1e-5)
+    np.testing.assert_allclose(found[1][1], found[0][1], rtol=1e-6)

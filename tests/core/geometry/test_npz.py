@@ -1,13 +1,15 @@
 """Archives of arrays from anywhere: nothing hostile reaches NumPy's parser or memory."""
 
 import io
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError, TakeError
-from perfanim.core.geometry.npz import read_arrays
+from perfanim.core.geometry.npz import read_arrays, write_arrays
 from perfanim.core.markers.marker_take import MarkerTake, load_take, save_take
 
 ARRAYS = {
@@ -30,6 +32,45 @@ def test_what_numpy_writes_is_read(tmp_path: Path, save) -> None:
     for name, array in ARRAYS.items():
         assert found[name].dtype == array.dtype
         np.testing.assert_array_equal(found[name], array)
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_what_is_written_is_read_by_numpy_too(tmp_path: Path, packed: bool) -> None:
+    for name in ("a.npz", "b.npz"):
+        write_arrays(tmp_path / name, ARRAYS | {"list": [1.5, 2.5]}, packed)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    with np.load(tmp_path / "a.npz") as found:
+        assert set(found) == {*ARRAYS, "list"}
+        for name, array in ARRAYS.items():
+            assert found[name].dtype == array.dtype
+            np.testing.assert_array_equal(found[name], array)
+
+
+FULL = """
+import resource, signal, sys
+import numpy as np
+from perfanim.core.errors import FormatError
+from perfanim.core.geometry.npz import write_arrays
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+arrays = {name: np.random.default_rng(seed).random(6000) for seed, name in enumerate("ab")}
+for most in (0, 100, 3000, 40000, 80000):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
+    try:
+        write_arrays(sys.argv[1], arrays)
+    except FormatError as error:
+        sys.stderr.write(f"{error}\\n")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no quota for a process")
+def test_a_full_quota_is_told_in_one_line_and_the_old_file_kept(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_text("old")
+    done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path / "a.npz")], stderr=subprocess.PIPE, text=True)
+    lines = done.stderr.splitlines()
+    assert len(lines) == 5
+    assert all("a.npz: cannot be written (File too large); free some space" in line for line in lines)
+    assert (tmp_path / "a.npz").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
 def _npy(descr: str = "'<f8'", shape: str = "(2, 3)", data: bytes = bytes(48), head: bytes = b"") -> bytes:

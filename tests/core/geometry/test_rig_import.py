@@ -8,6 +8,7 @@ from perfanim.core.errors import PerfanimError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import load_rig
+from perfanim.core.geometry.rig_import import level_from_world
 from perfanim.core.system.files import write_toml
 
 LENS = np.array([-0.2, 0.05, 0.001, -0.002, 0.01])
@@ -117,6 +118,24 @@ def test_anipose_with_the_first_cameras_frame_in_millimetres(rig: CameraRig, tmp
     np.testing.assert_allclose(read.cameras[0].rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-9)  # y up
 
 
+def test_a_world_that_is_upright_or_in_which_the_cameras_do_not_agree_stays(rig: CameraRig) -> None:
+    upright = np.stack([camera.rotation for camera in rig.cameras])
+    apart = np.stack([upright[0] @ np.roll(np.eye(3), shift, axis=0) for shift in range(3)])
+    for rotations in (upright, apart):
+        np.testing.assert_array_equal(level_from_world(rotations), np.eye(3))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_axis_along_which_the_cameras_are_upright_becomes_y(rig: CameraRig, axis: int, sign: float) -> None:
+    up = sign * np.eye(3)[axis]
+    from_ours = rot.to_matrix(rot.between([0.0, 1.0, 0.0], up))
+    turn = level_from_world(np.stack([camera.rotation @ from_ours.T for camera in rig.cameras]))
+    np.testing.assert_allclose(turn @ up, [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -128,7 +147,7 @@ def test_anipose_with_the_first_cameras_frame_in_millimetres(rig: CameraRig, tmp
         ("cameras = 5", "holds no tables"),
         ("[cameras.1]\nignore = true", "holds no cameras"),
         ('[cameras.1]\nrotation = "null"\ntranslation = "null"', "camera 1 has no rotation"),
-        ("[cameras.1]\nrotation = [0, 0, 0]\ntranslation = [0, 0, 0]", "incomplete"),
+        ("[cameras.1]\nrotation = [0, 0, 0]\ntranslation = [0, 0, 0]", "lacks 'size', two whole"),
     ],
 )
 def test_damaged_files_are_one_line(tmp_path: Path, text: str, said: str) -> None:

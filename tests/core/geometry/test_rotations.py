@@ -36,6 +36,16 @@ def test_product_and_turned_vectors_agree_with_scipy() -> None:
     np.testing.assert_allclose(rot.rotate(rot.conjugate(a), rot.rotate(a, v)), v, atol=1e-14)
 
 
+def test_many_rotations_are_as_few_of_them() -> None:
+    a, b = random_rotations(5000), random_rotations(5000, seed=1)
+    few = range(0, 5000, 100)
+    for found, parts in (
+        (rot.multiply(a, b), [rot.multiply(a[i : i + 100], b[i : i + 100]) for i in few]),
+        (rot.to_matrix(a), [rot.to_matrix(a[i : i + 100]) for i in few]),
+    ):
+        np.testing.assert_allclose(found, np.concatenate(parts), rtol=0.0, atol=1e-15)
+
+
 def test_a_quarter_turn_about_y_takes_z_to_x() -> None:
     quarter = rot.from_rotation_vector([0.0, np.pi / 2.0, 0.0])
     np.testing.assert_allclose(quarter, [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
@@ -80,6 +90,23 @@ def test_euler_angles_at_gimbal_lock(order: str, middle: float) -> None:
     found = rot.to_euler(q, order)
     np.testing.assert_array_equal(found[:, 2], 0.0)
     assert same(rot.from_euler(found, order), q) < 1e-7
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_unwrapped_euler_angles_are_the_same_turns_and_go_the_short_way(order: str) -> None:
+    """A motion through both gimbal locks and over many turns: what went into it comes back, but for whole turns."""
+    time_s = np.linspace(0.0, 4.0, 401)
+    true = np.stack((3.0 * time_s, 1.9 * np.sin(2.0 * time_s) + 0.2 * time_s, 0.4 - 2.5 * time_s), axis=1)
+    q = rot.from_euler(true, order)
+    angles = rot.unwrap_euler(rot.to_euler(q, order))
+    assert same(rot.from_euler(angles, order), q) < 1e-7
+    assert np.abs(np.diff(angles, axis=0)).max() < 1.01 * np.abs(np.diff(true, axis=0)).max()
+    np.testing.assert_allclose(angles - angles[0], true - true[0], atol=1e-6)
+
+
+def test_a_single_frame_of_euler_angles_stays() -> None:
+    angles = np.array([[0.3, -0.4, 3.0]])
+    np.testing.assert_array_equal(rot.unwrap_euler(angles), angles)
 
 
 def test_one_angle_is_a_turn_about_one_axis() -> None:

@@ -33,6 +33,13 @@ def test_points_are_found_where_they_are() -> None:
     np.testing.assert_allclose(errors, 0.0, atol=1e-6)
 
 
+def test_points_at_the_cameras_own_height_or_straight_before_one_are_found_too() -> None:
+    points = np.array([[0.4, 0.0, 0.2], [-0.3, 0.0, -0.5], [0.0, 0.0, 0.0], [0.0, 0.7, 0.0]])
+    found, _, errors = triangulate(CAMERAS, seen_by(CAMERAS, points), np.ones((4, 3)), SIGMA_PX)
+    np.testing.assert_allclose(found, points, atol=1e-9)
+    np.testing.assert_allclose(errors, 0.0, atol=1e-6)
+
+
 def test_a_camera_that_does_not_see_a_point_says_nothing() -> None:
     normalised, weights = seen_by(CAMERAS, POINTS_M), np.ones((40, 3))
     weights[::2, 0], normalised[::2, 0] = 0.0, np.nan

@@ -110,3 +110,132 @@ def test_a_search_is_spread_over_frames_and_follows_the_points(labeller, true_ma
     assert (frames - 1) * WORK < sum(work) < frames * WORK + max(work) * frames
     labels = search.carry(search.found.labels)[1]
     np.testing.assert_array_equal(labels, np.concatenate((np.full(len(ghosts), -1), np.arange(8))))
+
+
+# A body of one pose: four markers on the torso, two hands and a foot, so that every cost is known.
+TORSO_M = np.array([[0.0, 0.5, 0.15], [-0.2, 0.4, 0.0], [0.2, 0.4, 0.0], [0.05, 0.0, 0.15]])
+LIMBS_M = np.array([[-0.6, 0.1, 0.2], [0.6, 0.15, 0.2], [0.1, -0.8, 0.1]])
+MISSED, GHOST, BACK = 6.0, 4.0, 6.0
+TORSO_SIGMA_M, LIMB_SIGMA_M = 0.05, 0.1
+LEAST_LIKELIHOOD = 1e-9
+
+
+def lone_example(limbs=LIMBS_M, up=(0.0, 1.0, 0.0)):
+    """The labeller of one example, and its markers."""
+    markers = np.concatenate((TORSO_M, limbs))
+    ups = np.array([up], dtype=np.float32)
+    return InitialLabeller(markers[None].astype(np.float32), ups, np.arange(len(markers)) < 4), markers
+
+
+def laid(markers, turn=(0.0, 0.0, 0.0)):
+    return rot.rotate(rot.from_rotation_vector(np.array(turn)), markers) + np.array([1.0, 0.9, -3.0])
+
+
+def limb_cost(*distances_m):
+    return 4.0 * np.log1p(np.square(distances_m) / (8.0 * LIMB_SIGMA_M**2)).sum()
+
+
+def test_an_examples_own_markers_cost_nothing_ghosts_and_missed_ones_their_price():
+    labeller, markers = lone_example()
+    here = laid(markers)
+    assert labeller.cost(here) == pytest.approx(0.0, abs=1e-4)
+    assert labeller.cost(here, ghosts=3) == pytest.approx(3.0 * GHOST, abs=1e-4)
+    for hidden, cost in (((3,), MISSED), ((5,), MISSED), ((4, 6), 2.0 * MISSED), ((0, 5), 2.0 * MISSED)):
+        there = here.copy()
+        there[list(hidden)] = np.nan
+        assert labeller.cost(there) == pytest.approx(cost, abs=1e-4)
+
+
+def test_a_limb_away_from_the_example_costs_by_a_heavy_tail_and_a_torso_by_squares():
+    labeller, markers = lone_example()
+    here = laid(markers)
+    for away_m in (0.05, 0.1, 0.4):
+        there = here.copy()
+        there[4, 0] -= away_m
+        there[6, 1] += 0.5 * away_m
+        assert labeller.cost(there) == pytest.approx(limb_cost(away_m, 0.5 * away_m), rel=1e-3)
+    for width_m in (0.02, 0.04):  # both sides as far out: the fit does not move
+        there = here.copy()
+        there[1, 0] -= width_m
+        there[2, 0] += width_m
+        turned_and_shifted = labeller.cost(there)
+        assert turned_and_shifted == pytest.approx(width_m**2 / TORSO_SIGMA_M**2, rel=0.02)
+
+
+def test_limbs_anywhere_cost_no_more_than_the_least_likelihood():
+    labeller, markers = lone_example()
+    there = laid(markers)
+    there[4:] += [0.0, 50.0, 0.0]
+    assert labeller.cost(there) == pytest.approx(-3.0 / 2.0 * np.log(LEAST_LIKELIHOOD), rel=1e-4)
+
+
+def test_facing_away_and_leaning_cost_and_heading_does_not():
+    labeller, markers = lone_example()
+    assert labeller.cost(laid(markers, (0.0, np.pi, 0.0))) == pytest.approx(BACK, abs=1e-3)
+    assert labeller.cost(laid(markers, (0.0, -np.pi / 2.0, 0.0))) == pytest.approx(0.5 * BACK, abs=1e-3)
+    lean = 0.3  # aside, so that it still faces the cameras; its tail is heavy, too
+    expected = 2.0 * np.log1p((1.0 - np.cos(lean)) / (2.0 * 0.25**2))
+    assert labeller.cost(laid(markers, (0.0, 0.0, lean))) == pytest.approx(expected, rel=1e-2)
+    tilted, markers = lone_example(up=(np.sin(lean), np.cos(lean), 0.0))  # who is known to lean
+    assert tilted.cost(laid(markers, (0.0, 0.0, lean))) == pytest.approx(0.0, abs=1e-3)
+    assert tilted.cost(laid(markers)) == pytest.approx(expected, rel=1e-2)
+
+
+@pytest.mark.parametrize("limbs", [0, 1, 2])
+def test_bodies_with_few_limbs_or_none_are_labelled_too(limbs):
+    labeller, markers = lone_example(LIMBS_M[:limbs])
+    order = np.random.default_rng(limbs).permutation(len(markers))
+    start = labeller.label(laid(markers, (0.0, 0.5, 0.0))[order])
+    np.testing.assert_array_equal(start.labels, order)
+    np.testing.assert_allclose(start.expected_m[order], laid(markers, (0.0, 0.5, 0.0))[order], atol=1e-5)
+    assert labeller.cost(laid(markers)) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_rivals_are_other_labels_and_cost_more():
+    """A point 6 cm from the hand's and one at the foot's, which is hidden: the likeliest first, with their costs."""
+    labeller, markers = lone_example()
+    points = np.concatenate((laid(markers), laid(markers)[4:5] + np.array([0.0, 0.06, 0.0])))
+    start = labeller.label(points)
+    assert start.labels.tolist() == [0, 1, 2, 3, 4, 5, 6, -1]
+    assert start.cost == pytest.approx(GHOST, abs=1e-3)
+    costs = [cost for _, cost in start.rivals]
+    assert costs == sorted(costs)
+    assert len({tuple(labels) for labels, _ in start.rivals}) == len(costs) == 5
+    labels, cost = start.rivals[0]
+    assert labels.tolist() == [0, 1, 2, 3, -1, 5, 6, 4]
+    assert cost == pytest.approx(GHOST + limb_cost(0.06), rel=1e-3)
+
+
+def test_among_points_all_about_the_body_is_found_where_it_is():
+    """Twenty points about each limb: more than are tried, of which the nearest are kept."""
+    labeller, markers = lone_example()
+    generator = np.random.default_rng(5)
+    here = laid(markers, (0.0, -0.4, 0.0))
+    crowd = np.repeat(here[4:], 20, axis=0) + generator.choice([-1.0, 1.0], (60, 3)) * generator.uniform(
+        0.15, 0.4, (60, 3)
+    )
+    order = generator.permutation(len(here) + len(crowd))
+    start = labeller.label(np.concatenate((here, crowd))[order])
+    np.testing.assert_array_equal(start.labels, np.where(order < len(here), order, -1))
+    assert start.cost == pytest.approx(len(crowd) * GHOST, rel=1e-3)
+
+
+def test_points_far_off_are_no_limbs():
+    labeller, markers = lone_example()
+    here = laid(markers)
+    there = np.delete(here, 6, axis=0)
+    far_off = np.concatenate((there, here[6:] - [0.0, 1.0, 0.0]))
+    near = np.concatenate((there, here[6:] - [0.0, 0.2, 0.0]))
+    assert labeller.label(far_off).labels.tolist() == [0, 1, 2, 3, 4, 5, -1]
+    assert labeller.label(near).labels.tolist() == [0, 1, 2, 3, 4, 5, 6]
+
+
+def test_too_few_markers_or_too_unlike_ones_are_no_body():
+    labeller, markers = lone_example()
+    here = laid(markers)
+    assert labeller.label(here[:5]).labels.tolist() == [0, 1, 2, 3, 4]  # five of seven
+    assert labeller.label(here[:4]) is None
+    spread = here.copy()
+    spread[:4] += [[0.0, 0.08, 0.0], [-0.08, 0.0, 0.0], [0.08, 0.0, 0.0], [0.0, -0.08, 0.0]]
+    spread[4:] += [[-0.4, 0.3, 0.0], [0.3, 0.4, 0.0], [0.3, -0.3, 0.0]]
+    assert labeller.label(spread) is None

@@ -252,3 +252,17 @@ def test_a_marker_hidden_for_a_frame_keeps_its_point_from_a_neighbour_that_is_hi
     assert labeller.label(places_m[[0, 1, 3]], spread(3), places_m, 1 / 60).tolist() == [0, 1, 3]
     assert labeller.label(places_m[:3], spread(3), places_m, 1 / 60).tolist() == [0, 1, 2]
     assert labeller.label(places_m, spread(4), places_m, 1 / 60).tolist() == [0, 1, 2, 3]
+
+
+def test_a_marker_never_seen_may_be_further_from_where_the_pose_has_it_than_one_seen_just_now():
+    """A third of a metre for a limb's; one that was seen in the frame before is not so far off a frame later."""
+    marker_set = load_marker_set("boxing")
+    body, hand = markers_of(marker_set), marker_set.names.index("LHAN")
+    moved = body.copy()
+    moved[hand] += np.array([0.0, 0.0, 0.3])
+    for known in (False, True):
+        shown = np.flatnonzero(known | (np.arange(len(body)) != hand))
+        labeller = Labeller(marker_set.names, marker_set.torso)
+        labeller.begin(body[shown], shown)
+        labeller.label(body[shown], spread(len(shown)), body, 1 / 30)
+        assert labeller.label(moved, spread(len(body)), body, 1 / 30)[hand] == (-1 if known else hand)

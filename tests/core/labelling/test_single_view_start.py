@@ -57,6 +57,76 @@ def test_a_calibration_pose_is_recognised_wherever_the_performer_stands(person, 
         assert np.linalg.norm(start.markers_m - world, axis=1).max() < 0.02
 
 
+@pytest.mark.parametrize(
+    ("place", "turn"), [((-0.9, 1.5), 0.8), ((1.5, -2.5), -0.9), ((0.0, 1.9), 0.0), ((-3.0, -4.5), 0.5)]
+)
+def test_without_noise_the_performer_is_where_the_blobs_say(person, camera, place, turn):
+    """Near or far, aside, and turned: the body is the assumed one, so that all but rounding is known."""
+    facing = np.arctan2(*-camera.rotation[2][[0, 2]])
+    for pose in (t_pose, standing):
+        body = posed(person, pose)
+        world = rot.rotate(rot.from_rotation_vector([0.0, facing + turn, 0.0]), body)
+        world = world + np.array([place[0], 1.0, place[1]])
+        order = np.random.default_rng(2).permutation(len(world))
+        start = label_single_view(camera.undistort(camera.project(world[order])), camera, [posed(person, pose)])
+        np.testing.assert_array_equal(start.labels, order)
+        np.testing.assert_allclose(start.markers_m, world, atol=1e-3)
+
+
+def test_a_few_markers_may_be_hidden_and_no_more(person, camera):
+    pose = posed(person, standing)
+    world = pose + np.array([0.1, 1.0, 0.0])
+    points, needed = camera.undistort(camera.project(world)), int(np.ceil(0.7 * len(world)))
+    shown = np.random.default_rng(3).permutation(len(world))
+    start = label_single_view(points[shown[:needed]], camera, [pose])
+    np.testing.assert_array_equal(start.labels, shown[:needed])
+    assert label_single_view(points[shown[: needed - 1]], camera, [pose]) is None
+    # as many blobs, but of these too few the markers'
+    false = points[shown[:needed]].copy()
+    false[:2] = [[0.55, 0.4], [-0.55, 0.4]]
+    assert label_single_view(false, camera, [pose]) is None
+
+
+def test_of_two_poses_the_one_that_is_taken_is_found(person, camera):
+    poses = [posed(person, pose) for pose in (t_pose, standing)]
+    for taken in (0, 1):
+        world = poses[taken] + [0.1, 1.0, 0.2]
+        start = label_single_view(camera.undistort(camera.project(world)), camera, poses)
+        np.testing.assert_allclose(start.markers_m, world, atol=1e-3)
+
+
+def test_the_likeliest_of_many_bodies_come_first_and_each_labelling_once(person, camera):
+    """One of thirty stands as the performer does, a hand's breadth away; the others elsewhere or otherwise."""
+    generator = np.random.default_rng(4)
+    standing_m, other_m = (
+        posed(person, standing) + np.array([0.2, 1.0, 0.1]),
+        posed(person, t_pose) + np.array([0.2, 1.0, 0.1]),
+    )
+    elsewhere = [place * np.array([1.0, 0.3, 1.0]) for place in generator.uniform(0.4, 0.9, (14, 3))]
+    expected = np.stack([*(standing_m + place for place in elsewhere), *(other_m - place for place in elsewhere),
+                         other_m, standing_m + np.array([0.05, 0.03, -0.06])])  # fmt: skip
+    order = generator.permutation(len(standing_m))
+    points = camera.undistort(camera.project(standing_m[order]))
+    for count in (1, 3):
+        starts = label_near(points, camera, expected, count)
+        assert 1 <= len(starts) <= count
+        np.testing.assert_array_equal(starts[0].labels, order)
+        np.testing.assert_allclose(starts[0].markers_m, standing_m, atol=2e-3)
+        assert len({tuple(start.labels) for start in starts}) == len(starts)
+    assert len(starts) == 3
+
+
+def test_a_body_whose_hand_is_elsewhere_is_moved_to_meet_the_others(person, camera):
+    """One marker half a metre off its place is nobody's, and pulls nothing."""
+    world = posed(person, standing) + np.array([0.1, 1.0, 0.0])
+    seen = world.copy()
+    seen[0] += [0.0, 0.6, 0.0]
+    starts = label_near(camera.undistort(camera.project(seen)), camera, (world + np.array([0.06, 0.0, 0.05]))[None], 1)
+    assert starts[0].labels[0] == -1
+    np.testing.assert_array_equal(starts[0].labels[1:], np.arange(1, len(world)))
+    np.testing.assert_allclose(starts[0].markers_m, world, atol=2e-3)
+
+
 def test_blobs_that_are_no_body_start_nothing(person, camera):
     points = np.random.default_rng(1).uniform(-0.4, 0.4, (14, 2))
     assert label_single_view(points, camera, [posed(person, t_pose)]) is None

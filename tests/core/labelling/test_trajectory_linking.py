@@ -1,11 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.labelling.trajectory_linking import track_markers
-from perfanim.core.labelling.trajectory_naming import match_trajectories, name_trajectories
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.marker_take import MarkerTake
 
 BODY = np.array(
     [[0.0, 1.2, 0.1], [0.0, 1.0, 0.12], [-0.12, 0.9, 0.12], [0.12, 0.88, 0.12],
@@ -91,6 +90,31 @@ def test_slow_cameras_are_followed_by_the_body_as_a_whole(fps, speed):
     assert right_share(track_markers(frames, "walk", fps), truth) == 1.0
 
 
+def test_slow_cameras_follow_a_body_that_goes_further_aside_than_its_markers_are_apart():
+    """Half a metre from frame to frame: nearly every marker comes near to where another was, and limbs swing."""
+    points = walk(12, 2.0, 0.0)
+    points[..., 0] += 0.5 * np.arange(12)[:, None] - 3.0
+    frames, truth = frames_of(points, 2.0)
+    assert right_share(track_markers(frames, "walk", 2.0), truth) >= 0.95
+
+
+def test_a_false_point_does_not_take_the_place_of_a_marker_that_comes_back():
+    """It is seen for nine frames, the last four of them beside the marker, which stays for longer."""
+    marker = walk(100, 30.0, speed=0.0)
+    points = np.concatenate((marker, marker[:, 9:] + [0.12, 0.0, 0.0]), axis=1)
+    hidden = np.zeros((100, 11), dtype=bool)
+    hidden[30:55, 9] = True
+    hidden[:50, 10] = hidden[59:, 10] = True
+    frames, truth = frames_of(points, 30.0, hidden)
+    tracking = track_markers(frames, "walk", 30.0)
+    assert tracking.dropped_tracklets == 1
+    for f in (*range(30), *range(59, 100)):
+        assert np.all(tracking.labels[f] >= 0)
+    for labels, order in zip(tracking.labels, truth, strict=True):
+        assert np.all(labels[order == 9] >= 0)
+        assert np.all(labels[order == 10] < 0)
+
+
 def test_depth_that_jumps_with_the_cameras_clocks_exchanges_nothing():
     points = walk(120, 30.0)
     points[..., 2] += np.random.default_rng(2).normal(0, 0.07, (120, 1))
@@ -102,50 +126,102 @@ def test_nothing_to_track_is_told():
     empty = [MarkerFrame(f, f / 30.0) for f in range(10)]
     with pytest.raises(TakeError, match="hardly any markers"):
         track_markers(empty, "empty", 30.0)
+    with pytest.raises(TakeError, match="hardly any markers"):
+        track_markers([], "none", 30.0)
+    with pytest.raises(TakeError, match="at most 0 of 12"):
+        track_markers([], "none", 30.0, count=12)
     frames, _ = frames_of(walk(20, 30.0), 30.0)
     with pytest.raises(TakeError, match="at most 10 of 12"):
         track_markers(frames, "walk", 30.0, count=12)
 
 
-def standing_take(marker_set, seed: int = 0) -> tuple[MarkerTake, np.ndarray]:
-    """A person of 1.68 m who stands and sways, markers in random order; and that order."""
-    from perfanim.core.body.calibration_poses import standing
-    from perfanim.core.body.skeleton import marker_positions
-    from perfanim.core.body.standard_skeleton import default_skeleton
-
-    rng = np.random.default_rng(seed)
-    skeleton = default_skeleton(1.68)
-    joints = marker_set.joint_indices(skeleton)
-    row = marker_positions(skeleton, joints, marker_set.offsets_m, standing(skeleton), np.array([0.3, 1.0, -3.0]))
-    order = rng.permutation(len(marker_set))
-    sway = np.cumsum(rng.normal(0, 0.004, (40, 1, 3)), axis=0)
-    positions = row[None, order] + sway + rng.normal(0, 0.01, (40, len(marker_set), 3))
-    return MarkerTake("stand", 30.0, tuple(f"M{i}" for i in range(len(marker_set))), positions), order
-
-
-@pytest.mark.parametrize("name", ["two-webcams", "locomotion", "boxing"])
-def test_trajectories_get_the_names_of_the_marker_set(name):
-    marker_set = load_marker_set(name)
-    take, order = standing_take(marker_set)
-    named = name_trajectories(take, marker_set)
-    assert named.names == marker_set.names
-    np.testing.assert_array_equal(named.positions_m, take.positions_m[:, np.argsort(order)])
+def test_the_take_holds_the_points_under_their_labels_and_the_frames_numbers_and_times():
+    frames, _ = frames_of(walk(40, 30.0), 30.0, ghosts=2)
+    frames = [replace(frame, number=2 * f + 7, time_s=frame.time_s + 3.0) for f, frame in enumerate(frames)]
+    tracking = track_markers(frames, "walk", 30.0)
+    take = tracking.take
+    assert (take.name, take.fps, take.names) == ("walk", 30.0, tuple(f"M{i:02d}" for i in range(1, 11)))
+    np.testing.assert_array_equal(take.frame_numbers, 2 * np.arange(40) + 7)
+    np.testing.assert_allclose(take.times_s, np.arange(40) / 30.0 + 3.0)
+    for frame, labels, row in zip(frames, tracking.labels, take.positions_m, strict=True):
+        expected = np.full((10, 3), np.nan)
+        expected[labels[labels >= 0]] = frame.points_m[labels >= 0]
+        np.testing.assert_array_equal(row, expected)
+        assert len(labels) == 12
 
 
-def test_takes_that_do_not_fit_the_marker_set_are_refused():
-    marker_set = load_marker_set("two-webcams")
-    take, _ = standing_take(marker_set)
-    with pytest.raises(TakeError, match="has 12 markers, the marker set locomotion has 8"):
-        name_trajectories(take, load_marker_set("locomotion"))
-    scattered = MarkerTake("x", 30.0, take.names, np.random.default_rng(0).uniform(-3, 3, take.positions_m.shape))
-    with pytest.raises(TakeError, match="not where the marker set"):
-        name_trajectories(scattered, marker_set)
+@pytest.mark.parametrize(("share", "worn"), [(0.35, 10), (0.15, 8)])
+def test_as_many_markers_are_worn_as_a_quarter_of_the_frames_shows(share, worn):
+    hidden = np.zeros((100, 10), dtype=bool)
+    hidden[int(100 * share) :, [0, 9]] = True
+    frames, truth = frames_of(walk(100, 30.0, speed=0.3), 30.0, hidden)
+    tracking = track_markers(frames, "walk", 30.0)
+    assert len(tracking.take.names) == worn
+    assert tracking.dropped_tracklets == 10 - worn
+    assert right_share(tracking, truth) == 1.0
 
 
-def test_trajectories_are_paired_by_distance():
-    points = walk(30, 30.0)
-    order = np.random.default_rng(1).permutation(10)
-    other = points[:, order].copy()
-    other[:5, 3] = np.nan
-    rows, columns = match_trajectories(points, other)
-    np.testing.assert_array_equal(order[columns], rows)
+@pytest.mark.parametrize(("shown", "found"), [(32, True), (20, False)])
+def test_markers_that_hardly_any_frame_shows_are_none(shown, found):
+    frames, _ = frames_of(walk(100, 30.0)[:, :5], 30.0)
+    frames = [frame if f < shown else MarkerFrame(f, f / 30.0) for f, frame in enumerate(frames)]
+    if found:
+        assert track_markers(frames, "short", 30.0).take.visible.sum() == 5 * shown
+    else:
+        with pytest.raises(TakeError, match="hardly any markers"):
+            track_markers(frames, "short", 30.0)
+
+
+def test_a_false_point_that_stays_is_not_taken_for_a_hidden_marker():
+    points = np.concatenate((walk(100, 30.0, speed=0.0), np.tile([0.7, 0.4, -4.9], (100, 1, 1))), axis=1)
+    hidden = np.zeros((100, 11), dtype=bool)
+    hidden[30:70, 9] = True
+    hidden[:35, 10] = hidden[65:, 10] = True
+    frames, truth = frames_of(points, 30.0, hidden)
+    tracking = track_markers(frames, "walk", 30.0)
+    assert tracking.dropped_tracklets == 1
+    for labels, order in zip(tracking.labels, truth, strict=True):
+        assert np.all(labels[order == 10] == -1)
+        assert np.all(labels[order < 10] >= 0)
+    assert tracking.take.visible.sum() == 10 * 100 - 40
+
+
+def test_limbs_that_have_moved_while_they_were_hidden_are_told_by_what_stays_at_its_distance():
+    """Both hands come back with the arms crossed: each lies where the other was, but at its own forearm."""
+    time_s = np.arange(140)[:, None] / 30.0
+    torso = np.array([[-0.15, 1.4, 0.0], [0.15, 1.4, 0.0], [-0.12, 1.0, 0.0], [0.12, 1.0, 0.0], [0.0, 1.6, 0.0]])
+    crossed = np.clip((time_s - 2.2) / 1.0, 0.0, 1.0)
+    arms = []
+    for side, phase in ((-1.0, 0.0), (1.0, 2.0)):
+        swing = np.concatenate([np.sin(rate * time_s + phase) for rate in (3.0, 4.1, 2.3)], axis=1)
+        home = np.array([0.4 * side, 1.1, 0.1 + 0.1 * side])
+        forearm = home + 0.12 * swing * (1.0 - crossed) - crossed * np.array([0.8 * side, 0.0, 0.0])
+        arms += [forearm, forearm + np.array([0.0, -0.22, 0.0])]
+    points = np.concatenate((np.tile(torso, (140, 1, 1)), np.stack(arms, axis=1)), axis=1) - [0.0, 0.0, 4.0]
+    hidden = np.zeros((140, 9), dtype=bool)
+    hidden[60:105, [6, 8]] = True
+    frames, truth = frames_of(points, 30.0, hidden)
+    tracking = track_markers(frames, "arms", 30.0)
+    assert tracking.dropped_tracklets == 0
+    assert right_share(tracking, truth) == 1.0
+
+
+def test_whoever_is_elsewhere_from_one_frame_to_the_next_was_not_walking():
+    """At five frames per second: three metres aside are a cut, or another person."""
+    points = walk(20, 5.0, 0.0)
+    points[12:, :, 0] += 3.0
+    frames, _ = frames_of(points, 5.0)
+    tracking = track_markers(frames, "cut", 5.0)
+    assert tracking.dropped_tracklets == 10
+    assert tracking.take.visible.sum() == 10 * 12
+
+
+def test_who_stands_while_slow_cameras_look_moves_nothing():
+    """All markers but three are hidden for a frame: the others' places must not pull the body aside."""
+    points = walk(12, 5.0, 0.0)
+    hidden = np.zeros((12, 10), dtype=bool)
+    hidden[6, 3:] = True
+    frames, truth = frames_of(points, 5.0, hidden)
+    tracking = track_markers(frames, "stand", 5.0)
+    assert right_share(tracking, truth) == 1.0
+    assert tracking.take.visible.sum() == 12 * 10 - 7

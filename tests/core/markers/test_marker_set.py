@@ -43,8 +43,8 @@ def test_a_set_from_a_file(tmp_path: Path) -> None:
 
 def test_offsets_and_subset() -> None:
     marker_set = load_marker_set("locomotion")
-    moved = marker_set.with_offsets(np.arange(24.0).reshape(8, 3))
-    assert moved.markers[1].offset_m == (3.0, 4.0, 5.0)
+    moved = marker_set.with_offsets(np.arange(24.0).reshape(8, 3) / 4.0)
+    assert moved.markers[1].offset_m == (0.75, 1.0, 1.25)
     assert moved.names == marker_set.names
     few = marker_set.subset(["RWAI", "LSHO", "RSHO"])
     assert few.names == ("LSHO", "RSHO", "RWAI")
@@ -54,8 +54,10 @@ def test_offsets_and_subset() -> None:
     ("text", "message"),
     [
         ("", "needs markers"),
-        ("marker = 5", r"no \[\[marker\]\] entries"),
-        ("marker = [1, 2]", r"no \[\[marker\]\] entries"),
+        ("marker = 5", r"marker must be a list of tables \[\[marker\]\]"),
+        ("marker = [1, 2]", r"marker must be a list of tables \[\[marker\]\]"),
+        ('[[marker]]\nname = "A"\njoint = "root"\noffset_m = [30, 0, 0]', "A: offset_m must be .* from -10 to 10 m"),
+        ('[[marker]]\nname = "A"\njoint = "root"\ntorso = 1', "A: torso must be true or false"),
         ('[[marker]]\njoint = "root"', "lacks 'name'"),
         ('[[marker]]\nname = "A"', "lacks 'joint'"),
         ('[[marker]]\nname = "A"\njoint = "root"\noffset_m = [1.0]', "A: offset_m must be three numbers"),
@@ -73,8 +75,9 @@ def test_bad_sets_are_refused(tmp_path: Path, text: str, message: str) -> None:
 
 def test_bad_offsets_and_names_are_refused(tmp_path: Path) -> None:
     markers = [Marker(name, "root", (0.0, 0.0, 0.0), True) for name in "ABC"]
-    with pytest.raises(MarkerSetError, match="marker D: offset_m must be three finite"):
-        MarkerSet("a", (*markers, Marker("D", "root", (np.inf, 0.0, 0.0))))
+    for value in (np.inf, np.nan, -12.0):
+        with pytest.raises(MarkerSetError, match="marker D: offset_m must be three numbers below 10; give metres"):
+            MarkerSet("a", (*markers, Marker("D", "root", (0.0, value, 0.0))))
     with pytest.raises(MarkerSetError, match="no marker set or file 'dancing'; shipped sets: boxing"):
         load_marker_set("dancing")
     with pytest.raises(SkeletonError, match="no joint 'tail'"):
@@ -107,10 +110,10 @@ def test_subject_round_trip(tmp_path: Path) -> None:
     [
         ("", "not a subject file"),
         (HEADER.replace("version = 1", "version = 2"), "not a subject file of this version; calibrate"),
-        (HEADER, "is damaged"),
-        (HEADER + "joint = 3\nmarker_set = 3\n", "is damaged"),
-        (HEADER + "joint = [1]\n[marker_set]\n", "is damaged"),
-        (HEADER + 'marker_set = "a"\n[[joint]]\nname = "a"\nparent = "b"', "is damaged"),
+        (HEADER, "lacks 'marker_set', a table .marker_set.; calibrate the subject again"),
+        (HEADER + "joint = 3\nmarker_set = 3\n", "marker_set must be a table"),
+        (HEADER + "joint = [1]\n[marker_set]\n", "joint must be a list of tables"),
+        (HEADER + 'marker_set = "a"\n[[joint]]\nname = "a"\nparent = "b"', "marker_set must be a table"),
     ],
 )
 def test_broken_subject_files_are_refused(tmp_path: Path, text: str, message: str) -> None:

@@ -1,10 +1,12 @@
 """Frames that no camera can have made, inserted at random: they change nothing after themselves."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from perfanim.core.body.scene_pose import ScenePose
+from perfanim.core.labelling.initial_labelling import InitialLabeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.session.multi_target_session import MultiTargetSession
@@ -146,3 +148,76 @@ def assert_bodies(scene: ScenePose, expected: ScenePose, confidence: float | Non
     for pose, other in zip(scene.performers, expected.performers, strict=True):
         np.testing.assert_array_equal(pose.rotations, other.rotations)
         assert pose.confidence == (other.confidence if confidence is None else confidence)
+
+
+GHOSTS = 500
+MOST_WORK = 7e6  # array elements that a search handles in a frame: its share, and the rest of its last piece
+MOST_CALLS = 3  # times those without ghosts
+
+
+def ghosts(number):
+    return np.random.default_rng(number).uniform([-2.0, 0.0, -2.0], [2.0, 2.2, 2.0], (GHOSTS, 3))
+
+
+def effort(session, frames, monkeypatch):
+    """Return the array elements that searches handle, and the calls of functions, of each frame (F, 2)."""
+    handled, rows = [], []
+
+    def counted(self, points_m, search=InitialLabeller.search):
+        pieces = search(self, points_m)
+        while True:
+            try:
+                handled.append(next(pieces))
+            except StopIteration as end:
+                return end.value
+            yield handled[-1]
+
+    monkeypatch.setattr(InitialLabeller, "search", counted)
+    for frame in frames:
+        handled.clear()
+        calls = []
+        sys.setprofile(lambda _, event, __: calls.append(event) if event in ("call", "c_call") else None)  # noqa: B023
+        try:
+            session.step(frame)
+        finally:
+            sys.setprofile(None)
+        rows.append((sum(handled), len(calls)))
+    monkeypatch.undo()
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("body", [True, False], ids=["with a body", "alone"])
+def test_ghosts_from_the_first_frame_on_cost_no_frame_more_than_its_share(
+    subject, database, record, true_markers, monkeypatch, body
+):
+    def frames(with_ghosts):
+        for number, row in enumerate(true_markers[:60]):
+            seen = ([row] if body or not with_ghosts else []) + ([ghosts(number)] if with_ghosts else [])
+            yield record(np.concatenate(seen), number)
+
+    usual = effort(Session(subject, database), frames(False), monkeypatch)
+    crowded = effort(Session(subject, database), frames(True), monkeypatch)
+    assert crowded[:, 0].max() > usual[:, 0].max()  # there was something to search
+    assert crowded[:, 0].max() < MOST_WORK
+    assert crowded[:, 1].max() < MOST_CALLS * usual[:, 1].max()
+
+
+def test_ghosts_around_two_performers_and_a_sword_cost_a_bounded_look(
+    subject, database, record, truth, true_markers, monkeypatch
+):
+    sword = load_prop("sword")
+    turns, places = held_poses(sword, truth)
+    points = np.concatenate((true_markers, markers_of(sword, turns, places)), axis=1)
+    points = np.concatenate((points, true_markers + np.array([2.0, 0.0, 0.0])), axis=1)
+    rig = Film(record).rig
+
+    def efforts(with_ghosts):
+        session = MultiTargetSession([Session(subject, database, rig) for _ in range(2)], [sword])
+        rows = (np.concatenate((row, ghosts(n))) if with_ghosts else row for n, row in enumerate(points[:40]))
+        return effort(session, (record(row, number) for number, row in enumerate(rows)), monkeypatch)
+
+    usual, crowded = efforts(False), efforts(True)
+    # both bodies are looked for at once, ten times a second at most
+    assert crowded[:, 0].max() < 10 * MOST_WORK
+    assert np.sum(crowded[:, 0] > 2 * MOST_WORK) <= 40 / FPS / 0.1
+    assert crowded[:, 1].max() < MOST_CALLS * usual[:, 1].max()

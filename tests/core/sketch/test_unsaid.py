@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.sketch.sketch import Control, Sketch
-from perfanim.core.sketch.solve_sketch import solve_sketch
+from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
 
 HIPS_M = 0.97
 MOVES_M_S = 0.2
@@ -36,3 +36,29 @@ def test_hips_alone_lead_a_body_that_walks_ahead(truth, database, path_m):
     cosines = np.sum(ahead * way, axis=1) / (np.linalg.norm(ahead, axis=1) * np.maximum(speeds, 1e-9))
     assert cosines[speeds > MOVES_M_S].min() > np.cos(np.radians(50.0))
     assert max(hand[0, 1] for hand in hands) < root[0, 1]
+
+
+def test_hips_free_in_height_have_the_databases(truth, database):
+    """Keys a foot too low make a body crouch, unless their height is free."""
+    low_m = np.array([(0.0, HIPS_M - 0.3, 0.0), (0.0, HIPS_M - 0.3, 1.5)])
+    heights = {}
+    for is_free in (False, True):
+        hips = Control("root", np.array([0.0, 60.0]), low_m, height_is_free=is_free)
+        solution = solve_sketch(Sketch("low", FPS, (hips,)), truth.skeleton, database)
+        assert solution.unmet == ()
+        heights[is_free] = positions_of(solution.motion)[:, truth.skeleton.index("root"), 1]
+    assert abs(np.mean(heights[True]) - HIPS_M) < 0.06 < 0.2 < HIPS_M - np.mean(heights[False])
+
+
+def test_a_drawn_curve_leads_as_far_as_it_is_followed(truth, database):
+    drawn_m = np.column_stack(
+        (0.4 * np.sin(np.linspace(0.0, np.pi, 61)), np.full(61, HIPS_M), np.linspace(0.0, 1.5, 61))
+    )
+    hips = Control("root", np.array([0.0, 60.0]), drawn_m[[0, -1]], drawn_m)
+    strays = []
+    for follow in (0.0, 1.0):
+        solution = solve_sketch(Sketch("arc", FPS, (hips,)), truth.skeleton, database, SketchSettings(follow))
+        assert solution.unmet == ()
+        root = positions_of(solution.motion)[:, truth.skeleton.index("root")]
+        strays.append(np.linalg.norm(root - drawn_m, axis=1).max())
+    assert strays[1] < 0.01 < 0.02 < strays[0]

@@ -11,8 +11,10 @@ from perfanim.core.solver.gaussian_conditioning import (
 )
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose
+from scipy.stats import multivariate_normal
 
 NOISE_M = 0.002
+EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's
 FLOOR = 0.03**2 * np.eye(84)
 NO_PAST = (np.empty(0), np.empty(0))
 
@@ -130,6 +132,19 @@ def test_fit_tells_the_deviations_of_the_laplace_posterior(model, frame):
     change = pose - prior.mean
     unlikely = turn @ turn + shift @ shift + away @ away + change @ np.linalg.solve(prior.covariance, change)
     assert facts.deviation == pytest.approx(np.sqrt(unlikely / len(rows)), rel=0.01)
+
+
+def test_the_likelihood_is_the_density_of_the_markers_under_the_prior(model, frame):
+    prior, _, root, points = frame
+    points = np.where(np.arange(8)[:, None] == 4, np.nan, points)
+    observation = Observation.of_points(points)
+    markers, jacobian = model.markers_and_jacobian(prior.mean.reshape(-1, 3), root)
+    rows, off = jacobian[observation.located].reshape(-1, 90), (points - markers)[observation.located].ravel()
+    covariance = rows[:, 6:] @ prior.covariance @ rows[:, 6:].T + EXPECTED_SIGMA_M**2 * np.eye(len(rows))
+    covariance += rows[:, :6] @ np.diag(np.repeat([0.03, 0.1], 3) ** 2) @ rows[:, :6].T
+    expected = -multivariate_normal(np.zeros(len(rows)), covariance).logpdf(off)
+    found = Expectation(prior, observation, root, (0.03, 0.1), UNLIMITED).negative_log_likelihood(model)
+    assert found == pytest.approx(expected, rel=1e-4, abs=1e-2)
 
 
 def test_fit_is_the_least_of_its_energy(model, frame):

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from perfanim.core.solver.observation import Observation, control_jacobian, control_residual
+from perfanim.core.solver.observation import Observation, control_jacobian, control_residual, control_sigmas
 from perfanim.core.solver.subject_model import ROOT_AT_REST
 
 STEP = 1e-6
@@ -47,6 +47,26 @@ def test_a_single_camera_marker_is_free_along_its_ray(true_markers, mixed):
         assert np.abs(control_residual(mixed, markers)[15:17]).max() < 1e-9
         markers[2] += np.array([0.0, 0.05, 0.0])  # 5 cm upwards, nearly across the ray
         assert np.linalg.norm(control_residual(mixed, markers)[15:17]) == pytest.approx(0.05, rel=0.1)
+
+
+def test_a_marker_that_one_camera_sees_is_put_where_its_ray_comes_nearest(true_markers, mixed):
+    markers = true_markers[0] + np.random.default_rng(2).normal(scale=0.05, size=(8, 3))
+    placed = mixed.back_projected(markers)
+    np.testing.assert_array_equal(placed.points_m[[0, 1, 3, 4, 6, 7]], mixed.points_m[[0, 1, 3, 4, 6, 7]])
+    for marker in (2, 5):
+        camera = mixed.rig[mixed.cameras[marker]]
+        ray = camera.rays(mixed.image_points[marker])
+        np.testing.assert_allclose(np.cross(placed.points_m[marker] - camera.centre_m, ray), 0.0, atol=1e-12)
+        assert (placed.points_m[marker] - markers[marker]) @ ray == pytest.approx(0.0, abs=1e-12)
+
+
+def test_noise_is_added_to_the_least_deviation_of_located_markers(mixed):
+    noise_m = 0.004 * np.arange(8)
+    noisy = mixed.smoothed(mixed.points_m + 1.0, noise_m)
+    np.testing.assert_array_equal(noisy.points_m, mixed.points_m + 1.0)
+    of_located = np.repeat(np.sqrt(0.003**2 + noise_m[mixed.located] ** 2), 3)
+    np.testing.assert_allclose(control_sigmas(noisy, 0.003), [*of_located, *[0.003] * 4])
+    np.testing.assert_allclose(control_sigmas(mixed, 0.003), 0.003)
 
 
 def test_jacobian_is_the_derivative_of_the_residual(model, mixed):

@@ -4,6 +4,8 @@ import os
 import socket
 import subprocess
 import sys
+import tomllib
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -117,6 +119,48 @@ HOSTILE = {
     "inline": "a = " + "{a = " * 40 + "1" + "}" * 40,
     "nul": 'take = "a\\u0000b"',
 } | {f"number {text[:4]} {len(text)}": f"[cam_0]\nsize = [{text}, 480]" for text in NUMBERS}
+
+
+LARGE = {
+    "dotted key": ".".join("a" * 20_000) + " = 1",
+    "dotted header": "[" + " . ".join("a" * 20_000) + "]",
+    "dots of quoted names": ".".join(['"a"'] * 20_000) + " = 1",
+    "dots after four quotes": 'a = ["""x"""", "y"]\n' + ".".join("a" * 20_000) + " = 1",
+    "tables": "".join(f"[a{number}]\n" for number in range(100_000)),
+    "deep tables": "".join(f"[a{number}{'.b' * 31}]\n" for number in range(5000)),
+    "inline tables": "a = [" + "{b.c = 1}," * 60_000 + "]",
+    "keys": "".join(f"a{number} = 1\n" for number in range(300_000)),
+    "digits": "a = " + "1" * 1_000_000 + ".5",
+}
+
+
+@pytest.mark.parametrize("text", LARGE.values(), ids=LARGE)
+def test_toml_that_would_take_far_more_than_its_bytes_is_refused_before_it_is_parsed(text: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=r"a\.toml: is not valid TOML \(.*more than"):
+        read_toml(tmp_path / "a.toml")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 4 * len(text) + (1 << 20)
+
+
+LEGAL = {
+    "dots in texts": f'a = "{"x." * 5000}"\nb = \'{"y." * 5000}\'\n"{"z." * 5000}" = 1',
+    "dots in a comment": "# " + "." * 50_000 + "\na = 1 # [" + "=" * 300_000,
+    "long texts": 'a = """\n' + "[x.y]" * 10_000 + '\\\\"" """\nb = ' + "'''" + "it's [a.b]" * 10_000 + "''''",
+    "four quotes": 'a = """"x"""""\nb = 1.5',
+    "32 names": ".".join("a" * 32) + " = 1",
+    "many fractions": "a = [" + ", ".join(["-0.125"] * 20_000) + "]",
+    "many takes": '[[take]]\ntake = "a.c3d"\nsubject = "b.toml"\nrate = 30.0\n' * 5000,
+    "escapes": r'a = "\\"' + "\n" + r'b = "\"#[a.b"' + "\n",
+}
+
+
+@pytest.mark.parametrize("text", LEGAL.values(), ids=LEGAL)
+def test_legal_toml_is_read_whatever_its_texts_hold(text: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    assert read_toml(tmp_path / "a.toml") == tomllib.loads(text)
 
 
 @pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)

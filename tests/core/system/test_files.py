@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
-from perfanim.core.system.files import atomic_path, read_bytes, read_toml, write_toml
+from perfanim.core.system.files import atomic_path, clean_folder, read_bytes, read_toml, write_toml
 
 
 def test_a_file_appears_whole_in_a_new_folder(tmp_path: Path) -> None:
@@ -63,6 +63,41 @@ def test_what_a_killed_process_left_behind_is_removed(tmp_path: Path) -> None:
         temporary.write_text("whole")
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {*names, "a.txt"} - {".a.0123abcd.txt"}
+
+
+def test_what_killed_processes_left_in_a_folder_of_ours_is_removed(tmp_path: Path) -> None:
+    left = {
+        ".walk.take.a1b2c3d4.npz": "",
+        ".cut.0_x0aaaa.perftake": "",
+        ".walk.bvh.lock": "",
+        ".motion.ab3defgh": "folder",
+    }
+    ours = {
+        "walk.a1b2c3d4.npz": "",
+        ".project.settings.json": "",
+        ".a1b2c3d4": "",
+        ".walk.A1B2C3D4.npz": "",
+        ".lock": "",
+        ".folder": "folder",
+    }
+    for name, kind in (left | ours).items():
+        (tmp_path / name).mkdir() if kind else (tmp_path / name).write_text("half")
+    (tmp_path / ".motion.ab3defgh" / "part").write_text("half")
+    (tmp_path / ".link.a1b2c3d4.npz").symlink_to(tmp_path / "walk.a1b2c3d4.npz")
+    clean_folder(tmp_path)  # all of it is new
+    assert len(list(tmp_path.iterdir())) == len(left) + len(ours) + 1
+    for path in tmp_path.rglob("*"):
+        os.utime(path, (0.0, 0.0), follow_symlinks=False)
+    with atomic_path(tmp_path / "run.bvh") as temporary:
+        os.utime(tmp_path / ".run.bvh.lock", (0.0, 0.0))
+        clean_folder(tmp_path)
+        assert {path.name for path in tmp_path.iterdir()} == {
+            *ours,
+            ".link.a1b2c3d4.npz",
+            ".run.bvh.lock",
+            temporary.name,
+        }
+    clean_folder(tmp_path / "gone")
 
 
 def test_permissions_are_those_of_any_new_file(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def test_files_and_the_simulated_performer_can_be_read_again(tmp_path: Path) -> 
         "simulated": of("simulated"),
     }
     assert [name for name, asked in kinds.items() if is_repeatable(asked)] == ["video", "pattern", "simulated"]
-    assert [name for name, asked in kinds.items() if is_live(asked)] == ["cameras"]
+    assert [name for name, asked in kinds.items() if is_live(asked)] == ["cameras", "stream"]
     assert [name for name, asked in kinds.items() if is_simulated(asked)] == ["played by the clock", "simulated"]
 
 

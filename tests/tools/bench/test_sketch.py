@@ -8,14 +8,14 @@ import pytest
 from bench.data import TestTake as Take
 from bench.methods import METHODS
 from bench.sketch import (
-    ANEW,
     BEST,
     CONTROLS,
     IK,
+    INFORMED,
     NEAREST,
     OURS,
-    TOLD,
     UNSEEN,
+    UNTOUCHED,
     sketch,
     sketch_of,
     standing_feet,
@@ -95,8 +95,8 @@ def test_table_compares_all_methods(embedded_motion, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.sketch.KEYS", ("16",))
     figures = sketch(tmp_path, tmp_path / "out", 1, lambda fraction, text: None)
     methods = [OURS, IK, BEST, NEAREST]
-    assert [row["method"] for row in figures["rows"]] == [*methods, TOLD, *methods, *methods, *methods, TOLD]
-    assert [row["controls"] for row in figures["rows"]] == 5 * ["five"] + 4 * ["three"] + 4 * [UNSEEN] + 5 * [ANEW]
+    assert [row["method"] for row in figures["rows"]] == [*methods, INFORMED, *methods, *methods, *methods, INFORMED]
+    assert [row["controls"] for row in figures["rows"]] == 5 * ["five"] + 4 * ["three"] + 4 * [UNSEEN] + 5 * [UNTOUCHED]
     clips = {
         clip.subject for clip in open_database(tmp_path / "out/databases/cmu-without-sketched-and-16_16.pfdb").clips
     }

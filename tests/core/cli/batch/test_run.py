@@ -15,9 +15,9 @@ from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed_reco
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.lock import lock
 from perfanim.core.session.save_solved_take import save_imported_take
 from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.lock import lock
 from perfanim.tests.core.cli.batch.conftest import FRAMES, do_here, files, in_others, run
 
 REASONS = {
@@ -126,6 +126,31 @@ def test_doubtful_takes_say_why(inputs, tmp_path):
     assert record.status == DOUBTFUL
     assert f"of {FRAMES} frames" in record.reasons[0]
     assert (tmp_path / "out" / "cut.bvh").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names of files are text")
+def test_names_that_are_no_text_are_taken_like_others(inputs, tmp_path):
+    takes, name = tmp_path / "takes", os.fsdecode(b"caf\xe9")
+    takes.mkdir()
+    shutil.copy(inputs.takes / "a.c3d", takes / f"{name}.c3d")
+    (takes / f"{name}-broken.trc").write_text("PathFileType\t4\nno more than that\n")
+    line = ["--database", str(inputs.database), "--subject", str(inputs.subject), "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "perfanim.core.cli.main", "batch", str(takes), *line, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1  # as one is broken
+    assert "Traceback" not in done.stderr
+    told = json.loads(done.stdout)
+    assert (told["good"] + told["doubtful"], told["bad"]) == (1, 1)
+    assert (tmp_path / "out" / f"{name}.bvh").exists()
+    assert 'href="caf%E9.bvh"' in (tmp_path / "out" / "summary.html").read_text()
+    assert "caf\\udce9," in (tmp_path / "out" / "summary.csv").read_text()
+
+
+def test_a_batch_removes_what_killed_commands_left_in_its_folder(inputs, tmp_path):
+    (tmp_path / ".a.a1b2c3d4.bvh").write_text("half")
+    os.utime(tmp_path / ".a.a1b2c3d4.bvh", (0.0, 0.0))
+    run(inputs.plan("empty.c3d"), tmp_path)
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_what_cannot_be_written_is_tried_again(inputs, tmp_path):

@@ -91,6 +91,17 @@ def test_info_of_other_systems_takes(tmp_path, recorded, capsys):
         assert "cut off" in facts["problems"][0]
 
 
+def test_info_of_several_takes_lists_the_main_facts_of_each(tmp_path, recorded, capsys):
+    (tmp_path / "bad.c3d").write_bytes(b"no markers")
+    facts = run(capsys, "take", "info", recorded, tmp_path / "bad.c3d")
+    assert facts["takes"][str(recorded)]["frames"] == 57
+    assert set(facts["takes"]) == {str(recorded)}
+    assert [("bad.c3d" in line, "is not a C3D file" in line) for line in facts["failed"]] == [(True, True)]
+    assert main(["take", "info", str(tmp_path / "bad.c3d"), str(tmp_path / "bad.c3d")]) == 1
+    assert main(["take", "info", str(recorded), str(recorded)]) == 0
+    assert f"  {recorded}: frames=57 fps=30" in capsys.readouterr().out
+
+
 def test_exported_motion_keeps_its_time_where_frames_were_lost(tmp_path, recorded, capsys):
     facts = run(capsys, "take", "export", recorded, "--out", tmp_path / "a.bvh")
     motion = read_motion(tmp_path / "a.bvh")

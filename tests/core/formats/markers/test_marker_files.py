@@ -135,6 +135,7 @@ def test_qualisys_export(tmp_path: Path, more: str, rows: list[str], times_s: li
         ("a.tsv", QUALISYS.replace("\t200\n", "\t0\n") + "1\t2\t3\t4\t5\t6\n", "gives no frequency"),
         ("a.c3d", "", "is empty"),
         ("a.c3d", "x" * 3000, "is not a C3D file"),
+        ("a.c3d", "\x02P" + "\0" * 700, "is cut off within its header"),
         ("a.xyz", "x", "is no marker take"),
         ("a.take.npz", "junk", "is not a marker take"),
     ],

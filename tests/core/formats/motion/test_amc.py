@@ -107,11 +107,21 @@ def test_joint_angles_give_the_values_back() -> None:
     np.testing.assert_allclose(angles[2][:, 0], [40, 41], atol=1e-9)
 
 
-def test_nan_stays() -> None:
+def test_frames_with_nan_are_no_motion() -> None:
     asf = parse_asf(ASF.encode(), "a.asf")
-    motion = parse_amc(AMC.replace("ltibia 41", "ltibia nan").encode(), "a.amc", asf)
-    assert np.all(np.isnan(motion.rotations[1, 2]))
-    np.testing.assert_array_equal(motion.rotations[0], parse_amc(AMC.encode(), "a.amc", asf).rotations[0])
+    content = AMC.replace("ltibia 41", "ltibia nan").encode()
+    assert np.isnan(parse_amc_values(content, "a.amc", asf).values).sum() == 1
+    with pytest.raises(FormatError, match="no unit quaternion"):
+        parse_amc(content, "a.amc", asf)
+
+
+def test_few_numbers_for_many_joints_are_refused_before_there_are_poses() -> None:
+    bone = "begin\nname b{}\ndirection 0 1 0\nlength 1\ndof rx\nend\n"
+    links = "".join(f"root b{number}\n" for number in range(1999))
+    bones = "".join(bone.format(number) for number in range(1999))
+    asf = parse_asf(f":bonedata\n{bones}:root\norder tx\n:hierarchy\n{links}".encode(), "a.asf")
+    with pytest.raises(FormatError, match=r"a\.amc: has 20000 frames of 2000 joints, far more than its bytes"):
+        parse_amc_values("".join(f"{frame}\nroot 1\n" for frame in range(1, 20_001)).encode(), "a.amc", asf)
 
 
 def test_angles_that_jump_are_told_though_the_rotation_does_not() -> None:

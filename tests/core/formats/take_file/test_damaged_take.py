@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.errors import TakeError
+from perfanim.core.errors import FormatError, TakeError
 from perfanim.core.formats.take_file.chunks import HEADER_BYTES, PREAMBLE_BYTES, ChunkKind, scan
 from perfanim.core.formats.take_file.edit import recover
 from perfanim.core.formats.take_file.pose_codec import pack_solved, unpack_solved
@@ -119,7 +119,7 @@ def test_recover_keeps_all_that_is_intact(tmp_path: Path, write: Write) -> None:
     )
     assert summarise(tmp_path / "b.perftake").frames == 9
     assert path.read_bytes() == cut
-    with pytest.raises(TakeError, match="would be overwritten"):
+    with pytest.raises(FormatError, match="would be overwritten"):
         recover(read_take_file(path), path)
     assert path.read_bytes() == cut
     path.write_bytes(data[: chunks[0].offset + 50])

@@ -9,7 +9,7 @@ import pytest
 from perfanim.core.errors import PerfanimError, TakeError
 from perfanim.core.formats.take_file.chunks import PREAMBLE_BYTES, encode_chunk, preamble
 from perfanim.core.formats.take_file.edit import append_notes
-from perfanim.core.formats.take_file.reading import read_take_file, summarise
+from perfanim.core.formats.take_file.reading import read_take_file, summarise, unused_path
 from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
 from records import frame_record, frames_of, pose_record, poses_of
 
@@ -103,3 +103,21 @@ def test_notes_change_by_appending(tmp_path: Path, write: Write) -> None:
         append_notes(path, TakeNotes("x"))
     with pytest.raises(TakeError, match="6 is out of range"):
         TakeNotes(rating=6)
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "é" * 300, "\ud800" * 300, "a" * 199 + ". " * 50])
+def test_a_take_with_a_long_name_gets_a_path_that_can_be_written(tmp_path: Path, name: str) -> None:
+    first = unused_path(tmp_path, name)
+    first.touch()
+    second = unused_path(tmp_path, name)
+    second.touch()
+    assert first != second
+    assert first.parent == second.parent == tmp_path
+    assert name[:50].encode("utf-8", "replace").decode() == first.name[:50]
+
+
+def test_names_of_takes_stay_as_they_are_but_for_what_no_file_can_have(tmp_path: Path) -> None:
+    assert unused_path(tmp_path, "Änna 1: a/b?").name == "Änna 1- a-b-.perftake"
+    assert unused_path(tmp_path, " . ").name == "take.perftake"
+    nowhere = tmp_path / ("x" * 300)  # a folder that there cannot be
+    assert unused_path(nowhere, "walk") == nowhere / "walk.perftake"

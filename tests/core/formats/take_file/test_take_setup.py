@@ -35,7 +35,7 @@ def test_props_are_part_of_the_setup(setup: TakeSetup) -> None:
     (known,) = TakeSetup.from_json(json.dumps(facts).encode(), "").carried_props()
     assert (known.name, known.names) == (sword.name, sword.names)
     np.testing.assert_array_equal(known.positions_m, sword.positions_m)
-    with pytest.raises(PropError, match="damaged"):
+    with pytest.raises(PropError, match="must be a list of tables"):
         replace(setup, props=(facts["props"][0] | {"marker": [1]},)).carried_props()
     with pytest.raises(TakeError, match="incomplete"):
         TakeSetup.from_json(json.dumps(facts | {"props": 5}).encode(), "")
@@ -59,5 +59,5 @@ def test_further_performers_are_part_of_the_setup(setup: TakeSetup) -> None:
     _, known = TakeSetup.from_json(json.dumps(facts).encode(), "").subjects()
     assert (known.name, known.marker_set.names) == (worn.name, worn.marker_set.names)
     np.testing.assert_array_equal(known.skeleton.offsets_m, worn.skeleton.offsets_m)
-    with pytest.raises(SubjectError, match="damaged"):
+    with pytest.raises(SubjectError, match="must be a list of tables"):
         replace(setup, performers=(*setup.performers, setup.performers[0] | {"joint": [1]})).subjects()

@@ -77,7 +77,7 @@ def test_unreadable_and_lone_pictures_are_left_out_with_reasons(few):
     result = calibrate_images(patterns_in(few), parse_board("chessboard:9x6:24mm"), silent)
     reasons = {row.picture: row.reason for row in result.rejected}
     assert reasons == {
-        "left04.jpg": "is not a readable image",
+        "left04.jpg": "is not a readable image (not a picture)",
         "left13.jpg": "no picture of the other camera has its number",
     }
     assert len(result.used) == 3

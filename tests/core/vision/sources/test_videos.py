@@ -4,7 +4,9 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
+from perfanim.core.vision.sources import image_header
 from perfanim.core.vision.sources.cameras import CameraSource
+from perfanim.core.vision.sources.image_header import check_image_size
 from perfanim.core.vision.sources.images import ImageFileSource
 from perfanim.core.vision.sources.source_kinds import open_image_source
 from perfanim.core.vision.sources.videos import VideoSource
@@ -95,3 +97,11 @@ def test_the_simulated_performer_is_a_source_too():
     first = next(iter(source))
     assert len(first.images) == 2 and first.images[0].shape == (480, 640, 3)
     source.close()
+
+
+def test_a_small_video_of_huge_images_is_refused_before_one_is_decoded(tmp_path, monkeypatch):
+    path = video(tmp_path / "a.avi", 3)
+    check_image_size((64, 48), path.stat().st_size, "a")
+    monkeypatch.setattr(image_header, "SLACK_BYTES", 9000 - 4 * path.stat().st_size)
+    with pytest.raises(CaptureError, match=r"a\.avi: has 64 x 48 pixels; give smaller pictures"):
+        VideoSource([path, path])

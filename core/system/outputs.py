@@ -1,0 +1,89 @@
+"""Outputs of commands: no input of theirs, and written by one program at a time."""
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ..errors import FormatError
+from .lock import lock
+
+LOCK_ENDING = ".lock"
+_CLAIMED = "PERFANIM_OUTPUT"  # environment: the output that this process, or the one that started it, has locked
+_TRIES = 100
+
+
+def check_no_input(out: Path | str, inputs: Iterable[Path | str]) -> None:
+    """Raise FormatError where an output is the file of one of the inputs."""
+    for path in inputs:
+        with suppress(OSError, ValueError):  # not there, or no name of a file
+            if os.path.samefile(out, path):  # noqa: PTH121 - pathlib's raises for NUL
+                raise FormatError("would be overwritten", where=str(path), advice="give the output another name")
+
+
+@contextmanager
+def writer_lock(target: Path) -> Iterator[None]:
+    """Keep other programs from writing a file, by `.NAME.lock` beside it.
+
+    Where that cannot be made, nobody is kept out: the writer finds out itself why its folder cannot be written.
+
+    Raises:
+        FormatError: another program writes it.
+    """
+    path = target.parent / f".{target.name}{LOCK_ENDING}"
+    try:
+        handle = _locked(path)
+    except OSError:
+        yield
+        return
+    if handle is None:
+        raise FormatError(
+            "is being written by another program", where=str(target), advice="wait for it, or choose another name"
+        )
+    try:
+        yield
+    finally:
+        if sys.platform == "win32":  # there nobody removes an open file
+            os.close(handle)
+            with suppress(OSError):
+                path.unlink()
+        else:  # removed while it is locked: the next one may have opened it already, and looks again
+            with suppress(OSError):
+                path.unlink()
+            os.close(handle)
+
+
+def _locked(path: Path) -> int | None:
+    """Return the handle of a lock file, None where another program has it."""
+    for _ in range(_TRIES):
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        if not lock(handle):
+            os.close(handle)
+            return None
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(handle), path.stat()):
+                return handle
+        os.close(handle)  # the writer before removed it
+    return None
+
+
+@contextmanager
+def claimed(target: Path | str) -> Iterator[None]:
+    """Lock an output from before a command computes it, for its own processes.
+
+    Raises:
+        FormatError: another program writes it.
+    """
+    real = os.path.realpath(target)
+    with writer_lock(Path(real)):
+        os.environ[_CLAIMED] = real
+        try:
+            yield
+        finally:
+            del os.environ[_CLAIMED]
+
+
+def is_claimed(target: Path) -> bool:
+    """Return whether the command that this process works for has locked an output."""
+    return os.environ.get(_CLAIMED) == os.path.realpath(target)

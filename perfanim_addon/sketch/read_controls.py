@@ -1,0 +1,142 @@
+"""Keys and curves of a sketch's controls as the solver takes them."""
+
+from collections.abc import Iterable, Mapping
+
+import bpy
+import numpy as np
+
+from ...core.body.motion import LEAST_FPS, MOST_FPS
+from ...core.errors import SettingsError
+from ...core.geometry.arrays import Array
+from ...core.sketch.curves import curve_positions
+from ...core.sketch.sketch import MOST_FRAMES, Control, Sketch
+from ..animation.actions import scene_fps
+from ..capture.capture_space import CaptureSpace
+from .controls import BREAKDOWN, action_curves, controls_of, present_frame
+from .path_places import places_on_path
+
+_FARTHEST_M = 1000.0
+_MOVED = 1e-4  # of a location, by which a control is off its curves while it is dragged
+_STEP = 4  # frames between two looks at a control on a path or under a parent
+
+Keys = tuple[Mapping[int, Array], Array | None]  # frame -> place, and the curve of `Control.drawn_m`; in the scene
+
+
+def read_controls(
+    context: bpy.types.Context,
+    armature_object: bpy.types.Object,
+    space: CaptureSpace,
+    dragged: bool = False,
+    seen: Mapping[str, Control] | None = None,
+) -> Sketch:
+    """Return the sketch of a character's keyed controls, frames as in the scene.
+
+    Keys bind, those of the type Breakdown only as the first or last. Between them a control has the curve that Blender
+    draws; on a path or with a parent the way on which the scene shows it.
+
+    Args:
+        dragged: a control that is moved off its curves has a key in the present frame. The scene stays as it is: of
+            the controls with a parent or constraints only those that follow a curve are read.
+        seen: joint -> control as read before, for those that are not read.
+
+    Raises:
+        SettingsError: no key, too many frames, or a control beyond all bounds.
+    """
+    scene, found = context.scene, []
+    for joint, control in controls_of(armature_object).items():
+        read = _keys(context, control, dragged)
+        if read is None:
+            found += [seen[joint]] if seen and joint in seen else []
+            continue
+        keys, drawn = read
+        if keys:
+            frames = np.array(sorted(keys), dtype=np.float64)
+            points_m = space.points_from_scene(np.array([keys[frame] for frame in sorted(keys)]))
+            _check_far(control.name, points_m)
+            drawn_m = None if drawn is None else space.points_from_scene(drawn)
+            is_free = joint == "root" and armature_object.perfanim_sketch.free_height
+            found.append(Control(joint, frames, points_m, drawn_m, is_free))
+    if not found:
+        advice = "move a control and press I over the viewport (Insert Keyframe: Location)"
+        raise SettingsError("no control has a key", where=armature_object.name, advice=advice)
+    sketch = Sketch(armature_object.name, scene_fps(scene), tuple(found))
+    if not LEAST_FPS <= sketch.fps <= MOST_FPS:
+        advice = f"set {LEAST_FPS:g} to {MOST_FPS:g} in the Output properties"
+        raise SettingsError(f"the scene has {sketch.fps:g} frames a second", advice=advice)
+    first, last = min(each.frames[0] for each in found), max(each.frames[-1] for each in found)
+    if last - first >= MOST_FRAMES:
+        raise SettingsError(f"the keys span {last - first:.0f} frames, {MOST_FRAMES} at most", advice="move the last")
+    return sketch
+
+
+def _keys(context: bpy.types.Context, control: bpy.types.Object, dragged: bool) -> Keys | None:
+    """Return the keys of a control and the curve between them.
+
+    None for one that is dragged, with a parent or constraints that place it where only other frames show.
+    """
+    curves = action_curves(control)
+    if control.parent is not None or len(control.constraints):
+        return _keys_along(context, control, curves, dragged)
+    channels = {curve.array_index: curve for curve in curves if curve.data_path == "location"}
+
+    def places(frames: Iterable[int]) -> Array:
+        axes = [[channels[i].evaluate(f) if i in channels else control.location[i] for f in frames] for i in range(3)]
+        return np.array(axes, dtype=np.float64).T
+
+    frames = _binding(channels.values())
+    keys = dict(zip(frames, places(frames), strict=True))
+    now, here = context.scene.frame_current, np.array(control.location, dtype=np.float64)
+    if dragged and frames and np.max(np.abs(places([now])[0] - here)) > _MOVED:
+        keys[now] = here
+    if not keys or _is_too_long(sorted(keys)):
+        return keys, None
+    # Blender's default curve, too: clamped by axis, it is another one in the axes of a turned character
+    return keys, places(range(min(keys), max(keys) + 1))
+
+
+def _binding(curves: Iterable[bpy.types.FCurve]) -> list[int]:
+    """Return the frames of keys that bind: first, last, and all but breakdowns."""
+    keys = [(round(key.co.x), key.type != BREAKDOWN) for curve in curves for key in curve.keyframe_points]
+    frames = [frame for frame, _ in keys]
+    return sorted({frame for frame, binds in keys if binds} | ({min(frames), max(frames)} if frames else set()))
+
+
+def _is_too_long(frames: list[int]) -> bool:
+    """Return whether keys span more frames than a sketch may have: they are refused."""
+    return frames[-1] - frames[0] >= MOST_FRAMES
+
+
+def _keys_along(
+    context: bpy.types.Context, control: bpy.types.Object, curves: list[bpy.types.FCurve], dragged: bool
+) -> Keys | None:
+    """Return the keys of any channel, and the way between them as of `_keys`."""
+    frames = _binding(curves)
+    if not frames:
+        return {}, None
+    steps = sorted({*frames, *([] if _is_too_long(frames) else range(frames[0], frames[-1], _STEP))})
+    places = places_on_path(context, control, curves, steps) if dragged else _shown_along(context.scene, control, steps)
+    if places is None:
+        return None
+    keys = {frame: places[frame] for frame in frames}
+    if _is_too_long(frames):
+        return keys, None
+    each = np.arange(frames[0], frames[-1] + 1.0)
+    return keys, curve_positions(np.array(steps, dtype=np.float64), np.array([places[step] for step in steps]), each)
+
+
+def _shown_along(scene: bpy.types.Scene, control: bpy.types.Object, frames: list[int]) -> Mapping[int, Array]:
+    """Return frame -> location where the scene shows a control."""
+    found = {}
+    with present_frame(scene):
+        for frame in frames:
+            scene.frame_set(frame)
+            shown = control.evaluated_get(bpy.context.evaluated_depsgraph_get())
+            found[frame] = np.array(shown.matrix_world.translation, dtype=np.float64)
+    return found
+
+
+def _check_far(name: str, points_m: Array) -> None:
+    farthest_m = float(np.max(np.abs(points_m), initial=0.0))
+    if not farthest_m <= _FARTHEST_M:
+        advice = f"keep it within {_FARTHEST_M:g} m of the character's origin"
+        raise SettingsError(f"a key lies {farthest_m:.0f} m away", where=name, advice=advice)

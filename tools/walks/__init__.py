@@ -1,0 +1,1 @@
+"""Walks of a technical director and a developer, each with a page of its steps."""
