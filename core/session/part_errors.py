@@ -39,14 +39,12 @@ class PartErrors:
     def expected_deg(self, solution: Solution) -> Array:
         """Return the expected errors (P,) of parts, empty of methods but "best"."""
         variances = _variances(solution)
-        if not len(variances):
-            return variances
-        return np.asarray(self._scales * _expected(self._means @ variances, solution))
+        return self._scales * _expected(self._means @ variances, solution) if len(variances) else variances
 
     def expected_joints_deg(self, solution: Solution) -> Array:
         """Return the expected errors (J - 1,) of joints, empty of methods but "best"."""
         variances = _variances(solution)
-        return self._joint_scales[: len(variances)] * _expected(variances, solution)
+        return self._joint_scales * _expected(variances, solution) if len(variances) else variances
 
     def notes(self, pose: PerformerPose) -> list[str]:
         """Return doubtful parts of a pose with the reason, in plain words."""
@@ -69,16 +67,16 @@ class PartErrors:
 
 
 def _variances(solution: Solution) -> Array:
-    """Return the variances (J - 1,) of joints, degrees squared; empty if unknown."""
+    """Return the variances (J - 1,) of joints, square radians; empty if unknown."""
     if solution.sigmas_rad is None or not np.isfinite(solution.nearest_m):
         return np.empty(0)
-    return np.asarray(np.add.reduce(np.square(np.degrees(solution.sigmas_rad)), axis=-1))
+    return np.asarray(np.add.reduce(np.square(solution.sigmas_rad), axis=-1))
 
 
 def _expected(variances: Array, solution: Solution) -> Array:
     """Return expected errors for variances, of scale 1."""
     nearest = (solution.nearest_m + _NEAREST_M) ** _NEAREST_POWER
-    return np.asarray(np.sqrt(variances) ** _SIGMA_POWER * nearest)
+    return np.asarray(np.degrees(np.sqrt(variances)) ** _SIGMA_POWER * nearest)
 
 
 def _unsided(joint: str) -> str:

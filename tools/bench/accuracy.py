@@ -119,7 +119,8 @@ def accuracy(
         "intervals": _intervals(cases, solved),
         "confidence": _confidence(cases, solved),
         "priors": {
-            case.take.title: default_settings(out, subject_of(case.take.trial)).best.prior_file for case in cases
+            case.take.title: Path(default_settings(out, subject_of(case.take.trial)).best.prior_file).name
+            for case in cases
         },
         "databases": {case.database.stem: describe(open_database(case.database)) for case in cases},
         "frames": frames,

@@ -48,7 +48,7 @@ STUDIO_TAKES = tuple(
     )
 )
 UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND = "unseen clip", "unseen subject", "unseen kind of motion"
-STUDIO, OTHER_STUDIO = "another studio: Bandai-Namco by CMU", "another studio: CMU by Bandai-Namco"
+STUDIO, OTHER_STUDIO = "Bandai-Namco by CMU", "CMU by Bandai-Namco"  # studios
 EMBEDDED = "embedded motion alone"
 CONDITIONS = (UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND, STUDIO, OTHER_STUDIO, EMBEDDED)
 _KINDS = {
