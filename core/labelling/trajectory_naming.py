@@ -51,7 +51,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 def misfit_of_names_m(take: MarkerTake, marker_set: MarkerSet) -> float:
     """Return the median distance of a take's markers from a standing body's.
 
-    The body may be of any size: each frame's RMS distance is from the nearer of the two poses, turned and scaled to fit.
+    The body may be of any size: RMS distances in a frame are from the nearer of two poses, turned and scaled to fit.
     """
     misfits = []
     for row in take.positions_m[_samples(take)]:
