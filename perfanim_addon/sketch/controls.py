@@ -129,6 +129,7 @@ def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Obje
     controls, bones = controls_of(armature_object), bones_of(armature_object)
     for control in controls.values():
         _set_free(control)
+    armature_object.perfanim_sketch.free_height = False  # of a path that they have followed
     with present_frame(context.scene):
         for frame in frames:
             context.scene.frame_set(frame)

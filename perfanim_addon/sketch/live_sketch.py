@@ -124,12 +124,13 @@ class LiveSketch:
         if not solved.whole:
             return
         chosen, action = found.perfanim_sketch.solver_settings(), found.perfanim_sketch.action
-        if self._filling is None and (action is None or not is_keyed_in_each_frame(action)):
+        if action is None or (self._filling is None and not is_keyed_in_each_frame(action)):
             self._kept = f"; {action.name} is kept with its few keys" if action is not None else ""
             write_solution(context, found, sketch, chosen, solved, ends_only=True)
             action = found.perfanim_sketch.action
         keep_sketch(action, sketch, chosen)
-        fit_strips(found.animation_data, action, sketch.frames)
+        if found.animation_data is not None:
+            fit_strips(found.animation_data, action, sketch.frames)
         self._filled = action.name, action.as_pointer()
         self._filling = self._curves(action.name, sketch.frames, solved)
         activity.set_message(KEY, outcome_text(solved) + self._kept, "ERROR" if solved.unmet else "INFO")

@@ -177,3 +177,18 @@ def test_a_strip_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion,
     assert (strip.frame_start, strip.frame_end) == (11, last + 8)
     off = distances(part, keyed, [23, 35, 47])  # a layer blends in and out
     assert max(max(each) for each in off.values()) < MET
+
+
+def test_an_action_that_is_deleted_while_it_is_filled_is_made_again(
+    part: Any, keyed: bpy.types.Object, walk: Motion, live: Any
+) -> None:
+    begun, limit_s = live(), time.monotonic() + PATIENCE_S
+    while keyed.perfanim_sketch.action is None:
+        begun.tick(bpy.context)
+        assert time.monotonic() < limit_s
+    bpy.data.actions.remove(keyed.perfanim_sketch.action)
+    keyed.animation_data_clear()
+    keyed.perfanim_sketch.follow = 0.9
+    begun.noted = True
+    play(part)
+    np.testing.assert_array_equal(key_times(curves_of(keyed)), sketch_of(walk).frames)

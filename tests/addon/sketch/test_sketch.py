@@ -171,11 +171,13 @@ def test_a_rough_animation_is_read_again_after_it_is_solved(part: Any, keyed: bp
     solve(part)
     solved = keyed.animation_data.action
     assert solved != rough
+    keyed.perfanim_sketch.free_height = True
     bpy.context.scene.frame_set(20)
     assert bpy.ops.perfanim.add_controls(from_action=True) == {"FINISHED"}
     for control in controls.controls_of(keyed).values():
         np.testing.assert_array_equal(key_times(curves_of(control)), [1, 31])  # those by hand went the first time
     assert keyed.animation_data.action == solved
+    assert not keyed.perfanim_sketch.free_height
     assert bpy.context.scene.frame_current == 20
     keyed.perfanim_sketch.rough = None
     with pytest.raises(RuntimeError, match="was solved from a sketch"):
