@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg.lapack import dsyev
 
 from . import rotations as rot
 from .arrays import Array
@@ -37,11 +36,9 @@ def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
     w = w / np.add.reduce(w)
     p_mean, q_mean = w @ p, w @ q
     together = (w[:, None] * (p - p_mean)).T @ (q - q_mean)
-    # a quaternion's product with this matrix and itself is the sum of w q (R p); np.linalg.eigh takes twice as long
-    _, vectors, failed = dsyev((together.ravel() @ _HORN).reshape(4, 4))
-    if failed:
-        raise np.linalg.LinAlgError("points for a rotation are no numbers")
-    quaternion = np.array(vectors[:, 3])
+    # a quaternion's product with this matrix and itself is the sum of w q (R p)
+    _, vectors = np.linalg.eigh((together.ravel() @ _HORN).reshape(4, 4))
+    quaternion: Array = vectors[:, 3]
     if quaternion[0] < 0.0:
         quaternion = -quaternion
     return quaternion, q_mean - rot.to_matrix(quaternion) @ p_mean
