@@ -30,7 +30,7 @@ PROP = Schema(
     f"A rigid thing with {FEWEST_MARKERS} to {MOST_MARKERS} markers: not on a line, and in no pattern that fits itself "
     "in another position.",
     (
-        Key("kind", f"`{_KIND}`", str),
+        Key("kind", f'"{_KIND}"', str),
         Key("version", str(_VERSION), int),
         Key("name", "of the prop", str),
         Key("residual_m", "RMS distance of seen and rigid markers", float, (), "m", 0.0, 10.0, optional=True),

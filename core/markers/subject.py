@@ -26,7 +26,7 @@ SUBJECT = Schema(
     "Performer",
     "A calibrated person. Without `kind` and `version` a file is none.",
     (
-        Key("kind", f"`{_KIND}`", str),
+        Key("kind", f'"{_KIND}"', str),
         Key("version", str(_VERSION), int),
         Key("name", "of the person", str),
         Key("residual_m", "RMS distance of seen and modelled markers when calibrated", float, (), "m", 0.0, 10.0),
