@@ -78,6 +78,8 @@ def test_fewer_points_than_most_of_the_markers_have_no_names():
     shown = [0, 1, 2, 4, 6, 8]
     np.testing.assert_array_equal(label_by_template(points[shown[:NEEDED]], template()), shown)
     assert np.all(label_by_template(points[shown[: NEEDED - 1]], template()) == -1)
+    for five in ((0, 1, 2, 3, 7), (0, 1, 2, 4, 7)):  # which would fit
+        assert np.all(label_by_template(laid(template(), 0.7)[list(five)], template()) == -1)
     # so many points, but too few of them where the markers are
     false = points[shown].copy()
     false[4:] += [[0.0, 5.0, 0.0], [5.0, 0.0, 0.0]]

@@ -9,7 +9,7 @@ from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import TakeError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.labelling.trajectory_naming import match_trajectories, name_trajectories
+from perfanim.core.labelling.trajectory_naming import match_trajectories, misfit_of_names_m, name_trajectories
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.simulate.studio.rig import default_rig
@@ -104,3 +104,24 @@ def test_trajectories_of_turned_bodies_are_named_by_the_way_they_face():
         turned = rot.rotate(rot.from_rotation_vector(np.array([0.0, heading, 0.0])), take.positions_m)
         named = name_trajectories(replace(take, positions_m=turned), marker_set)
         np.testing.assert_array_equal(named.positions_m, turned[:, np.argsort(order)])
+
+
+@pytest.mark.parametrize("size", [0.8, 1.0, 1.3])
+def test_the_misfit_of_names_is_the_noise_for_a_body_of_any_size_and_direction(size):
+    marker_set = load_marker_set("boxing")
+    take, order = take_of(marker_set, frames=30)
+    turn = rot.to_matrix(rot.from_rotation_vector(np.array([1.0, 2.0, -0.5])))
+    named = replace(take, names=marker_set.names, positions_m=size * take.positions_m[:, np.argsort(order)] @ turn.T)
+    # three coordinates a marker, of which turn, place and size of the whole take up seven of 27
+    expected = size * NOISE_M * np.sqrt(3.0 * (27 - 7) / 27)
+    assert misfit_of_names_m(named, marker_set) == pytest.approx(expected, rel=0.15)
+    exchanged = named.positions_m.copy()
+    exchanged[:, [0, 8]] = exchanged[:, [8, 0]]
+    assert misfit_of_names_m(replace(named, positions_m=exchanged), marker_set) > 5.0 * expected
+
+
+def test_a_take_that_never_shows_four_markers_at_once_has_no_fit():
+    marker_set = load_marker_set("boxing")
+    positions = take_of(marker_set)[0].positions_m.copy()
+    positions[:, 3:] = np.nan
+    assert misfit_of_names_m(MarkerTake("few", 30.0, marker_set.names, positions), marker_set) == np.inf
