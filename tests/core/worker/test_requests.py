@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, PerfanimError, SettingsError
+from perfanim.core.geometry.npz import write_arrays
 from perfanim.core.worker import process
 from perfanim.core.worker.jobs.cameras import _read_backgrounds
 from perfanim.core.worker.requests import check_request
@@ -139,7 +140,7 @@ def test_no_request_ends_a_worker_unexpectedly(job: str, monkeypatch: pytest.Mon
 
 def test_the_kept_backgrounds_are_read_without_trust(tmp_path: Any) -> None:
     path = tmp_path / "a.npz"
-    np.savez(path, *[np.full((4, 6, 3), value, np.float32) for value in (1, 2, 3, 4)])
+    write_arrays(path, {str(i): np.full((4, 6, 3), i + 1, np.float32) for i in range(4)}, packed=False)
     first, second = _read_backgrounds(path)
     assert (first.image_size, float(second.deviation.max())) == ((6, 4), 4.0)
     whole = path.read_bytes()
@@ -147,7 +148,7 @@ def test_the_kept_backgrounds_are_read_without_trust(tmp_path: Any) -> None:
         path.write_bytes(data)
         with pytest.raises(CaptureError, match=r"a\.npz: "):
             _read_backgrounds(path)
-    np.savez(path, np.zeros((4, 6, 3)), np.zeros((4, 5, 3)))
+    write_arrays(path, {"0": np.zeros((4, 6, 3)), "1": np.zeros((4, 5, 3))}, packed=False)
     with pytest.raises(CaptureError, match="a background has mean"):
         _read_backgrounds(path)
 
