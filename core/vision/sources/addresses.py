@@ -1,10 +1,7 @@
 """Addresses of network cameras and of films."""
 
 from pathlib import PurePosixPath
-from typing import Any
 from urllib.parse import urlsplit
-
-import cv2
 
 _PREFIXES = ("http://", "https://", "rtsp://", "rtmp://", "udp://", "tcp://")
 _FILMS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
@@ -24,9 +21,3 @@ def is_stream(text: str) -> bool:
     except ValueError:  # a bracket without its other one: opening it says so
         return True
     return PurePosixPath(path).suffix.lower() not in _FILMS
-
-
-def open_address(text: str, opening_ms: int, reading_ms: int) -> Any:
-    """Return a capture that opens, and waits for an image, for limited times."""
-    limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, opening_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, reading_ms]
-    return cv2.VideoCapture(text, cv2.CAP_FFMPEG, limits)

@@ -14,9 +14,9 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
-from .addresses import open_address
 from .camera_controls import CameraControls, apply_controls
 from .device_names import device_numbers
+from .files import open_address
 from .image_set import ClosableSource, ImageSet
 from .pairing import ImagePairing
 

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -128,3 +129,9 @@ def read_image(path: Path) -> Image:
         if image is None:
             raise ValueError("damaged")
     return np.asarray(image, dtype=np.uint8)
+
+
+def open_address(text: str, opening_ms: int, reading_ms: int) -> Any:
+    """Return a capture that opens, and waits for an image, for limited times."""
+    limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, opening_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, reading_ms]
+    return cv2.VideoCapture(text, cv2.CAP_FFMPEG, limits)

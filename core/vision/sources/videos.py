@@ -11,8 +11,9 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import is_file
-from .addresses import is_address, open_address
+from .addresses import is_address
 from .camera_watch import is_repeated
+from .files import open_address
 from .image_header import check_image_size
 from .image_set import ClosableSource, ImageSet, next_number
 
