@@ -64,6 +64,7 @@ class Channel:
         self.acknowledged = 0  # frames that the receiver has dealt with
         self._filter_settings: dict[str, Any] | None = None  # of the last FILTER message
         self.final: dict[str, Any] = {}  # goes into END
+        self._grace_s = _PARENT_GONE_GRACE_S  # of its start: tests end before its thread does
         self.progress_s: float | None = None  # `time.monotonic()` of the job's last progress, where it reports any
         self._socket.sendall(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
@@ -205,5 +206,5 @@ class Channel:
         self.disconnected.set()
         self._request_stop()
         self._requests.put(Message(MessageKind.REQUEST))
-        time.sleep(_PARENT_GONE_GRACE_S)
+        time.sleep(self._grace_s)
         os._exit(3)
