@@ -20,7 +20,7 @@ from perfanim.core.system.progress import Progress
 from .accuracy_cases import CONDITIONS, Case, cases_of
 from .baseline import Baseline
 from .calibration import Expected, confidence_ratio, coverage
-from .disturbed import CLEAN, DISTURBANCES, QUICK, SEEDS, disturbed_means, solve_disturbed
+from .disturbed import CLEAN, DISTURBANCES, MEASURES, QUICK, SEEDS, disturbed_means, solve_disturbed
 from .feet import feet_errors
 from .figure6 import MARKER_SET, describe, solve_truth, true_subject
 from .methods import BASELINE, METHODS, default_settings
@@ -38,18 +38,7 @@ _FRAMES, _QUICK_FRAMES = 240, 120  # of each take, so that all takes an hour, or
 _QUICK_SEEDS = SEEDS[:1]
 _MOMENTS = (0.2, 0.4, 0.6, 0.8)  # shares of a take that are pictured
 _DRAWN = (_NEAREST, LIVE, OFFLINE, BASELINE, TUNED)  # in the plot
-_UNITS = (
-    "deg_per_joint",
-    "deg_per_angle",
-    "mpjpe_mm",
-    "bone_direction_deg",
-    "twist_deg",
-    "root_position_mm",
-    "root_rotation_deg",
-    "jitter_ratio",
-    "foot_skate_cm_s",
-    "foot_skate_truth_cm_s",
-)
+_MEASURES = (*MEASURES, "foot_skate_truth_cm_s")
 _FEET = ("skate_beyond_cm_s", "toes_below_mm")
 
 
@@ -153,7 +142,7 @@ def _solve(case: Case, out: Path, baseline: tuple[Baseline, Path] | None, quick:
     rows = [
         case.of
         | {"method": method, "frames": truth.frames}
-        | {unit: round(error[unit], 4) for unit in _UNITS}
+        | {unit: round(error[unit], 4) for unit in _MEASURES}
         | feet_errors(motions[method], truth)
         | {"of_nearest": round(error["deg_per_joint"] / errors[_NEAREST]["deg_per_joint"], 4)}
         for method, error in errors.items()
@@ -182,7 +171,7 @@ def _means(rows: Rows) -> list[dict[str, Any]]:
             if of:
                 means.append(
                     {"condition": condition, "method": method, "takes": len(of)}
-                    | {unit: _mean([row[unit] for row in of]) for unit in (*_UNITS, *_FEET, "of_nearest")}
+                    | {unit: _mean([row[unit] for row in of]) for unit in (*_MEASURES, *_FEET, "of_nearest")}
                     | {f"most_{unit}": max(row[unit] for row in of if not np.isnan(row[unit])) for unit in _FEET[1:]}
                 )
     return means

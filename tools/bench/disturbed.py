@@ -21,7 +21,7 @@ from .solved_takes import LIVE, OFFLINE, Way, solve_both_ways
 
 SEEDS = (0, 1, 2)
 _HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is gone, and when
-_UNITS = (
+MEASURES = (
     "deg_per_joint",
     "deg_per_angle",
     "mpjpe_mm",
@@ -132,7 +132,7 @@ def solve_disturbed(
 
 def _means_of(errors: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Return the means of errors over seeds; of toes below the floor the deepest."""
-    means = {unit: round(float(np.mean([error[unit] for error in errors])), 4) for unit in (*_UNITS, _SKATE)}
+    means = {unit: round(float(np.mean([error[unit] for error in errors])), 4) for unit in (*MEASURES, _SKATE)}
     return means | {_DEEPEST: max(error[_DEEPEST] for error in errors)}
 
 

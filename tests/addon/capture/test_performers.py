@@ -83,8 +83,7 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
         asked = SimpleNamespace(performers=(ANNA, *SUBJECTS), props=(), request={"take": ""}, start=lambda _: run)
         monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: asked)
         monkeypatch.setattr(part("take_library"), "mark_captured", lambda *_: None)
-        bpy.context.scene.perfanim.overlay = set()  # there are no cameras
-        bpy.context.scene.render.fps = 60
+        bpy.context.scene.perfanim.overlay, bpy.context.scene.render.fps = set(), 60  # there are no cameras
         bpy.context.scene.frame_set(1)
         return part("capture.live_capture").LiveCapture(None, [])
 

@@ -12,6 +12,7 @@ from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
 from perfanim.core.worker.jobs.capture_stages import PoseOutput
 from perfanim.core.worker.vmc_sender import VmcSender
 
+SINGLE = float(np.finfo(np.float32).eps)
 SMOOTH = FilterSettings(smoothing_s=0.05)
 
 
@@ -70,9 +71,9 @@ def test_a_packet_made_quickly_is_the_same(truth, poses):
                     assert one == other
                     continue
                 assert (one.address, one.name) == (other.address, other.name)
-                # single precision; the poses of one frame and those of a motion round differently
-                assert one.position_m == pytest.approx(other.position_m, abs=1e-6)
-                assert one.rotation == pytest.approx(other.rotation, abs=1e-6)
+                # a frame's poses and a motion's round differently before they are turned to single precision
+                assert one.position_m == pytest.approx(other.position_m, abs=SINGLE)
+                assert one.rotation == pytest.approx(other.rotation, abs=SINGLE)
 
 
 def test_what_cannot_be_sent_is_told_once_and_holds_nothing_up(truth, poses):
