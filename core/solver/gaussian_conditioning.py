@@ -87,6 +87,20 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
     return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
 
 
+def widen_apart(prior: Prior, other: Prior, share: float) -> Prior:
+    """Return a prior widened at the joints where another is far away.
+
+    Variances of a joint are multiplied by this share of the squared distance of the means in units of both priors'
+    variances, where that is over 1. What does not turn still does not, and what turns together still does.
+    """
+    shift, mine, others = (
+        np.add.reduce(each.reshape(-1, 3), axis=1)
+        for each in (np.square(prior.mean - other.mean), prior.covariance.diagonal(), other.covariance.diagonal())
+    )
+    widened = np.repeat(np.sqrt(np.maximum(1.0, share * shift / (mine + others))), 3)
+    return Prior(prior.mean, prior.covariance * widened * widened[:, None])
+
+
 def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tuple[NDArray[Any], Array]:
     """Regress other entries (D,) on observations (m,).
 

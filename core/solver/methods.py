@@ -12,7 +12,7 @@ from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
-from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations
+from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_apart
 from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, open_network
 from .observation import Observation
@@ -31,8 +31,11 @@ _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is 
 # The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
 # from it, each in its own deviations: for bodies that the database lacks, and for those it knows. By the fourth power:
 # each decides alone where it is surely better.
-_TRUSTED, _TRUSTED_KNOWN = 2.0, 5.0
+_TRUSTED, _TRUSTED_KNOWN = 1.3, 3.0
 _MOST_DOUBT = 100.0
+# For bodies that the database lacks, neighbours that are in doubt are doubted joint by joint: most of all where they are
+# further from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
+_DOUBT_OF_JOINTS = 0.3  # share of the doubt
 # where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
 # widened by as much: it moves as they do not
 _USUAL_DEVIATION = 0.5
@@ -282,7 +285,11 @@ class BestMethod:
             # without markers nothing speaks for either
             trusted = _TRUSTED_KNOWN if known else _TRUSTED
             ratio = off / (learned_off[0] * trusted) if learned_off[0] else 1.0
+            if not known:  # neighbours that explain the markers within their deviations are hardly doubted
+                ratio *= min(1.0, off)
             doubt = min(max(ratio**4, 1.0 / _MOST_DOUBT), _MOST_DOUBT)
+            if not known:
+                prior = widen_apart(prior, learned.pose, _DOUBT_OF_JOINTS * doubt)
             prior = continue_prior(
                 Prior(prior.mean, max(widening, doubt) * prior.covariance),
                 learned.pose.mean,

@@ -8,6 +8,7 @@ from perfanim.core.solver.gaussian_conditioning import (
     continue_prior,
     fit_to_markers,
     neighbours_prior,
+    widen_apart,
 )
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.subject_model import RootPose
@@ -45,6 +46,18 @@ def test_continued_prior_is_the_product_of_gaussians():
     mean = covariance @ (np.linalg.solve(prior.covariance, prior.mean) + np.linalg.solve(change, expected))
     np.testing.assert_allclose(result.covariance, covariance, atol=1e-9)
     np.testing.assert_allclose(result.mean, mean, atol=1e-9)
+
+
+def test_joints_are_widened_where_another_prior_is_far_away():
+    first, second = (neighbours_prior(*gaussian(seed, 9), 0.01 * np.eye(9), *NO_PAST) for seed in (4, 5))
+    mean = first.mean.copy()
+    variances = first.covariance.diagonal() + second.covariance.diagonal()
+    mean[1] += np.sqrt(3.0 * variances[:3].sum())  # of the first joint: three times its variances
+    mean[7] += 0.1 * np.sqrt(variances[6:].sum())  # of the last: much less than those
+    widened = widen_apart(first, Prior(mean, second.covariance), 2.0)
+    factors = np.array([np.sqrt(6.0)] * 3 + [1.0] * 6)
+    np.testing.assert_array_equal(widened.mean, first.mean)
+    np.testing.assert_allclose(widened.covariance, first.covariance * np.outer(factors, factors), rtol=1e-12)
 
 
 def test_what_was_observed_is_regressed_on():
