@@ -9,6 +9,7 @@ from scipy.ndimage import minimum_filter1d
 from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
+from .body_parts import PARTS
 from .joint_angle_frames import with_angle_frames
 from .motion import Motion, resampled, sliced
 from .skeleton import Skeleton, forward_kinematics, joint_angles
@@ -18,6 +19,9 @@ _FOOT_JOINTS = ("ltoes", "rtoes")
 _CONTACT_SPEED_M_S = 0.15  # a foot on the floor moves less, apart from measurement noise
 _CONTACT_HEIGHT_M = 0.05  # above the lowest point of the foot within a second
 _WORST_FRAMES = 5
+_MAIN_JOINTS = {
+    joint for part, joints in PARTS.items() if part.split()[-1] in ("torso", "arm", "leg") for joint in joints
+}
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,8 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
           one rotation the nearer counts.
         - mpjpe_mm: mean joint distance with the roots' positions made equal; mpjpe_absolute_mm: as they are.
         - bone_direction_deg: mean angle between the bones' directions in the world; bone_direction_in_root_deg: as
-          seen from the root, so without its error.
+          seen from the root, so without its error; main_bone_direction_deg: of torso, arms and legs alone, without
+          head, hands and feet (NaN without any by name).
         - twist_deg: mean turn about the own bone in the error of the local rotation.
         - root_position_mm, root_rotation_deg: mean errors of the root.
         - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN when that is still).
@@ -78,6 +83,7 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
     true = forward_kinematics(pair.truth.skeleton, pair.truth.rotations, pair.truth.root_positions_m)
     errors = _errors(pair, angle_skeleton, estimated, true)
     skate, true_skate = _foot_skate(pair.truth, estimated[0], true[0])
+    main = [joint for joint, name in enumerate(pair.truth.skeleton.names) if name in _MAIN_JOINTS]
     return {
         "deg_per_joint": float(np.mean(errors.rotation_deg[:, 1:])),
         "deg_per_angle": float(np.mean(errors.angle_deg)),
@@ -85,6 +91,7 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
         "mpjpe_absolute_mm": float(np.mean(errors.absolute_mm)),
         "bone_direction_deg": float(np.mean(errors.direction_deg[:, 1:])),
         "bone_direction_in_root_deg": float(np.mean(errors.own_direction_deg[:, 1:])),
+        "main_bone_direction_deg": float(np.mean(errors.direction_deg[:, main])) if main else float("nan"),
         "twist_deg": float(np.mean(errors.twist_deg[:, 1:])),
         "root_position_mm": float(np.mean(errors.absolute_mm[:, 0])),
         "root_rotation_deg": float(np.mean(errors.rotation_deg[:, 0])),

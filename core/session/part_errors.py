@@ -14,9 +14,10 @@ from ..solver.subject_model import SubjectModel
 # torso's as those of joints.
 _ERRORS_DEG = {"torso": 6.2, "head": 7.7, "arm": 6.7, "hand": 13.0, "leg": 9.1, "foot": 12.4}
 _SIGMA_POWER, _NEAREST_POWER, _NEAREST_M = 0.8, 0.3, 0.01
-# The same of single joints, found on 80 frames of each of 28 CMU takes (out of the database alone, with their performers,
-# with all motion of their kind, and by the embedded motion) and ten takes of another studio, half of them with 3 mm of
-# noise and a tenth of the markers lost; one scale for both sides. CMU's clavicles and fingers do not move: these have their parts' values.
+# The same of single joints, found on 80 frames of each of 28 CMU takes (out of the database alone, with their
+# performers, with all motion of their kind, and by the embedded motion) and ten takes of another studio, half of them
+# with 3 mm of noise and a tenth of the markers lost; one scale for both sides. CMU's clavicles and fingers do not move:
+# these have their parts' values.
 _JOINT_ERRORS_DEG = {
     "lowerback": 6.7, "upperback": 5.7, "thorax": 7.1, "lowerneck": 9.6, "upperneck": 9.1, "head": 6.8,
     "lclavicle": 6.7, "lhumerus": 11.6, "lradius": 7.8, "lwrist": 11.8, "lhand": 18.2, "lfingers": 13.0, "lthumb": 22.7,

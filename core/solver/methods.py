@@ -33,8 +33,8 @@ _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is 
 # each decides alone where it is surely better.
 _TRUSTED, _TRUSTED_KNOWN = 1.3, 3.0
 _MOST_DOUBT = 100.0
-# For bodies that the database lacks, neighbours that are in doubt are doubted joint by joint: most of all where they are
-# further from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
+# For bodies that the database lacks, neighbours in doubt are doubted joint by joint: most of all where they are further
+# from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
 _DOUBT_OF_JOINTS = 0.3  # share of the doubt
 # where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
 # widened by as much: it moves as they do not

@@ -26,6 +26,7 @@ MEASURES = (
     "deg_per_angle",
     "mpjpe_mm",
     "bone_direction_deg",
+    "main_bone_direction_deg",
     "twist_deg",
     "root_position_mm",
     "root_rotation_deg",
@@ -33,7 +34,7 @@ MEASURES = (
     "foot_skate_cm_s",
 )
 _SKATE, _DEEPEST = "skate_beyond_cm_s", "toes_below_mm"  # see feet_errors
-_RATIOS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "jitter_ratio")
+_RATIOS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "main_bone_direction_deg", "jitter_ratio")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,14 @@ from perfanim.core.geometry.arrays import Array
 from .report import Rows
 
 OVER = 1.02  # takes with a larger ratio are listed
-_UNITS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "root_rotation_deg", "jitter_ratio")
+_UNITS = (
+    "deg_per_joint",
+    "mpjpe_mm",
+    "bone_direction_deg",
+    "main_bone_direction_deg",
+    "root_rotation_deg",
+    "jitter_ratio",
+)
 _INTERVALS = ("deg_per_joint", "mpjpe_mm")
 _DRAWN = 2000  # samples of the takes, for an interval
 

@@ -70,6 +70,18 @@ def test_twist_and_direction_are_apart() -> None:
     assert result["per_joint"]["lhumerus"]["bone_direction_deg"] == pytest.approx(20.0, abs=1e-4)
 
 
+def test_hands_head_and_feet_are_no_main_bones() -> None:
+    truth = walking_on_the_spot()
+    for joint in ("lhand", "head", "rfoot"):
+        result = evaluate(turned(truth, joint, 20.0, (0.0, 0.0, 1.0)), truth)
+        assert result["bone_direction_deg"] > 0.1
+        assert result["main_bone_direction_deg"] == pytest.approx(0.0, abs=1e-6)
+    # 3 of the spine, 3 of each arm, 2 of each leg
+    result = evaluate(turned(truth, "ltibia", 20.0, (0.0, 0.0, 1.0)), truth)
+    shank = result["per_joint"]["ltibia"]["bone_direction_deg"]
+    assert result["main_bone_direction_deg"] == pytest.approx(shank / 13.0)
+
+
 def test_angles_are_the_skeletons_own() -> None:
     truth = walking_on_the_spot()
     frame, order = angle_frame("lradius")

@@ -15,7 +15,14 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress
 
-_UNITS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "root_rotation_deg", "jitter_ratio")
+_UNITS = (
+    "deg_per_joint",
+    "mpjpe_mm",
+    "bone_direction_deg",
+    "main_bone_direction_deg",
+    "root_rotation_deg",
+    "jitter_ratio",
+)
 
 
 def row(take, method, value):
