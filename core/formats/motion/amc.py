@@ -6,6 +6,7 @@ ASF file gives for each bone: the joint's rotation relative to rest is C R(value
 
 import re
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import pairwise
 
 import numpy as np
@@ -59,11 +60,20 @@ def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
     values = _values(body, layout)
     if values is None:
         # indented, with blank lines, or damaged
-        values = _values(re.sub(rb"(?<![ \t])[ \t]*\n\s*", b"\n", body.strip()), layout)
+        values = _values(_stripped(body), layout)
     if values is None:
         raise _first_fault(body, where, layout, header.count(b"\n"))
     check_pose_bytes(len(values), len(asf.skeleton), len(content), where)
     return AmcValues(tuple(layout), values, np.pi / 180.0 if degrees else 1.0)
+
+
+def _stripped(body: bytes) -> bytes:
+    """Return the lines without indents and blank ones, one in memory at a time."""
+    stripped = bytearray()
+    for line in BytesIO(body):
+        if words := line.strip():
+            stripped += words + b"\n"
+    return bytes(stripped)
 
 
 def _first_frame(content: bytes, where: str) -> int:
@@ -137,7 +147,7 @@ def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> F
     expected = [[""]] + [[bone.name, *bone.channels] for bone in layout]
     step = -1
     number = line
-    for number, raw in enumerate(body.split(b"\n"), start=line + 1):
+    for number, raw in enumerate(BytesIO(body), start=line + 1):
         words = raw.decode("latin-1").split()
         if not words:
             continue

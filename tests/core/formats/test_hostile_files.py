@@ -135,9 +135,14 @@ def _still(channels: str, joints: int, frames: int) -> str:
     return f"HIERARCHY\n{root}MOTION\nFrames: 2\nFrame Time: 0.02\n" + "0\n" * frames
 
 
+def _read_amc(path: Path) -> None:
+    parse_amc_values(path.read_bytes(), "x.amc", parse_asf(ASF.encode(), "x.asf"))
+
+
 REPEATED = {
     "turning root.bvh": _still("1 Xrotation", 0, 500_000),
     "joints without numbers.bvh": _still("1 Xrotation", 300, 480_000),
+    "frame numbers.amc": "1\nroot 0 0 0 0 0 0\na 1\n" + "2\n]\n[" * 200_000,
     "last line.asf": ASF + "end\n" * 250_000,
     "names.csv": "# fps=60\nframe,time_s," + ",".join(["M_x,M_y,M_z"] * 80_000) + "\n1,0\n",
     "blank lines.csv": _csv(1, 0) + "\n" * 1_000_000,
@@ -149,7 +154,7 @@ REPEATED = {
 def test_a_part_repeated_to_a_megabyte_takes_no_more_than_allowed(name: str, tmp_path: Path) -> None:
     text, path = REPEATED[name], tmp_path / name
     path.write_text(text)
-    read = {".bvh": read_bvh, ".asf": read_asf, ".csv": read_take}[path.suffix]
+    read = {".bvh": read_bvh, ".asf": read_asf, ".csv": read_take, ".amc": _read_amc}[path.suffix]
     tracemalloc.start()
     with suppress(FormatError):
         read(path)
