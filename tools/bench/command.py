@@ -11,6 +11,7 @@ from .accuracy import accuracy
 from .end_to_end import end_to_end
 from .figure5 import figure5
 from .figure6 import figure6
+from .joint_angles import joint_angle_distributions
 from .robustness import FULL, PARTS, SEED, robustness
 from .scale import scale
 from .sketch import sketch
@@ -29,6 +30,7 @@ _BENCHES = {
     "robustness": (robustness, "cuts between takes, a T pose before takes, noise and unseen subjects; worst frames"),
     "suits": (suits, "recorded suits solved with nine of their markers: distance of the others"),
     "sketch": (sketch, "a body from keys of eight takes, with five and with three controls"),
+    "joint-angles": (joint_angle_distributions, "joint angles of the embedded motion beside those of people, by kind"),
     "speed": (speed, "time of detection, of two streams to labelled points, of solve, search and import"),
     "scale": (scale, "time to open, search and solve, and the error, by the size of the database"),
 }
