@@ -53,7 +53,10 @@ def write_api_pages(app: Any) -> None:
 
 def write_schemas_page(app: Any) -> None:
     """Write the page of TOML files, from the schemas that their readers check."""
-    lines = ["# TOML files", "", "All keys that are read, with their units and ranges; other keys are left alone.", ""]
+    about = (
+        "All keys that are read, with their units and ranges. Other keys are refused in plans and left alone elsewhere."
+    )
+    lines = ["# TOML files", "", about, ""]
     for schema in (CAMERA, METADATA, MARKER_SET, SUBJECT, PROP, NAMES, BONE_MAP, PLAN, TAKE, SETTINGS, COLLECTION):
         lines += manual_lines(schema)
     (DOCS / "toml-files.md").write_text("\n".join(lines), encoding="utf-8")
