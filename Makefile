@@ -163,12 +163,13 @@ vmc-flood: $(STAMP)
 camera-faults: $(STAMP)
 	$(BIN)/python tools/camera_faults.py --count 20
 
-# A capture without an end for MINUTES: growth of memory and of a frame's time. Linux only.
+# A capture without an end for MINUTES, or of so many FRAMES however long they take: growth of memory and of a frame's
+# time. Linux only.
 MINUTES ?= 15
 METHOD ?= best
 session-soak: export OPENBLAS_NUM_THREADS := 1
 session-soak: $(STAMP)
-	$(BIN)/python tools/session_soak.py --minutes $(MINUTES) --method $(METHOD)
+	$(BIN)/python tools/session_soak.py $(if $(FRAMES),--frames $(FRAMES),--minutes $(MINUTES)) --method $(METHOD)
 
 # Damaged inputs for every reader, packet, message and command line, for SECONDS; faults are kept in out/fuzz. Linux only.
 SECONDS ?= 3600

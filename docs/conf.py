@@ -5,10 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from perfanim.core import __version__
-from perfanim.core.geometry.rig_file import CAMERA
+from perfanim.core.cli.batch.plan import PLAN, SETTINGS, TAKE
+from perfanim.core.database.public_collections import COLLECTION
+from perfanim.core.geometry.rig_file import CAMERA, METADATA
+from perfanim.core.markers.label_matching import NAMES
 from perfanim.core.markers.marker_set import MARKER_SET
 from perfanim.core.markers.prop import PROP
 from perfanim.core.markers.subject import SUBJECT
+from perfanim.core.retarget.bone_map_files import BONE_MAP
 from perfanim.core.system.schema import manual_lines
 
 DOCS = Path(__file__).resolve().parent
@@ -49,8 +53,11 @@ def write_api_pages(app: Any) -> None:
 
 def write_schemas_page(app: Any) -> None:
     """Write the page of TOML files, from the schemas that their readers check."""
-    lines = ["# TOML files", "", "All keys that are read, with their units and ranges; other keys are left alone.", ""]
-    for schema in (CAMERA, MARKER_SET, SUBJECT, PROP):
+    about = (
+        "All keys that are read, with their units and ranges. Other keys are refused in plans and left alone elsewhere."
+    )
+    lines = ["# TOML files", "", about, ""]
+    for schema in (CAMERA, METADATA, MARKER_SET, SUBJECT, PROP, NAMES, BONE_MAP, PLAN, TAKE, SETTINGS, COLLECTION):
         lines += manual_lines(schema)
     (DOCS / "toml-files.md").write_text("\n".join(lines), encoding="utf-8")
 

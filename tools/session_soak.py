@@ -1,10 +1,11 @@
 """Solve a capture without an end, and measure growth of memory and time.
 
     python tools/session_soak.py --minutes 15 --method best
+    python tools/session_soak.py --frames 5184000 --method nearest
 
 A session of one performer gets the unlabelled points of a walk and of boxing, forwards and backwards for ever, with
 cuts between them, 1 mm of noise and markers hidden 5 % of the time; once a minute nobody is there for a second. It runs
-faster than real time, for so many minutes or `--hours` of frames, whichever is less. A row for
+faster than real time, for so many minutes or until `--frames` are solved, whichever is first. A row for
 each tenth: frames, memory (RSS), median and 99 % of a frame's time, and the latter as time of the processor, which
 other programs on the computer change less.
 
@@ -20,6 +21,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +45,7 @@ NOISE_MM, HIDDEN = 1.0, 0.05
 ABSENT_EVERY, ABSENT = 3600, 60  # frames
 SIGMA_M = 0.001
 TENTHS = 10
+DAY = round(24 * 3600 * FPS)  # frames
 MOST_GROWN_MB, MOST_SLOWER = 10.0, 1.05
 FIGURES = ("frames", "hours", "memory_mb", "median_ms", "p99_ms", "p99_processor_ms")
 
@@ -50,16 +53,18 @@ FIGURES = ("frames", "hours", "memory_mb", "median_ms", "p99_ms", "p99_processor
 def main() -> int:
     """Run; the exit status is 1 when memory or times grew."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=15.0, help="that it runs at most (default 15)")
-    parser.add_argument("--hours", type=float, default=24.0, help="of frames at 60 Hz at most (default 24)")
+    parser.add_argument("--minutes", type=float, default=inf, help="that it runs at most (default: to the last frame)")
+    parser.add_argument("--frames", type=int, default=DAY, help=f"that are solved at most (default {DAY}: 24 hours)")
     parser.add_argument("--method", choices=METHODS, default="best", help="of the solver (default best)")
     parser.add_argument("--seed", type=int, default=None, help="of noise and gaps (default: others at every run)")
     parser.add_argument("--out", type=Path, help="report to write (JSON)")
     options = parser.parse_args()
+    if options.frames < TENTHS or options.minutes <= 0.0:
+        parser.error(f"give at least {TENTHS} frames and some time")
     seed = secrets.randbits(32) if options.seed is None else options.seed
     sys.stdout.write("".join(f"{name:>18}" for name in FIGURES) + "\n")
     rows: list[dict[str, float]] = []
-    for row in soak(options.minutes * 60.0, options.hours, options.method, seed):
+    for row in soak(options.minutes * 60.0, options.frames, options.method, seed):
         rows.append(row)
         sys.stdout.write("".join(f"{row[name]:18.6g}" for name in FIGURES) + "\n")
         sys.stdout.flush()
@@ -70,14 +75,14 @@ def main() -> int:
     return 1 if wrong else 0
 
 
-def soak(seconds: float, hours: float, method: str, seed: int) -> Iterator[dict[str, float]]:
+def soak(seconds: float, most: int, method: str, seed: int) -> Iterator[dict[str, float]]:
     """Yield the figures of each tenth of the frames, or of the time."""
     with tempfile.TemporaryDirectory(prefix="session-soak-") as name:
         path = Path(name) / "starter.pfdb"
         build_database([str(MOTION)], path, BuildSettings(fps=FPS))
         subject = Subject("Sim", default_skeleton(HEIGHT_M), load_marker_set("boxing"))
         session = Session(subject, open_database(path), settings=SolveSettings(method=method))
-        frames, most = _frames(seed), round(hours * 3600.0 * FPS)
+        frames = _frames(seed)
         for _ in range(TENTHS):
             yield _tenth(session, frames, seconds / TENTHS, most // TENTHS)
 

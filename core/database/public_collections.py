@@ -10,17 +10,34 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
-from ..errors import DownloadError, PerfanimError, SettingsError, shorten
+from ..errors import DownloadError, FormatError, PerfanimError, SettingsError, shorten
 from ..formats.motion.motion_sources import check_unpacked_size
 from ..system.assets import COLLECTIONS
 from ..system.download import check_address, download
 from ..system.files import read_toml, reading
 from ..system.progress import Progress
+from ..system.schema import Key, Schema
 
 _ENDINGS = (".zip", ".tar.gz", ".tgz", ".tar", ".bvh")
 _LONGEST_NAME = 80
 _PIECE = 1 << 20  # bytes
 _DAMAGED_ADVICE = "get it again; if that does not help, it is damaged where it comes from"
+
+
+COLLECTION = Schema(
+    "Public collection of motion",
+    "A table for each collection, under the name that `perfanim database get` takes.",
+    (
+        Key("title", "its name in full", str, least=1),
+        Key("page", "address to read about it", str, least=1),
+        Key("address", "of the archive", str, least=1),
+        Key("megabytes", "about the size of the archive", int, (), "MB", 1, 1e6),
+        Key("licence", "what may be done with the motion", str, least=1),
+        Key("good_for", "kinds of motion in it", str, least=1),
+    ),
+    FormatError,
+    "install the add-on again",
+)
 
 
 @dataclass(frozen=True)
@@ -48,8 +65,10 @@ class Collection:
 @cache
 def public_collections() -> dict[str, Collection]:
     """Return the collections that are offered, by name."""
-    with reading(COLLECTIONS, advice="install the add-on again"):
-        return {name: Collection(name, **facts) for name, facts in read_toml(COLLECTIONS).items()}
+    tables = read_toml(COLLECTIONS)
+    COLLECTION.check_each(tables, str(COLLECTIONS))
+    keys = [key.name for key in COLLECTION.keys]
+    return {name: Collection(name, **{key: row[key] for key in keys}) for name, row in tables.items()}
 
 
 def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Path:

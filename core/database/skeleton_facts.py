@@ -7,6 +7,16 @@ import numpy as np
 
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
+from ..system.schema import Key
+
+_J = len(JOINT_NAMES)
+BODY = (
+    Key("offsets_m", "joints from their parents", float, (_J, 3), "m", -10.0, 10.0),
+    Key("tips_m", "ends of bones from their joints", float, (_J, 3), "m", -10.0, 10.0),
+    Key("angle_axes", "frames of the angles", float, (_J, 4), "", -1.1, 1.1),
+    Key("angle_orders", "axes that turn, in their order", str, (_J,)),
+    Key("parents", "parents of joints", int, (_J,), "", -1, _J - 1),
+)
 
 
 def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:

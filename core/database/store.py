@@ -25,6 +25,7 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path, is_file, open_foreign, reading
 from .graph import GraphSettings, NeighbourGraph, build_graph
+from .header_facts import CLIP, FASTEST, REBUILD, SLOWEST, ZERO, read_facts
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
 DATABASE_SUFFIX = ".pfdb"
@@ -35,8 +36,6 @@ _VERSION = 2
 _COMMON_ZERO_VERSION = 1  # without zeros of the subjects
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
-_ADVICE = "build it again with `perfanim database build`, or import the motion again"
-_SLOWEST, _FASTEST = 1.0, 2000.0  # frames per second
 _UNIT = 1e-3  # by which the length of a stored quaternion may differ from 1
 _FARTHEST = 1e5  # metres or radians
 _CHUNK = 1 << 14  # frames looked at together
@@ -223,7 +222,7 @@ def save_database(database: Database, graph: GraphSettings | None = None) -> Non
 
 def _check_parts(database: Database) -> None:
     where, clips, shape = str(database.path), database.clips, database.root_positions_m.shape
-    if not (_SLOWEST <= database.fps <= _FASTEST and database.frames):
+    if not (SLOWEST <= database.fps <= FASTEST and database.frames):
         raise DatabaseError(f"holds {database.frames} frames at {database.fps} frames per second", where=where)
     if shape != (database.frames, 3):
         raise DatabaseError(f"root positions have shape {shape}, not ({database.frames}, 3)", where=where)
@@ -260,10 +259,10 @@ def open_database(path: str | Path) -> Database:
         DatabaseError: the file is missing, no database, of another version, or cut off.
     """
     path = Path(path)
-    with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, _ADVICE):
+    with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
         facts, arrays = _map_arrays(path, stream)
         if tuple(facts["joints"]) != JOINT_NAMES:
-            raise DatabaseError("was made for other joints", where=str(path), advice=_ADVICE)
+            raise DatabaseError("was made for other joints", where=str(path), advice=REBUILD)
         return _database_from(path, facts, arrays)
 
 
@@ -273,14 +272,14 @@ def check_file(database: Database) -> None:
     The lost part then reads as zeros. A file that was replaced or deleted is read to its end all the same.
     """
     if is_file(database.path):
-        with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, _ADVICE):
+        with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, REBUILD):
             _read_header(database.path, stream)
 
 
 def _map_arrays(path: Path, stream: BinaryIO) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return a file's facts and mapped arrays; any error for a damaged one."""
     header = _read_header(path, stream)
-    facts, start = json.loads(header), _PREAMBLE.size + len(header)
+    facts, start = read_facts(path, header), _PREAMBLE.size + len(header)
     start += -start % _ALIGNMENT
     return facts, {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
 
@@ -296,21 +295,21 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
     stream.seek(0)
     preamble = stream.read(_PREAMBLE.size)
     if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
-        raise DatabaseError("is not a motion database", where=str(path), advice=_ADVICE)
+        raise DatabaseError("is not a motion database", where=str(path), advice=REBUILD)
     _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
     if version not in (_COMMON_ZERO_VERSION, _VERSION):
-        raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=_ADVICE)
+        raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=REBUILD)
     if size != file_bytes:
-        raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=_ADVICE)
+        raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=REBUILD)
     header = stream.read(min(header_bytes, size))
     if hashlib.sha256(header).digest() != digest:
-        raise DatabaseError("is damaged", where=str(path), advice=_ADVICE)
+        raise DatabaseError("is damaged", where=str(path), advice=REBUILD)
     return header
 
 
 def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Database:
     """Return the database of a header and mapped arrays; any error for a damaged one."""
-    frames, joints, zeros = len(arrays["poses"]), len(JOINT_NAMES), facts.get("zeros", ())
+    frames, joints, zeros = len(arrays["poses"]), len(JOINT_NAMES), facts.get("zeros") or ()
     expected = {
         "mean_rotations": ("<f8", (joints, 4)),
         "poses": ("<f4", (frames, joints - 1, 3)),
@@ -324,14 +323,14 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         if (array.dtype.str, array.shape) != expected[name]:
             raise ValueError(f"{name} has the shape {array.shape} and the type {array.dtype.str}")
     own = [
-        Zero(str(subject), int(skeleton), bool(mirrored), np.array(rotations))
-        for (subject, skeleton, mirrored), rotations in zip(zeros, arrays.get("zeros", ()), strict=True)
+        Zero(rotations=np.array(rotations), **{key.name: row[key.name] for key in ZERO})
+        for row, rotations in zip(zeros, arrays.get("zeros", ()), strict=True)
     ]
     database = Database(
         path=path,
         fps=float(facts["fps"]),
         clips=tuple(
-            Clip(**{key: Clip.__annotations__[key](value) for key, value in row.items()}) for row in facts["clips"]
+            Clip(**{key.name: row[key.name] for key in CLIP if row.get(key.name) is not None}) for row in facts["clips"]
         ),
         skeletons=tuple(skeleton_from_facts(row) for row in facts["skeletons"]),
         mean_rotations=np.array(arrays["mean_rotations"]),
@@ -339,7 +338,7 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
         graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
-        culled_frames=int(facts.get("culled_frames", 0)),
+        culled_frames=facts.get("culled_frames") or 0,
         zeros=tuple(own),
     )
     _check_parts(database)
@@ -355,12 +354,12 @@ def check_arrays(database: Database) -> None:
     What opens a database does not read it. What solves with it does, and calls this.
     """
     if is_file(database.path):
-        with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, _ADVICE):
+        with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, REBUILD):
             facts, arrays = _map_arrays(database.path, stream)
             for name, row in facts["arrays"].items():
                 if "crc32" in row and row["crc32"] != _sum(arrays[name]):
                     raise DatabaseError(
-                        f"is damaged: its {name} have changed", where=str(database.path), advice=_ADVICE
+                        f"is damaged: its {name} have changed", where=str(database.path), advice=REBUILD
                     )
     for frames in range(0, database.frames, _CHUNK):
         part = slice(frames, frames + _CHUNK)
@@ -385,7 +384,5 @@ def identity(database: Database) -> dict[str, Any]:
 
 
 def _map_array(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
-    offset, shape = row["offset"], tuple(row["shape"])
-    if not all(isinstance(number, int) and number >= 0 for number in (offset, *shape)):
-        raise ValueError("an array lies before the others, or has no whole number of rows")
+    offset, shape = int(row["offset"]), tuple(map(int, row["shape"]))
     return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + offset, shape=shape)

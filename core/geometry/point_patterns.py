@@ -20,19 +20,30 @@ def match_rigid_pattern(
         fewest: markers that must have a point.
         allowed: (N, M) which point may be which marker; None: any.
     """
-    count, most_missing = len(spans_m), len(spans_m) - fewest
+    if allowed is not None:  # few of many points come into question: the others cost nothing
+        rows = np.flatnonzero(allowed.any(axis=1))
+        points_m, tolerances_m, allowed = points_m[rows], tolerances_m[np.ix_(rows, rows)], allowed[rows]
     between = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
+    chosen = _extend_matches(between, spans_m, tolerances_m, len(spans_m) - fewest, allowed)
+    return chosen if allowed is None else np.where(chosen >= 0, np.append(rows, -1)[chosen], -1)
+
+
+def _extend_matches(
+    between_m: Array, spans_m: Array, tolerances_m: Array, most_missing: int, allowed: Mask | None
+) -> IntArray:
+    """Extend matches of points with distances (N, N), marker by marker."""
     chosen = np.empty((1, 0), dtype=np.int64)
-    for marker in range(count):
-        parent, point = np.indices((len(chosen), len(points_m))).reshape(2, -1)
-        fits = np.all(chosen[parent] != point[:, None], axis=1)
+    for marker in range(len(spans_m)):
+        fits = np.ones((len(chosen), len(between_m)), dtype=bool)
         if allowed is not None:
-            fits &= allowed[point, marker]
+            fits &= allowed[:, marker]
         for before in range(marker):
-            other = chosen[parent, before]
-            near = np.abs(between[other, point] - spans_m[before, marker]) <= tolerances_m[other, point]
-            fits &= near | (other < 0)
-        taken = np.column_stack((chosen[parent[fits]], point[fits]))
+            near = np.abs(between_m - spans_m[before, marker]) <= tolerances_m
+            np.fill_diagonal(near, False)  # no point is two markers
+            # the last row is of a marker without a point, -1
+            fits &= np.concatenate((near, np.ones((1, len(near)), dtype=bool)))[chosen[:, before]]
+        parent, point = np.nonzero(fits)
+        taken = np.column_stack((chosen[parent], point))
         without = np.column_stack((chosen, np.full(len(chosen), -1)))
         chosen = np.concatenate((taken, without))
         missing = np.sum(chosen < 0, axis=1)

@@ -18,8 +18,7 @@ from .rigid_transform import nearest_rotation
 
 CAMERA = Schema(
     "Camera of a calibration",
-    "A table `[cam_0]`, `[cam_1]`, ... for each camera, in anipose's layout. The table `[metadata]` has `length_unit`, "
-    '"m" or "mm".',
+    "A table `[cam_0]`, `[cam_1]`, ... for each camera, in anipose's layout.",
     (
         Key("name", "of the camera", str, optional=True),
         Key("size", "width and height of its images", int, (2,), "pixels", 1, 100_000),
@@ -32,6 +31,14 @@ CAMERA = Schema(
     ),
     CalibrationError,
     "calibrate the cameras again",
+)
+_UNIT = Key("length_unit", "unit of all lengths", str, choices=("m", "mm", "unknown"), optional=True)
+METADATA = Schema(
+    "Calibration as a whole",
+    "Beside the cameras' tables; other keys of `[metadata]` are kept as they are.",
+    (Key("metadata", "about all cameras", (_UNIT,), optional=True),),
+    CalibrationError,
+    'length_unit is "m" or "mm"',
 )
 
 
@@ -80,14 +87,12 @@ def load_rig(path: str | Path) -> CameraRig:
 def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
     """Return the rig of anipose tables; inverse of `rig_tables`."""
     keys = _camera_keys(tables)
-    if not all(isinstance(tables[key], Mapping) for key in keys):
-        raise CalibrationError("has a camera that is no table", where=where, advice=CAMERA.advice)
+    CAMERA.check_each({key: tables[key] for key in keys}, where)
+    METADATA.check(tables, where)
     rows = [{"name": key, **tables[key]} for key in keys]
     cameras = _cameras_from(rows, where)
     metadata = tables.get("metadata", {})
-    unit = metadata.get("length_unit", "unknown") if isinstance(metadata, Mapping) else None
-    if unit not in ("m", "mm", "unknown"):
-        raise CalibrationError("metadata is not understood", where=where, advice='length_unit is "m" or "mm"')
+    unit = metadata.get("length_unit", "unknown")
     centres = np.array([camera.centre_m for camera in cameras])
     if unit == "mm" or (unit == "unknown" and np.linalg.norm(centres - centres[0], axis=1).max() > 10.0):
         cameras = tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..errors import MarkerSetError, TakeError
 from ..system.files import read_toml
+from ..system.schema import Key, Schema
 from .marker_set import MarkerSet, load_marker_set, marker_set_names
 from .marker_take import MarkerTake
 
@@ -15,6 +16,13 @@ AUTO = "auto"
 _FEWEST_TORSO = 3  # markers without which the root is not found
 _FEWEST_PREFIXED = 3  # labels that share a word are a subject's, "Anna_head"
 _MOST_NAMES = 12  # in a message
+NAMES = Schema(
+    "Names of a take's markers",
+    "For `--names`, and `names` of a plan.",
+    (Key("names", "marker of each label", str, least=1, named=True),),
+    MarkerSetError,
+    'write [names] and lines such as "Knee 1" = "LKNE"',
+)
 
 
 @dataclass(frozen=True)
@@ -107,11 +115,9 @@ def load_names(path: Path | str) -> dict[str, str]:
     Raises:
         MarkerSetError: there is no such table, or it is not one of texts.
     """
-    table = read_toml(path).get("names")
-    if not isinstance(table, dict) or not all(isinstance(value, str) for value in table.values()):
-        advice = 'write [names] and lines such as "Knee 1" = "LKNE"'
-        raise MarkerSetError("has no table [names] of texts", where=str(path), advice=advice)
-    return dict(table)
+    tables = read_toml(path)
+    NAMES.check(tables, str(path))
+    return dict(tables["names"])
 
 
 def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:

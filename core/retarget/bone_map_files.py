@@ -15,9 +15,20 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError, FormatError
 from ..system.assets import ASSETS
 from ..system.files import is_file, read_toml, write_toml
+from ..system.schema import Key, Schema
 
 BONE_MAPS = ASSETS / "bone_maps"
 _ENDING = ".toml"
+BONE_MAP = Schema(
+    "Bone map",
+    "Which bone of a character moves with which joint. Joints: " + ", ".join(f"`{name}`" for name in JOINT_NAMES) + ".",
+    (
+        Key("name", "for people", str, optional=True),
+        Key("joints", "bone of each joint", str, least=1, named=True),
+    ),
+    FormatError,
+    'give a file with a table [joints]: root = "Hips"',
+)
 
 
 def read_bone_map(path: Path | str) -> dict[str, str]:
@@ -26,9 +37,9 @@ def read_bone_map(path: Path | str) -> dict[str, str]:
     Raises:
         FormatError: it cannot be read, or is no bone map.
     """
-    joints = read_toml(path).get("joints")
-    if not isinstance(joints, dict) or not all(isinstance(bone, str) and bone for bone in joints.values()):
-        raise FormatError("is no bone map", where=str(path), advice='give a file with a table [joints]: root = "Hips"')
+    tables = read_toml(path)
+    BONE_MAP.check(tables, str(path))
+    joints = tables["joints"]
     unknown = [joint for joint in joints if joint not in JOINT_NAMES]
     if unknown:
         raise FormatError(

@@ -16,6 +16,7 @@ from typing import Any
 from ...errors import SettingsError
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
+from ...system import schema
 from ...system.files import is_file, is_folder, read_toml
 
 Value = str | float | bool | list[str]
@@ -44,6 +45,8 @@ class Key:
     commands: tuple[str, ...]
 
 
+ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
+SAVED_AS = ("blend", "fbx", "glb")
 _KEYS = (  # "label": options of track by which it labels the markers of videos
     (Kind.FILE, ("track",), "cameras"),  # of a recorded take an option of solve, see `options_of`
     (Kind.SOURCE, ("track",), "left right"),
@@ -64,8 +67,48 @@ _KEYS = (  # "label": options of track by which it labels the markers of videos
     (Kind.CHARACTER, (), "save_as"),
 )
 KEYS = {name: Key(kind, commands) for kind, commands, names in _KEYS for name in names.split()}
-ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
-SAVED_AS = ("blend", "fbx", "glb")
+
+
+def _row(name: str, kind: Kind) -> schema.Key:
+    about = f"{kind.value}: as `--{name.replace('_', '-')}`"
+    if kind is Kind.NUMBER:
+        return schema.Key(name, about, float, (), _UNITS[name], 0.0, 1e6, optional=True)
+    if kind is Kind.SWITCH:
+        return schema.Key(name, about, bool, optional=True)
+    lists = kind in (Kind.SOURCES, Kind.CAMERAS, Kind.MOTIONS)
+    choices = {Kind.MOTIONS: ALSO, Kind.CHARACTER: SAVED_AS}.get(kind, ())
+    return schema.Key(name, about, str, (None,) if lists else (), least=1, choices=choices, optional=True)
+
+
+_UNITS = {"fps": "frames per second", "rate": "frames per second", "smooth": "ms"}
+PLAN = schema.Schema(
+    "Plan of a batch",
+    "For `perfanim batch`. Paths are relative to the plan.",
+    (
+        schema.Key("out", "folder of the results", str, optional=True),
+        schema.Key("take", "the takes", (), (None,)),
+    ),
+    SettingsError,
+    'add [[take]] tables with take = "FILE"',
+)
+TAKE = schema.Schema(
+    "Take of a plan",
+    "Of each table `[[take]]`; it may have each of the settings below, too.",
+    (
+        schema.Key("take", "file, folder or pattern; left out for videos", str, optional=True),
+        schema.Key("name", "of the results; left out, the file's", str, optional=True),
+    ),
+    SettingsError,
+    "see TOML files in the manual",
+)
+SETTINGS = schema.Schema(
+    "Settings of a plan",
+    "At the plan's top level for all takes, or in a take's table for that one.",
+    tuple(_row(name, key.kind) for name, key in KEYS.items()),
+    SettingsError,
+    "see TOML files in the manual",
+    closed=True,
+)
 _BODIES = ("subject", "skeleton")  # a take's own of either takes the place of both that all takes share
 _PATTERN = "*?["
 _FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
@@ -137,12 +180,11 @@ def read_plan(path: Path | str, given: Mapping[str, Value]) -> Plan:
     """
     where = str(path)
     tables = dict(read_toml(path))
+    PLAN.check(tables, where)
     folder = Path(path).absolute().parent
-    rows, out = tables.pop("take", []), tables.pop("out", "")
-    if not isinstance(out, str):
-        raise SettingsError("out must be a folder", where=where)
-    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-        raise SettingsError("names no takes", where=where, advice='add [[take]] tables with take = "FILE"')
+    rows, out = tables.pop("take"), tables.pop("out", "")
+    if not rows:
+        raise SettingsError("names no takes", where=where, advice=PLAN.advice)
     shared = _merge(_resolve_paths(tables, folder, where), _resolve_paths(given, Path.cwd(), "options"))
     found: list[tuple[str, TakePlan]] = []
     for number, row in enumerate(rows, 1):
@@ -161,10 +203,9 @@ def _row_takes(
     row: Mapping[str, Any], shared: Mapping[str, Value], folder: Path, where: str
 ) -> list[tuple[str, TakePlan]]:
     """Return the takes of one table, and the name that it gives, "" when none."""
+    TAKE.check(row, where)
     own = dict(row)
     take, name = own.pop("take", ""), own.pop("name", "")
-    if not isinstance(take, str) or not isinstance(name, str):
-        raise SettingsError("take and name must be text", where=where)
     if name and (set(name) & set(_FORBIDDEN) or name != name.strip(". ")):
         raise SettingsError(f"{name!r} cannot be the name of a file", where=where, advice="choose another name")
     options = _merge(shared, _resolve_paths(own, folder, where))
@@ -191,31 +232,21 @@ def _merge(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, V
 
 def _resolve_paths(table: Mapping[str, Any], folder: Path, where: str) -> dict[str, Value]:
     """Return the values of keys, checked, with absolute paths."""
-    result: dict[str, Value] = {}
-    for key, value in table.items():
-        if key not in KEYS:
-            raise SettingsError(f"there is no key {key!r}", where=where, advice="keys: " + ", ".join(sorted(KEYS)))
-        result[key] = _value(KEYS[key].kind, value, folder, f"{where}: {key}")
-    return result
+    SETTINGS.check(table, where)
+    return {key: _value(KEYS[key].kind, value, folder) for key, value in table.items()}
 
 
-def _value(kind: Kind, value: Any, folder: Path, where: str) -> Value:
-    if kind is Kind.SWITCH and isinstance(value, bool):
-        return value
-    if kind is Kind.NUMBER and isinstance(value, int | float) and not isinstance(value, bool):
+def _value(kind: Kind, value: Any, folder: Path) -> Value:
+    """Return a value that the schema allows, its paths absolute."""
+    if kind is Kind.NUMBER:
         return float(value)
-    if kind is Kind.MOTIONS and isinstance(value, list) and all(item in ALSO for item in value):
+    if kind is Kind.MOTIONS:
         return sorted(set(value))
-    if kind is Kind.CHARACTER and value in SAVED_AS:
-        return value
-    if kind in (Kind.SOURCES, Kind.CAMERAS) and isinstance(value, list) and all(isinstance(v, str) for v in value):
+    if kind in (Kind.SOURCES, Kind.CAMERAS):
         return [_source(text, folder, kind is Kind.CAMERAS) for text in value]
-    if isinstance(value, str) and value:
-        if kind is Kind.WORD or (kind is Kind.NAME_OR_FILE and not is_file(folder / value)):
-            return value
-        if kind in (Kind.FILE, Kind.NAME_OR_FILE, Kind.SOURCE):
-            return _absolute(value, folder)
-    raise SettingsError(f"{value!r} is not {kind.value}", where=where)
+    is_path = kind in (Kind.FILE, Kind.SOURCE) or (kind is Kind.NAME_OR_FILE and is_file(folder / value))
+    checked: Value = _absolute(value, folder) if is_path else value
+    return checked
 
 
 def _source(text: str, folder: Path, named: bool) -> str:

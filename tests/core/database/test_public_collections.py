@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 from file_site import motion_archive, serving
 from perfanim.core.cli.main import main
+from perfanim.core.database import public_collections as public_collections_module
 from perfanim.core.database.public_collections import file_name, get_collection, public_collections
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DownloadError, FormatError, SettingsError
+from perfanim.core.system.files import write_toml
 from perfanim.core.system.progress import no_progress
 
 
@@ -181,3 +183,21 @@ def test_what_is_no_collection_is_told_before_anything_is_asked(tmp_path: Path) 
 def test_the_list_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["database", "get"]) == 0
     assert "CMU Graphics Lab" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"megabytes": "many"}, "collections.toml, walks: megabytes must be a whole number from 1 to 1,000,000 MB"),
+        ({"address": None}, "collections.toml, walks: lacks 'address', a text that is not empty"),
+    ],
+)
+def test_a_list_that_does_not_fit_is_refused(tmp_path, monkeypatch, change, message) -> None:
+    row = {"title": "a", "page": "b", "address": "c", "megabytes": 3, "licence": "d", "good_for": "e", "more": 1}
+    path = tmp_path / "collections.toml"
+    monkeypatch.setattr(public_collections_module, "COLLECTIONS", path)
+    write_toml(path, {"walks": {key: value for key, value in (row | change).items() if value is not None}})
+    with pytest.raises(FormatError, match=message):
+        public_collections.__wrapped__()
+    write_toml(path, {"walks": row})
+    assert public_collections.__wrapped__()["walks"].megabytes == 3

@@ -212,7 +212,7 @@ def test_a_list_as_a_number_of_rows_takes_no_memory(written: Path) -> None:
     _with_facts(written, lambda facts: facts["arrays"]["poses"].update(shape=[[0] * 1000, 3000, 3]))
     tracemalloc.start()
     try:
-        with pytest.raises(DatabaseError, match="no whole number of rows"):
+        with pytest.raises(DatabaseError, match="poses: shape must be a list of whole numbers from 0"):
             open_database(written)
         assert tracemalloc.get_traced_memory()[1] < 8 << 20
     finally:
@@ -258,3 +258,30 @@ def test_a_changed_bit_is_found_before_a_solve(written: Path) -> None:
             check_arrays(open_database(written))
         written.write_bytes(content)
     check_arrays(open_database(written))
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        (("fps",), 3000, "fps must be a number from 1 to 2,000 frames per second"),
+        (("clips", 0, "source_fps"), float("nan"), "source_fps must be a number from 0.001"),
+        (("clips", 0, "start"), True, "start must be a whole number from 0"),
+        (("clips", 0, "mirrored"), "no", "mirrored must be true or false"),
+        (("skeletons", 0, "offsets_m"), [[0.0, 0.0, 11.0]] * 29, "offsets_m must be 29 x 3 numbers from -10 to 10 m"),
+        (("skeletons", 0, "parents"), [29] * 29, "parents must be 29 whole numbers from -1 to 28"),
+        (("arrays", "poses", "crc32"), -1, "poses: crc32 must be a whole number from 0 to 4,294,967,295"),
+        (("zeros",), [["a", 0]], "zeros 1: lacks 'mirrored', true or false"),
+        (("zeros",), [3], "zeros must be a list of tables"),
+        (("culled_frames",), float("inf"), "culled_frames must be a whole number from 0"),
+    ],
+)
+def test_a_fact_out_of_range_is_named(written: Path, place, value, message) -> None:
+    def change(facts) -> None:
+        for key in place[:-1]:
+            facts = facts[key]
+        facts[place[-1]] = value
+
+    _with_facts(written, change)
+    with pytest.raises(DatabaseError) as caught:
+        open_database(written)
+    assert message in str(caught.value) and len(str(caught.value)) <= 300

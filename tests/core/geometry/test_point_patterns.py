@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from perfanim.core.geometry import point_patterns
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 
@@ -63,3 +64,20 @@ def test_planarity_is_the_distance_from_a_line() -> None:
     assert planarity_m(along) == pytest.approx(0.1 * np.sqrt(0.5))
     assert planarity_m(along + 5.0) == pytest.approx(0.1 * np.sqrt(0.5))
     assert planarity_m(along[:2]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_points_that_may_be_no_marker_cost_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a followed prop cannot be is left out before distances are taken."""
+    points_m = np.concatenate((CHANCE.uniform(-3.0, 3.0, (500, 3)), PLACED_M))
+    allowed = np.zeros((len(points_m), 4), dtype=bool)
+    allowed[-4:] = True
+    sizes, extend = [], point_patterns._extend_matches
+
+    def counted(between_m: np.ndarray, *rest: np.ndarray) -> np.ndarray:
+        sizes.append(between_m.shape)
+        return extend(between_m, *rest)
+
+    monkeypatch.setattr(point_patterns, "_extend_matches", counted)
+    assert matched(points_m, 4, allowed) == [[500, 501, 502, 503]]
+    assert sizes == [(4, 4)]
+    assert matched(points_m, 4, np.zeros_like(allowed)) == []

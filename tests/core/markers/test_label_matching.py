@@ -58,9 +58,9 @@ def test_names_are_told_by_hand(tmp_path):
         rename_labels(take, {"Q": "LKNE"})
     with pytest.raises(TakeError, match="LKNE would be several"):
         rename_labels(take, {"Knee 1": "LKNE", "x": "LKNE"})
-    for text in ("", "[names]\na = 1\n"):
+    for text in ("", "[names]\na = 1\n", 'names = "a"', '[names]\na = ""\n'):
         (tmp_path / "names.toml").write_text(text)
-        with pytest.raises(MarkerSetError, match="has no table"):
+        with pytest.raises(MarkerSetError, match=r"a table \[names\] of names, each with a text that is not empty"):
             load_names(tmp_path / "names.toml")
 
 
