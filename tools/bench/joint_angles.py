@@ -52,7 +52,8 @@ def joint_angle_distributions(data: Path, out: Path, workers: int, progress: Pro
     """
     out.mkdir(parents=True, exist_ok=True)
     theirs, ours = _by_kind(data_folders(data, (CMU,)), subject_of), _by_kind([MOTION], str)
-    rows, people = [], {}
+    rows: list[dict[str, Any]] = []
+    people: dict[str, list[str]] = {}
     for step, kind in enumerate(KINDS):
         progress(step / len(KINDS), kind)
         if kind not in theirs or kind not in ours:

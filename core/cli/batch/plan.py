@@ -7,7 +7,7 @@ Keys are the long options of `perfanim track`, `solve` and `retarget`, with _ fo
 import glob
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path, PurePath
@@ -111,6 +111,7 @@ SETTINGS = schema.Schema(
 )
 _BODIES = ("subject", "skeleton")  # a take's own of either takes the place of both that all takes share
 _PATTERN = "*?["
+_MOST_FILES = 50_000  # that are looked at: a whole disk, named by mistake, is an error soon
 _FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
 
 
@@ -214,7 +215,7 @@ def _row_takes(
         if name and len(takes) > 1:
             raise SettingsError(f"{len(takes)} takes have one name", where=where, advice="leave name out")
         return [(name, TakePlan("", label, path, options)) for label, path in takes]
-    images = [key for key in ("left", "camera") if key in own]
+    images = [key for key in ("left", "camera") if own.get(key)]
     if not images:
         raise SettingsError("has neither take nor left", where=where, advice="name a marker take, or videos")
     if "cameras" not in options:
@@ -262,14 +263,27 @@ def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
     """Return label and path of each take of a file, folder or pattern."""
     path = Path(_absolute(text, folder))
     if is_folder(path):
-        found = [file for file in path.rglob("*") if is_file(file) and _is_take(file.name.lower())]
+        # names first: whether it is a file is asked of takes only
+        files = (Path(place, name) for place, _, names in os.walk(path) for name in names)
+        found = [file for file in _within_limit(files, where, text) if _is_take(file.name.lower()) and is_file(file)]
     elif is_file(path) or not set(text) & set(_PATTERN):
         found = [path]  # a missing file is a bad take; the others are done
     else:
-        found = [Path(name) for name in glob.glob(str(path), recursive=True)]  # noqa: PTH207 - a whole path
+        names = glob.iglob(str(path), recursive=True)  # noqa: PTH207 - a whole path
+        found = [Path(name) for name in _within_limit(names, where, text)]
     if not found:
         raise SettingsError("there are no takes", where=f"{where}: {text}", advice="check the path")
     return [(_label(file, folder), str(file)) for file in sorted(found)]
+
+
+def _within_limit(files: Iterable[Any], where: str, text: str) -> Iterator[Any]:
+    """Yield files up to the most that a folder of takes may hold."""
+    for count, file in enumerate(files):
+        if count == _MOST_FILES:
+            raise SettingsError(
+                f"holds more than {_MOST_FILES:,} files", where=f"{where}: {text}", advice="name a folder of takes"
+            )
+        yield file
 
 
 def _is_take(name: str) -> bool:

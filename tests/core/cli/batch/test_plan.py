@@ -137,6 +137,7 @@ def test_takes_of_the_command_line(plan, tmp_path, monkeypatch):
         ('[[take]]\ntake = "day1/run.c3d"\nname = "X"\n[[take]]\ntake = "day2/walk.trc"\nname = "x"', "both be called"),
         ('[[take]]\ntake = "day1/run.c3d"\n[[take]]\ntake = "day1/run.c3d"', "both be called"),
         ('[[take]]\nsubject = "own.toml"', "has neither take nor left"),
+        ('cameras = "rig.toml"\n[[take]]\ncamera = []', "has neither take nor left"),
         ('[[take]]\nleft = "a.mp4"\nright = "b.mp4"', "has videos without cameras"),
         ('out = 3\n[[take]]\ntake = "day1"', "out must be a text"),
     ],
@@ -144,6 +145,13 @@ def test_takes_of_the_command_line(plan, tmp_path, monkeypatch):
 def test_what_cannot_be_meant(plan, text, what):
     with pytest.raises(SettingsError, match=what):
         plan(text)
+
+
+@pytest.mark.parametrize("take", ["day1", "*", "**/*.c3d"])
+def test_a_folder_of_more_files_than_takes_can_be(plan, monkeypatch, take):
+    monkeypatch.setattr("perfanim.core.cli.batch.plan._MOST_FILES", 1)
+    with pytest.raises(SettingsError, match="holds more than 1 files"):
+        plan(f'[[take]]\ntake = "{take}"')
 
 
 def test_a_plan_that_is_none(plan, tmp_path):
