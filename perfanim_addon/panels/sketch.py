@@ -42,7 +42,10 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
 
 
 class PERFANIM_PT_sketch_settings(SidebarPanel, bpy.types.Panel):
-    """Panel of a sketch's settings; closed, so that the buttons and their message fit a small window."""
+    """Panel of a sketch's settings.
+
+    It is closed at first, so that the buttons and their message fit a small window.
+    """
 
     bl_label = "Sketch Settings"
     bl_parent_id = "PERFANIM_PT_sketch"

@@ -1,4 +1,7 @@
-"""Choice of cameras by name and thumbnail, or by address; the settings keep their device numbers."""
+"""Choice of cameras by name and thumbnail, or by network address.
+
+The settings keep their device numbers.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
