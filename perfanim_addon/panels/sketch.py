@@ -30,10 +30,6 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
                 row = layout.row(align=True)
                 row.operator("perfanim.draw_hips_path", icon="GREASEPENCIL")
                 row.operator("perfanim.follow_curve", icon="CON_FOLLOWPATH")
-                are_shown = any(each.motion_path is not None for each in controls_of(armature).values())
-                layout.operator("perfanim.show_motion_paths", icon="IPO_BEZIER", depress=are_shown)
-                sketch_settings.draw(layout, armature.perfanim_sketch)
-                result_settings.draw_placement(layout, context)
                 layout.operator("perfanim.solve_sketch", icon="OUTLINER_OB_ARMATURE")
                 row = layout.row(align=True)
                 is_live = live_sketch.current() is not None
@@ -43,3 +39,27 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
                 layout.operator("perfanim.take_up_sketch", icon="LOOP_BACK")
         drawing.draw_job(layout, KEY)
         drawing.draw_text(context, layout, *activity.message(KEY))
+
+
+class PERFANIM_PT_sketch_settings(SidebarPanel, bpy.types.Panel):
+    """Panel of a sketch's settings.
+
+    It is closed at first, so that the buttons and their message fit a small window.
+    """
+
+    bl_label = "Sketch Settings"
+    bl_parent_id = "PERFANIM_PT_sketch"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Return True once there are controls."""
+        armature = settings(context).armature
+        return armature is not None and bool(controls_of(armature))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, armature = self.layout, settings(context).armature
+        are_shown = any(each.motion_path is not None for each in controls_of(armature).values())
+        layout.operator("perfanim.show_motion_paths", icon="IPO_BEZIER", depress=are_shown)
+        sketch_settings.draw(layout, armature.perfanim_sketch)
+        result_settings.draw_placement(layout, context)

@@ -24,11 +24,13 @@ def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
     if chosen.source == "SIMULATED":
         draw_props(layout, chosen, "behaviour", "practise")
     elif chosen.source == "CAMERAS":
-        for name in ("left_camera", "right_camera"):
-            layout.prop(chosen, name)
-            if camera_choice.has_thumbnails():
-                layout.template_icon_view(chosen, name, show_labels=True, scale=4.0)
-        if chosen.right_device >= 0:
+        for side in ("left", "right"):
+            layout.prop(chosen, f"{side}_camera")
+            if getattr(chosen, f"{side}_device") == camera_choice.NETWORK:
+                layout.prop(chosen, f"{side}_address")
+            elif camera_choice.has_thumbnails():
+                layout.template_icon_view(chosen, f"{side}_camera", show_labels=True, scale=4.0)
+        if chosen.right_device != camera_choice.NONE:
             layout.prop(chosen, "further_devices")
         draw_props(layout, chosen, "width", "height", "camera_fps")
     elif not readiness.has_cameras(chosen):

@@ -1,19 +1,26 @@
-"""Choice of cameras by name and thumbnail; the settings keep their device numbers."""
+"""Choice of cameras by name and thumbnail, or by network address.
+
+The settings keep their device numbers.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
+from urllib.parse import urlsplit
 
 import bpy
 import bpy.utils.previews
 import numpy as np
 
 from ...core.geometry.arrays import Image
+from ...core.vision.sources.addresses import is_stream
 from ...core.vision.sources.device_names import device_name, device_numbers
+from ..preferences.online import is_online_allowed, is_this_computer
 
 Item = tuple[str, str, str, int, int]
 
 NONE = -1  # device number of no camera
+NETWORK = -2  # of one that has an address instead
 _REDUCED = 2  # times a thumbnail is smaller than the picture
 
 
@@ -54,14 +61,32 @@ def items_of(setting: str, optional: bool) -> Callable[[Any, object], list[Item]
 
     def items(settings: Any, _context: object) -> list[Item]:
         chosen = getattr(settings, setting, NONE)
-        numbers = sorted({*(_seen.devices or device_numbers()), chosen} - {NONE})
+        numbers = sorted({*(_seen.devices or device_numbers()), chosen} - {NONE, NETWORK})
         rows = [(str(number), device_name(number), f"Camera {number}", _icon(number), number) for number in numbers]
+        rows.append(("NETWORK", "Network Address", "A camera on the network: type its address below", 0, NETWORK))
         if optional:
             rows.append(("NONE", "None", "One camera only", 0, NONE))
         _seen.items[setting] = rows
         return rows
 
     return items
+
+
+def address_problem(address: str) -> str:
+    """Return the reason why a camera cannot have this address, "" for none."""
+    if not address:
+        return "enter the address of the camera, such as rtsp://192.168.1.20:554/stream"
+    if not is_stream(address):
+        return f"{address}: not the address of a camera; enter one such as rtsp://192.168.1.20:554/stream"
+    try:
+        host = urlsplit(address).hostname or ""
+    except ValueError:  # a bracket without its other one
+        host = ""
+    if not host:
+        return f"{address}: names no camera; enter one such as rtsp://192.168.1.20:554/stream"
+    if is_online_allowed() or is_this_computer(host):
+        return ""
+    return f"{host}: online access is off; switch on Allow Online Access in Preferences > System"
 
 
 def _icon(device: int) -> int:

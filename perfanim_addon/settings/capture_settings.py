@@ -10,7 +10,7 @@ from ..character.posing import fill_map
 from ..jobs import activity
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.property_kinds import choice, duration, file_path, folder_path, number, string, switch, whole_number
-from .camera_choice import camera_choice
+from .camera_choice import NETWORK, NONE, camera_choice
 
 SOURCES = (
     ("SIMULATED", "Simulated Performer", "Simulate a performer and two cameras: needs no hardware"),
@@ -66,6 +66,11 @@ PRACTISE_FAULTS = (
     ),
 )
 
+_ADDRESS = (
+    "Address of the camera's video stream, as its manual or app shows it, such as rtsp://192.168.1.20:554/stream or "
+    "http://192.168.1.20:8080/video. With a user name: rtsp://name:password@... (saved readably in this file)"
+)
+
 BOARD_CODES = tuple(f"DICT_{size}X{size}_{count}" for size in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
 
 _marker_sets: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
@@ -84,6 +89,12 @@ def find_bones(self: Any, _context: object) -> None:
         self.armature = None
     elif self.armature is not None:
         fill_map(self.armature)
+
+
+def _no_camera_is_right_only(self: Any, _context: object) -> None:
+    """Keep the left camera one: only the right may be none."""
+    if self.left_device == NONE:
+        self.left_device = 0
 
 
 def _retune(self: Any, _context: object) -> None:
@@ -107,17 +118,30 @@ class CameraSettings:
         "Practise Calibration", "Treat the simulated cameras and performer as real: calibrate them before the capture"
     )
     practise_fault: choice("Fault", "Fault of the simulated studio for Check Setup to find", PRACTISE_FAULTS, "NONE")
-    left_device: whole_number("Left", "Device number of the left camera, from the cameras' point of view", 0, 0)
-    right_device: whole_number(
-        "Right", "Device number of the right camera, from the cameras' point of view; -1 for one camera only", 1, -1
+    left_device: whole_number(
+        "Left",
+        "Device number of the left camera, from the cameras' point of view; -2 for a network address",
+        0,
+        NETWORK,
+        update=_no_camera_is_right_only,
     )
+    right_device: whole_number(
+        "Right",
+        "Device number of the right camera, from the cameras' point of view; -1 for one camera only, -2 for a "
+        "network address",
+        1,
+        NETWORK,
+    )
+    left_address: string("Address", _ADDRESS)
+    right_address: string("Address", _ADDRESS)
     left_camera: camera_choice("Left", "The left camera, from the cameras' point of view", "left_device")
     right_camera: camera_choice(
         "Right", "The right camera, from the cameras' point of view, or none", "right_device", optional=True
     )
     further_devices: string(
         "Additional",
-        "Device numbers of more cameras, such as 2, 3. Calibrate with Board needs the board in view of all",
+        "Device numbers or network addresses of more cameras, such as 2, 3. Calibrate with Board needs the board in "
+        "view of all",
     )
     width: whole_number("Width", "Image width", 640, 160, 4096, subtype="PIXEL")
     height: whole_number("Height", "Image height", 480, 120, 4096, subtype="PIXEL")

@@ -19,6 +19,8 @@ _PICTURES = (
     "practise_fault",
     "left_device",
     "right_device",
+    "left_address",
+    "right_address",
     "further_devices",
     "left_video",
     "right_video",

@@ -17,6 +17,7 @@ from ...core.system.files import exists
 from ..character.posing import map_problem
 from ..preferences.paths import absolute, user_folder
 from . import vmc_input
+from .camera_choice import NETWORK, NONE, address_problem
 
 NOT_CALIBRATED = "not calibrated"
 
@@ -141,7 +142,7 @@ def pictures(settings: Any) -> StepStatus:
         try:
             devices(settings)
         except CaptureError as error:
-            return _problem(error, "bad device numbers")
+            return _problem(error, "wrong camera")
     return StepStatus(True, "chosen")
 
 
@@ -163,23 +164,40 @@ def cameras(settings: Any) -> StepStatus:
     return StepStatus(True, _rig_text(found, is_one_camera(settings)))
 
 
-def devices(settings: Any) -> tuple[int, ...]:
-    """Return the device numbers of the chosen cameras.
+def devices(settings: Any) -> tuple[int | str, ...]:
+    """Return the device numbers or network addresses of the chosen cameras.
 
     Raises:
-        CaptureError: not a number, or one camera is chosen twice.
+        CaptureError: neither of both, or one camera is chosen twice.
     """
-    if settings.right_device < 0:
-        return (settings.left_device,)
-    texts = settings.further_devices.replace(",", " ").split()
-    if not all(text.isdigit() for text in texts):
-        raise CaptureError(
-            f"{settings.further_devices!r} are not device numbers", where="additional cameras", advice="enter e.g. 2, 3"
-        )
-    chosen = (settings.left_device, settings.right_device, *map(int, texts))
+    left = _device(settings.left_device, settings.left_address, "left camera")
+    if settings.right_device == NONE:
+        return (left,)
+    right = _device(settings.right_device, settings.right_address, "right camera")
+    chosen = (left, right, *map(_further_device, settings.further_devices.replace(",", " ").split()))
     if len(set(chosen)) < len(chosen):
-        raise CaptureError("one camera is chosen twice", where="cameras", advice="choose different device numbers")
+        raise CaptureError("one camera is chosen twice", where="cameras", advice="choose a different one for each")
     return chosen
+
+
+def _device(number: int, address: str, where: str) -> int | str:
+    """Return a camera's number, or its address where it has one instead."""
+    if number != NETWORK:
+        return number
+    address = address.strip()
+    if wrong := address_problem(address):
+        raise CaptureError(wrong, where=where)
+    return address
+
+
+def _further_device(text: str) -> int | str:
+    if text.isdecimal():
+        return int(text)
+    if ":" in text:
+        return _device(NETWORK, text, "additional cameras")
+    raise CaptureError(
+        f"{text!r} is not a device number or an address", where="additional cameras", advice="enter e.g. 2, 3"
+    )
 
 
 def is_one_camera(settings: Any) -> bool:
@@ -187,7 +205,7 @@ def is_one_camera(settings: Any) -> bool:
     if settings.source == "SIMULATED" or not has_cameras(settings):
         return False
     if settings.source == "CAMERAS":
-        alone = settings.right_device < 0
+        alone = settings.right_device == NONE
     else:
         alone = not getattr(settings, "right_video" if settings.source == "VIDEOS" else "right_folder")
     found = rig(absolute(settings.calibration)) if settings.calibration else None

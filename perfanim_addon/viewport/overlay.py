@@ -21,6 +21,7 @@ from ...core.markers.subject import Subject
 from ...core.simulate.studio.rig import default_rig
 from ...core.vision.common_space import CommonSpace, common_space
 from . import drawing
+from .name_layout import PlacedName, place_names
 
 Colour = tuple[float, float, float, float]
 Projection = Callable[[Array], Array]
@@ -34,6 +35,7 @@ _SIDES = 16  # of a dot
 _PIECES: Array = np.linspace(0.0, 1.0, 17)[:, None]  # of a ray, as part of it may lie behind the viewer
 _RAY_COLOUR: Colour = (1.0, 0.67, 0.24, 0.8)  # as what one camera alone sees has in the preview
 _NAME_COLOUR: Colour = (1.0, 1.0, 1.0, 1.0)
+_LEADER_COLOUR: Colour = (1.0, 1.0, 1.0, 0.5)
 _SPACE_COLOUR: Colour = (0.31, 1.0, 0.31, 0.8)  # as in the pictures of the check
 _HUES = 0.618  # from one marker's colour to the next, so that neighbours in the set differ
 _GREEN = 1 / 3
@@ -116,12 +118,26 @@ def _draw() -> None:
         return projected(matrix, size, scene.placed(points_m))
 
     shapes, names = shapes_of(scene, pose, _state.parts, on_screen, scale)
+    placed = _placed(shapes, names, scale)
     shapes.draw()
-    for name, place in names:
-        drawing.text(name, place, _NAME * scale, _NAME_COLOUR)
+    for name, place in placed:
+        drawing.text(name, place.start, _NAME * scale, _NAME_COLOUR)
     text = f"Confidence {pose.performers[0].confidence:.0%}"
     right = drawing.free(area, region)[1] - drawing.text_width(text, _TEXT * scale)
     drawing.text(text, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose.performers[0]))
+
+
+def _placed(shapes: "Shapes", names: list[tuple[str, Array]], scale: float) -> list[tuple[str, PlacedName]]:
+    """Lay out names without overlap; add a line to each that is away from its point."""
+    if not names:
+        return []
+    points = np.array([point for _, point in names])
+    widths = [drawing.text_width(name, _NAME * scale) for name, _ in names]
+    placed = place_names(points, widths, _NAME * scale, _BESIDE * scale, _DOT * scale)
+    for point, place in zip(points, placed, strict=True):
+        if place.is_away:
+            shapes.line(point, np.array(place.near), _RAY * scale, _LEADER_COLOUR)
+    return [(name, place) for (name, _), place in zip(names, placed, strict=True)]
 
 
 def confidence_colour(pose: PerformerPose) -> Colour:
@@ -132,7 +148,7 @@ def confidence_colour(pose: PerformerPose) -> Colour:
 def shapes_of(
     scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
-    """Return the shapes of a pose, and the names beside them with positions (2,).
+    """Return the shapes of a pose, and names with the points (2,) that they name.
 
     Args:
         scene, pose, parts: as of `show`.
@@ -183,7 +199,7 @@ def _add_markers(
                 shapes.line(start, end, _RAY * scale, _RAY_COLOUR)
         if np.isfinite(place).all():
             (shapes.dot if located[index] else shapes.ring)(place, _DOT * scale, colour)
-            names.append((name, place + _BESIDE * scale))
+            names.append((name, place))
     return names
 
 

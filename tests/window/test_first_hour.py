@@ -29,10 +29,11 @@ def desktop(wrapper: str) -> Iterator[Desktop]:
     desktop.close()
 
 
-def keep(picture: Path, name: str) -> None:
-    """Keep a picture of the screen in the documents where they are made anew."""
+def keep(picture: Path, name: str, part: tuple[slice, slice] = (slice(None), slice(None))) -> None:
+    """Keep a picture of the screen, or of a part of it, in the documents where they are made anew."""
     pixels = cv2.imread(str(picture))
     assert pixels is not None
+    pixels = pixels[part]
     if KEEPS_PICTURES:
         assert cv2.imwrite(str(PICTURES / f"{name}.jpg"), pixels, JPEG)
 

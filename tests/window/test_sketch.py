@@ -3,11 +3,14 @@
 import time
 
 import numpy as np
+import pytest
 from desktop import BlenderWindow, Desktop
 from pointing import Hand
+from test_first_hour import keep
 
 FRAMES = 36  # between the keys
 WAY_M = 1.2
+PANEL = (slice(90, 700), slice(330, 1035))  # pixels of the screen with the sidebar and the character
 PATH_PX = 220  # down the screen, about two metres ahead of a new character
 
 
@@ -28,6 +31,7 @@ def with_controls(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
     return hand
 
 
+@pytest.mark.pictures
 def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
     hand = with_controls(desktop, window, "sketch")
     press(hand, desktop, "i")
@@ -41,8 +45,11 @@ def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
     solved = window.wait(lambda state: "keys are met" in state["capture"]["messages"].get("sketch", ""), "a motion")
     (action,) = (facts for name, facts in solved["actions"].items() if "sketch" in name and "Performer" in name)
     assert action["keys_min"] == action["keys_max"] == FRAMES + 1
+    hand.find("Sketch Settings", sidebar=True)  # below the message: all of it is on a screen of 800 pixels' height
     for step in range(6):
-        hand.shot(f"walk-{step}")
+        picture = hand.shot(f"walk-{step}")
+        if step == 3:
+            keep(picture, "sketch-panel", PANEL)
         for _ in range(FRAMES // 6):
             desktop.key("Left")
             time.sleep(0.05)

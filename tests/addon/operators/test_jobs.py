@@ -84,6 +84,8 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
             source="CAMERAS",
             left_device=0,
             right_device=1,
+            left_address="",
+            right_address="",
             further_devices="",
             practise=False,
             calibration=chosen.calibration,
@@ -107,7 +109,7 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str)
     chosen.further_devices = "4, 2"
     assert operator.request(SimpleNamespace(), bpy.context)["source"]["devices"] == [0, 1, 4, 2]
     errors = sys.modules[f"{extension}.core.errors"]
-    for chosen.further_devices, problem in (("two", "not device numbers"), ("2 1", "chosen twice")):
+    for chosen.further_devices, problem in (("two", "not a device number or an address"), ("2 1", "chosen twice")):
         with pytest.raises(errors.CaptureError, match=problem):
             operator.request(SimpleNamespace(), bpy.context)
     chosen.right_device, chosen.board_timed, chosen.board_every_s = -1, True, 4.0

@@ -174,7 +174,7 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
     chosen.further_devices = "0 2"
     assert "calibrated for 2 cameras, but 4 are chosen" in states.cameras(chosen).problem
     chosen.further_devices = "-1"
-    assert "not device numbers" in states.cameras(chosen).problem
+    assert "not a device number or an address" in states.cameras(chosen).problem
 
 
 def test_an_average_body_of_the_right_height_is_a_profile(states: Any, chosen: Any) -> None:

@@ -62,7 +62,18 @@ def test_markers_are_dots_rings_and_lines_to_the_camera_that_alone_sees_them() -
     assert len({reached(shapes, place, 6.0)[-1] for place in (SEEN_M, *MARKERS_M[1:])}) == len(NAMES)
     assert [name for name, _ in names] == list(NAMES)
     for (_, place), marker_m in zip(names, (SEEN_M, *MARKERS_M[1:]), strict=True):
-        assert 0.0 < np.linalg.norm(place - PX * marker_m[:2]) < 15.0
+        np.testing.assert_allclose(place, PX * marker_m[:2])
+
+
+def test_names_that_had_to_go_away_have_a_line_to_their_markers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(overlay.drawing, "text_width", lambda line, size: 0.6 * size * len(line))
+    for apart_px, has_line in ((200.0, False), (3.0, True)):
+        shapes = overlay.Shapes()
+        names = [(name, np.array([100.0, 100.0 + apart_px * number])) for number, name in enumerate(NAMES)]
+        placed = overlay._placed(shapes, names, 1.0)
+        assert [name for name, _ in placed] == list(NAMES)
+        assert bool(shapes.corners) == has_line
+    assert overlay._placed(overlay.Shapes(), [], 1.0) == []
 
 
 def test_the_skeleton_is_green_where_it_is_sure_and_red_where_it_is_guessed() -> None:
