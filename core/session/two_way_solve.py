@@ -25,6 +25,7 @@ from ..markers.filtering import smooth_motion
 from ..markers.frame_rate import frame_rate
 from ..markers.gap_filling import fill_gaps
 from ..markers.marker_smoothing import smooth_markers
+from ..solver.motion_prior import PriorEstimate
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
@@ -201,14 +202,18 @@ def _backward_course(
     unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
     course = _Course(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
     state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
+    points_m = np.array([observation.points_m for observation in observations])
+    times_s = np.array([pose.time_s for pose in poses])
+    learned: list[PriorEstimate | None] = []  # of the frames to come, the next at the end
     for done, index in enumerate(reversed(range(len(poses)))):
         if done % _REPORT_EVERY == 0:
             progress(done / len(poses))
-        if done % _TOGETHER == 0:
-            coming = range(index, max(index - _TOGETHER, -1), -1)
-            points_m = np.array([observations[at].points_m for at in coming])
-            solver.best.foresee(state.observed, points_m, [-poses[at].time_s for at in coming])
-        solution, state = solver.step(state, observations[index], -poses[index].time_s)
+        if not learned:
+            # it was learned from motion that goes forwards
+            first, stop = max(index + 1 - _TOGETHER, 0), index + 1
+            earliest = int(np.searchsorted(times_s, times_s[first] - 2.0 * solver.best.longest_s))
+            learned = solver.best.learned_priors(points_m[earliest:stop], times_s[earliest:stop])[first - earliest :]
+        solution, state = solver.step(state, observations[index], -poses[index].time_s, learned=learned.pop())
         if solution is None:
             continue
         course.rotations[index] = solver.subject.rotations(solution.pose, solution.root)

@@ -14,7 +14,7 @@ from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
 from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_apart
 from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
-from .motion_prior import MotionPrior, open_network
+from .motion_prior import MotionPrior, PriorEstimate, open_network
 from .observation import Observation
 from .principal_components import principal_components
 from .root import root_from_torso
@@ -242,20 +242,21 @@ class BestMethod:
         found._grant_covariances()
         return found
 
-    def foresee(self, observed: LaggedHistory, points_m: Array, times_s: Sequence[float]) -> None:
-        """Compute the learned priors of markers (F, M, 3) of frames to come at once.
+    def learned_priors(self, points_m: Array, times_s: Array) -> list[PriorEstimate | None]:
+        """Return the learned priors of markers (F, M, 3) in a row, all at once.
+
+        None where too few torso markers show the body, and without the learned prior.
 
         Args:
-            observed: earlier markers.
             times_s: (F,) ascending.
         """
         if self._learned is None:
-            return
-        recent = []
-        for points, time_s in zip(points_m, times_s, strict=True):
+            return [None] * len(points_m)
+        recent, observed = [], LaggedHistory(self.longest_s)
+        for points, time_s in zip(points_m, times_s.tolist(), strict=True):
             recent.append(self._learned.recent(points, observed, time_s))
             observed = observed.remember(time_s, points)
-        self._learned.foresee(recent)
+        return self._learned.estimate_all(recent)
 
     def fit_about(self, pose: Array, root: RootPose, observation: Observation) -> tuple[Array, RootPose]:
         """Return pose (D,) and root near others, fitted to the markers."""
@@ -274,8 +275,10 @@ class BestMethod:
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
         learned = None
         if self._learned:
-            recent = self._learned.recent(problem.observation.points_m, state.observed, state.time_s)
-            learned = self._learned.estimate(recent, root)
+            learned = state.learned
+            if learned is None:
+                recent = self._learned.recent(problem.observation.points_m, state.observed, state.time_s)
+                learned = self._learned.estimate(recent, root)
             if not self._known:  # a known body's torso shows its root better
                 root, root_sigma = learned.root, learned.root_sigma
         priors = [prior, learned.pose] if learned else [prior]

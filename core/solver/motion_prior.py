@@ -152,7 +152,6 @@ class MotionPrior:
         rows = network.first_weights[: parts * hidden].reshape(parts, hidden, -1)[worn]
         self._first = rows.reshape(len(worn) * hidden, -1)
         self._first_bias = network.biases[0] + bones @ network.first_weights[parts * hidden :]
-        self._foreseen: dict[bytes, PriorEstimate] = {}
 
     @property
     def lags_s(self) -> tuple[float, ...]:
@@ -172,27 +171,27 @@ class MotionPrior:
             points_m: (L, M, 3) in the world at each lag, NaN where not located.
             root: where the body is if too few torso markers show it.
         """
-        if self._foreseen and (found := self._foreseen.pop(points_m.tobytes(), None)):
-            return found
         return self._estimates(points_m[None], [self._frame(points_m[0], root) or root])[0]
 
-    def foresee(self, points_m: Sequence[Array]) -> None:
-        """Prepare `estimate` for the markers (L, M, 3) of frames to come.
+    def estimate_all(self, points_m: Sequence[Array]) -> list[PriorEstimate | None]:
+        """Return the Gaussians of many frames at once, in a fraction of the time.
 
-        All are computed at once, in a fraction of the time, but where earlier frames must show the body.
+        Args:
+            points_m: (L, M, 3) of each, as for `estimate`; None is returned where its torso markers are too few.
         """
-        known = [(each, frame) for each in points_m if (frame := self._frame(each[0], None))]
-        self._foreseen = {}
-        if known:
-            estimates = self._estimates(np.array([each for each, _ in known]), [frame for _, frame in known])
-            self._foreseen = {each.tobytes(): found for (each, _), found in zip(known, estimates, strict=True)}
+        frames = [self._frame(each[0], None) for each in points_m]
+        known = [(each, frame) for each, frame in zip(points_m, frames, strict=True) if frame]
+        if not known:
+            return [None] * len(frames)
+        found = iter(self._estimates(np.array([each for each, _ in known]), [frame for _, frame in known]))
+        return [next(found) if frame else None for frame in frames]
 
     def _frame(self, points_m: Array, root: RootPose | None) -> RootPose | None:
         """Return where the body is by its torso markers (of M, 3), or the root's place."""
         return root_from_torso(Observation.of_points(points_m), self._rest, self._body, root)
 
     def _estimates(self, points_m: Array, frames: list[RootPose]) -> list[PriorEstimate]:
-        """Return the same as `estimate` for markers (F, L, M, 3) and as many bodies."""
+        """Return the same as `estimate` for markers (F, L, M, 3) and the places of bodies."""
         in_frames = np.array([frame.to_root_frame(each) for each, frame in zip(points_m, frames, strict=True)])
         rest = np.broadcast_to(self._rest, (len(frames), *self._rest.shape))
         features = marker_features(in_frames, rest, self._offsets_m, self._network.lags_s)

@@ -14,6 +14,7 @@ from .course_check import INTERVAL_S, PROVEN, CourseCheck
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
 from .methods import BestMethod, FrameProblem, Method, prepare_method
+from .motion_prior import PriorEstimate
 from .observation import Observation
 from .search.choose import choose_search
 from .settings import SolveSettings
@@ -96,6 +97,7 @@ class PoseSolver:
         time_s: float | None = None,
         hurried: bool = False,
         limit_m: float = np.inf,
+        learned: PriorEstimate | None = None,
     ) -> tuple[Solution | None, SolverState]:
         """Return the pose of the next frame and the state after it.
 
@@ -105,11 +107,12 @@ class PoseSolver:
             time_s: of the frame; default a frame of the database after the last.
             hurried: whether the frame has cost much already, so that a first frame's pose is not refined.
             limit_m: distance of the markers to the closest example, from which a first frame is not solved.
+            learned: see `BestMethod.learned_priors`; default from the markers of the frames before.
 
         Returns:
             No pose as long as too few torso markers show where the body is.
         """
-        state = replace(state, time_s=state.time_s + self._frame_s if time_s is None else time_s)
+        state = replace(state, time_s=state.time_s + self._frame_s if time_s is None else time_s, learned=learned)
         if state.pose is None:
             solution, state = self._begin(state, observation, hurried, limit_m)
         else:
@@ -135,7 +138,7 @@ class PoseSolver:
             solution, after: of the frame, returned if they are better.
             nearer: share of their distance, below which a pose without a past is better.
         """
-        fresh = replace(self.initial_state, root=state.root, time_s=state.time_s)
+        fresh = replace(self.initial_state, root=state.root, time_s=state.time_s, learned=state.learned)
         seen = observation.located
         away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
         found, first = self._begin(fresh, observation, True, nearer * away_m)
@@ -151,7 +154,13 @@ class PoseSolver:
         if state.found is None:
             return solution, state
         evidence = check.evidence(before, in_space, solution.root, state.found)
-        fresh = replace(self.initial_state, root=solution.root, time_s=state.time_s, observed=before.observed)
+        fresh = replace(
+            self.initial_state,
+            root=solution.root,
+            time_s=state.time_s,
+            learned=state.learned,
+            observed=before.observed,
+        )
         located = self._locator.locate(fresh, in_space, hurried=True) if evidence > PROVEN else None
         if located is None:
             return solution, replace(state, compared_s=state.time_s, evidence=evidence)

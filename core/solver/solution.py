@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from ..geometry.arrays import Array, FloatArray, IntArray
 from .gaussian_conditioning import Expectation
 from .lagged_history import LaggedHistory
+from .motion_prior import PriorEstimate
 from .subject_model import RootPose
 
 
@@ -58,6 +59,7 @@ class SolverState:
 
     Args:
         time_s: of the last frame.
+        learned: learned prior of the last frame's markers, where it was known beforehand.
         root: of the last frame, None at the start.
         markers_m: (M, 3) expected in the world, those of the last solution; None at the start.
         pose, previous_pose: (D,) of the last two frames.
@@ -71,6 +73,7 @@ class SolverState:
     """
 
     time_s: float = 0.0
+    learned: PriorEstimate | None = None
     root: RootPose | None = None
     markers_m: Array | None = None
     pose: Array | None = None

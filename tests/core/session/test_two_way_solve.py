@@ -8,7 +8,9 @@ from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
+from perfanim.core.session.two_way_solve import TwoWaySolver
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.motion_prior import MotionPrior
 from perfanim.core.solver.settings import SolveSettings
 
 
@@ -66,6 +68,29 @@ def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, data
     whole = solve_take(replace(take, positions_m=cut), subject, database, SolveSettings(), silent)
     alone = solve_take(short, subject, database, SolveSettings(), silent)
     np.testing.assert_array_equal(whole.motion.rotations[:first], alone.motion.rotations)
+
+
+def test_backwards_the_learned_prior_is_that_of_the_markers_before(take, subject, database, monkeypatch):
+    """It was learned from motion that goes forwards: nothing runs through its network in reverse."""
+    monkeypatch.setattr("perfanim.core.session.two_way_solve._TOGETHER", 7)
+    session, batches, estimate_all = Session(subject, database), [], MotionPrior.estimate_all
+    live = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
+    monkeypatch.setattr(
+        MotionPrior, "estimate_all", lambda prior, points: batches.append(points) or estimate_all(prior, points)
+    )
+    monkeypatch.setattr(MotionPrior, "estimate", None)  # all torsos are seen: no frame needs one of its own
+    TwoWaySolver(session.solver, ()).solve(live, lambda share: None)
+    assert len(batches) > 3
+    for batch in batches:
+        now = [points[0] for points in batch]
+        found = [
+            (at, [np.array_equal(each, earlier, equal_nan=True) for each in now].index(True))
+            for at, points in enumerate(batch)
+            for earlier in points[1:]
+            if np.isfinite(earlier).any()
+        ]
+        assert len(found) >= len(batch) - 1
+        assert all(earlier < at for at, earlier in found)
 
 
 def test_before_the_torso_is_first_seen_the_character_waits_in_its_first_pose(take, subject, database):

@@ -110,22 +110,23 @@ def test_markers_that_were_elsewhere_are_no_motion(network, model, points):
         assert np.all(np.isfinite(estimate.pose.mean)) and np.all(np.isfinite(estimate.pose.covariance))
 
 
-def test_frames_foreseen_together_are_as_each_alone(network, model, true_markers):
+def test_frames_together_are_as_each_alone(network, model, true_markers):
     frames = [true_markers[[at, at - 1, at - 3, at - 15]].copy() for at in range(20, 25)]
     frames[2][0, np.flatnonzero(model.torso)[1:]] = np.nan  # where the body is depends on the frame before
     root, prior = RootPose(rot.identity(), np.zeros(3)), MotionPrior(network, model, model.mean_rotations)
     alone = [prior.estimate(each, root) for each in frames]
-    prior.foresee(frames)
     computed, prior._run = [], lambda *given: computed.append(1) or MotionPrior._run(prior, *given)
-    for each, expected in zip(frames, alone, strict=True):
-        found = prior.estimate(each, root)
+    together = prior.estimate_all(frames)
+    assert together.pop(2) is None
+    alone.pop(2)
+    for found, expected in zip(together, alone, strict=True):
         np.testing.assert_allclose(found.pose.mean, expected.pose.mean, atol=1e-5)
         np.testing.assert_allclose(found.pose.covariance, expected.pose.covariance, atol=1e-6)
         np.testing.assert_allclose(found.root.position_m, expected.root.position_m, atol=1e-6)
         np.testing.assert_allclose(found.root_sigma, expected.root_sigma, rtol=1e-4)
+    assert prior.estimate_all([frames[2]]) == [None]
+    assert prior.estimate_all([]) == []
     assert len(computed) == 1
-    prior.foresee([])
-    assert not prior._foreseen
 
 
 def solved(model, database, markers, **settings):
