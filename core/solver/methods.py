@@ -1,6 +1,5 @@
 """Methods for the pose of the closest examples: best, local-pca, lwr, nearest."""
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path

@@ -171,7 +171,8 @@ def change_windows(chance: random.Random, folder: Path) -> str:
     if len(windows) == 1:
         bpy.ops.wm.window_new()
         return "opened"
-    with bpy.context.temp_override(window=chance.choice(windows)):
+    # not the first one: Blender ends with it, as it should
+    with bpy.context.temp_override(window=chance.choice([window for window in windows if window.parent])):
         bpy.ops.wm.window_close()
     return "closed"
 
