@@ -154,13 +154,8 @@ class PoseSolver:
         if state.found is None:
             return solution, state
         evidence = check.evidence(before, in_space, solution.root, state.found)
-        fresh = replace(
-            self.initial_state,
-            root=solution.root,
-            time_s=state.time_s,
-            learned=state.learned,
-            observed=before.observed,
-        )
+        fresh = replace(self.initial_state, root=solution.root, observed=before.observed)
+        fresh = replace(fresh, time_s=state.time_s, learned=state.learned)
         located = self._locator.locate(fresh, in_space, hurried=True) if evidence > PROVEN else None
         if located is None:
             return solution, replace(state, compared_s=state.time_s, evidence=evidence)
@@ -216,16 +211,9 @@ class PoseSolver:
         pose = estimate.pose.reshape(-1, 3)
         markers = self.subject.markers(pose, estimate.root)
         nearest_m = _nearest_distance(self._in_space(state, observation), root, examples)
-        solution = Solution(
-            pose,
-            estimate.root,
-            markers,
-            estimate.neighbours,
-            estimate.dimensions,
-            nearest_m,
-            estimate.iterations,
-            None if estimate.sigmas_rad is None else estimate.sigmas_rad.reshape(pose.shape),
-        )
+        sigmas_rad = None if estimate.sigmas_rad is None else estimate.sigmas_rad.reshape(pose.shape)
+        size = (estimate.neighbours, estimate.dimensions)
+        solution = Solution(pose, estimate.root, markers, *size, nearest_m, estimate.iterations, sigmas_rad)
         return solution, replace(
             state,
             root=estimate.root,
