@@ -30,7 +30,7 @@ _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is 
 # The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
 # from it, each in its own deviations: for bodies that the database lacks, and for those it knows. By the fourth power:
 # each decides alone where it is surely better.
-_TRUSTED, _TRUSTED_KNOWN = 1.3, 3.0
+_TRUSTED, _TRUSTED_KNOWN = 1.3, 5.0
 _MOST_DOUBT = 100.0
 # For bodies that the database lacks, neighbours in doubt are doubted joint by joint: most of all where they are further
 # from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
