@@ -6,6 +6,7 @@ markers then are, beside where they should be (the innovation), shows the body. 
 far, and Gaussian. How far a body may be off is learned from the take (empirical Bayes): a right body stays as it is.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,8 +88,11 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
     change = np.zeros(len(PARTS) + 3 * len(start.marker_set))
     subject = start
     for round_ in range(_ROUNDS):
-        progress(round_ / _ROUNDS, "correcting the body")
-        found = _evidence(observed, subject, database)
+
+        def looked(share: float, round_: int = round_) -> None:
+            progress((round_ + share) / _ROUNDS, "correcting the body")
+
+        found = _evidence(observed, subject, database, looked)
         if found.frames < _FEWEST_FRAMES:
             raise SubjectError(
                 f"only {found.frames} of {len(observed)} frames are near motion of the database",
@@ -115,14 +119,18 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
     )
 
 
-def _evidence(observed: Array, subject: Subject, database: Database) -> _Evidence:
-    """Return the evidence of frames (F, M, 3) about the subject's body."""
+def _evidence(observed: Array, subject: Subject, database: Database, looked: Callable[[float], None]) -> _Evidence:
+    """Return the evidence of frames (F, M, 3) about the subject's body.
+
+    `looked` is called with the share of them that are done.
+    """
     solver = PoseSolver(SubjectModel(subject, database.mean_rotations), database, _WITHOUT_PAST)
     model = solver.subject
     unknowns = len(PARTS) + 3 * len(subject.marker_set)
     information, vector, frames = np.zeros((unknowns, unknowns)), np.zeros(unknowns), 0
     root_variances = np.square(np.repeat((_ROOT_SIGMA_M, _ROOT_SIGMA_RAD), 3))
-    for points_m in observed:
+    for index, points_m in enumerate(observed):
+        looked(index / len(observed))
         solution, state = solver.step(solver.initial_state, Observation.of_points(points_m), 0.0, limit_m=_FARTHEST_M)
         if solution is None or state.expectation is None or solution.nearest_m > _FARTHEST_M:
             continue
