@@ -1,5 +1,8 @@
 """Changes of a refined performer in words."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..markers.subject import Subject
@@ -8,6 +11,8 @@ from .refine_body import Refinement
 _LEAST_SHARE = 0.01  # smaller changes of bones change no pose that one sees
 _LEAST_M = 0.003  # nor do those of markers
 _MOST_MARKERS = 4  # that are named, to fit a panel
+_SURE = 2.0  # standard deviations that hold 19 values of 20,
+_SURE_IN_SPACE = 2.5  # and of the distance by three axes of one deviation each
 _WORDS = {
     "hips": ("hips", "wider", "narrower"),
     "trunk": ("trunk", "longer", "shorter"),
@@ -18,35 +23,55 @@ _WORDS = {
 }
 
 
-def describe_changes(before: Subject, found: Refinement) -> list[str]:
-    """Return the changes of bones and markers worth a look, the largest first.
+@dataclass(frozen=True)
+class _Change:
+    """A change in words.
 
-    After ± is twice the standard deviation: the right value lies within 19 times of 20. [] if the body fits as it is.
+    Args:
+        size: over the least that is worth a line.
+        is_sure: whether it is more than the take leaves open.
     """
-    return [*_bones(found), *_markers(before, found)]
+
+    text: str
+    size: float
+    is_sure: bool
 
 
-def _bones(found: Refinement) -> list[str]:
-    changed = [part for part, size in found.sizes.items() if abs(size) >= _LEAST_SHARE]
-    texts = []
-    for part in sorted(changed, key=lambda part: -abs(found.sizes[part])):
-        name, more, less = _WORDS[part]
-        size, sure = found.sizes[part], 2.0 * found.size_sigmas[part]
-        texts.append(
-            f"{name} {abs(size):.0%} {more if size > 0.0 else less} (± {max(sure, 0.01):.0%})".replace("%", " %")
-        )
-    return texts
+def describe_changes(before: Subject, found: Refinement) -> list[str]:
+    """Return the changes of the whole body, its parts and markers, the largest first.
+
+    The right value lies within what is after ±, 19 times of 20. [] if no change is larger than that: the body fits as
+    far as the take shows.
+    """
+    whole = _bone("whole body", "larger", "smaller", found.whole, found.whole_sigma)
+    parts = [_bone(*_WORDS[part], size, found.size_sigmas[part]) for part, size in found.sizes.items()]
+    markers = _markers(before, found)
+    if not any(change.is_sure for change in (whole, *parts, *markers)):
+        return []
+    moved = _worth(markers)
+    named, rest = moved[:_MOST_MARKERS], moved[_MOST_MARKERS:]
+    shown = [change.text for change in (*_worth([whole]), *_worth(parts), *named)]
+    if rest:
+        shown.append(f"{len(rest)} more marker{'s' * (len(rest) > 1)} by up to {1e3 * _LEAST_M * rest[0].size:.0f} mm")
+    return shown
 
 
-def _markers(before: Subject, found: Refinement) -> list[str]:
+def _worth(changes: Sequence[_Change]) -> list[_Change]:
+    """Return the changes that are worth a line, the largest first."""
+    return sorted((change for change in changes if change.size >= 1.0), key=lambda change: -change.size)
+
+
+def _bone(name: str, more: str, less: str, share: float, sigma: float) -> _Change:
+    within = max(_SURE * sigma, _LEAST_SHARE)
+    text = f"{name} {100.0 * abs(share):.0f} % {more if share > 0.0 else less} (± {100.0 * within:.0f} %)"
+    return _Change(text, abs(share) / _LEAST_SHARE, abs(share) > within)
+
+
+def _markers(before: Subject, found: Refinement) -> list[_Change]:
     moved_m = np.linalg.norm(found.subject.marker_set.offsets_m - before.marker_set.offsets_m, axis=1)
-    order = [int(index) for index in np.argsort(-moved_m) if moved_m[index] >= _LEAST_M]
-    texts = []
-    for index in order[:_MOST_MARKERS]:
-        marker = before.marker_set.markers[index]
-        sure_m = 2.0 * found.offset_sigmas_m[marker.name]
-        texts.append(f"marker {marker.text or marker.name} {1e3 * moved_m[index]:.0f} mm (± {1e3 * sure_m:.0f} mm)")
-    rest = len(order) - _MOST_MARKERS
-    if rest > 0:
-        texts.append(f"{rest} more marker{'s' * (rest > 1)} by up to {1e3 * moved_m[order[_MOST_MARKERS]]:.0f} mm")
-    return texts
+    changes = []
+    for marker, moved in zip(before.marker_set.markers, moved_m.tolist(), strict=True):
+        within_m = _SURE_IN_SPACE * found.offset_sigmas_m[marker.name]
+        text = f"marker {marker.text or marker.name} {1e3 * moved:.0f} mm (± {1e3 * within_m:.0f} mm)"
+        changes.append(_Change(text, moved / _LEAST_M, moved > within_m))
+    return changes

@@ -34,6 +34,8 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         known = summarise(self.path)
+        if not known.complete:
+            raise TakeError("was cut off", where=known.notes.name, advice="click Recover Take")
         if not known.performers:
             raise TakeError("has no performer yet", where=known.notes.name, advice="click Solve Again")
         # the worker's file is read at once; Blender removes this folder at its end

@@ -173,6 +173,8 @@ def _subject_of(path: str) -> Subject:
 def _changes(result: Refinement) -> dict[str, Any]:
     return {
         "frames": result.frames,
+        "whole_percent": round(100.0 * result.whole, 1),
+        "whole_sigma_percent": round(100.0 * result.whole_sigma, 1),
         "sizes_percent": {part: round(100.0 * change, 1) for part, change in result.sizes.items()},
         "size_sigmas_percent": {part: round(100.0 * sigma, 1) for part, sigma in result.size_sigmas.items()},
         "offset_sigmas_mm": {marker: round(1e3 * sigma, 1) for marker, sigma in result.offset_sigmas_m.items()},

@@ -17,20 +17,22 @@ def before():
     return Subject("Anna", default_skeleton(1.7), load_marker_set("one-camera"))
 
 
-def refined(before, sizes, moved_mm):
-    """A refinement with these changes; each part is sure to 0.5 %, each marker to 1.5 mm."""
+def refined(before, sizes, moved_mm, whole=0.0):
+    """A refinement with these changes; of sigmas 1 % (whole), 0.5 % (parts), 1.2 mm (markers)."""
     offsets = before.marker_set.offsets_m.copy()
     for index, mm in moved_mm.items():
         offsets[index] += np.array([0.0, 1e-3 * mm, 0.0])
     subject = replace(before, marker_set=before.marker_set.with_offsets(offsets))
     all_sizes, names = dict.fromkeys(PARTS, 0.0) | sizes, before.marker_set.names
-    return Refinement(subject, all_sizes, dict.fromkeys(PARTS, 0.005), dict.fromkeys(names, 0.0015), 80)
+    sigmas = dict.fromkeys(PARTS, 0.005), dict.fromkeys(names, 0.0012)
+    return Refinement(subject, whole, 0.01, all_sizes, *sigmas, 80)
 
 
 def test_changes_are_named_the_largest_first_with_how_sure_they_are(before):
-    found = refined(before, {"arms": 0.042, "hips": -0.06, "shanks": 0.011}, {1: 8.0, 0: 12.0})
+    found = refined(before, {"arms": 0.042, "hips": -0.06, "shanks": 0.011}, {1: 8.0, 0: 12.0}, -0.03)
     first, second = (before.marker_set.markers[index] for index in (0, 1))
     assert describe_changes(before, found) == [
+        "whole body 3 % smaller (± 2 %)",
         "hips 6 % narrower (± 1 %)",
         "arms 4 % longer (± 1 %)",
         "lower legs 1 % longer (± 1 %)",
@@ -39,8 +41,11 @@ def test_changes_are_named_the_largest_first_with_how_sure_they_are(before):
     ]
 
 
-def test_small_changes_are_none(before):
-    assert describe_changes(before, refined(before, {"arms": 0.009, "feet": -0.009}, {0: 2.9})) == []
+def test_changes_that_the_take_leaves_open_are_none(before):
+    assert describe_changes(before, refined(before, {}, {})) == []
+    assert describe_changes(before, refined(before, {"arms": 0.009, "feet": -0.01}, {0: 2.9}, 0.019)) == []
+    for sizes, moved, whole in (({"arms": -0.011}, {}, 0.0), ({}, {0: 3.1}, 0.0), ({}, {}, 0.021)):
+        assert len(describe_changes(before, refined(before, sizes, moved, whole))) == 1
 
 
 def test_many_markers_are_counted(before):
@@ -48,9 +53,8 @@ def test_many_markers_are_counted(before):
     texts = describe_changes(before, refined(before, {}, {index: 20.0 - index for index in range(count)}))
     assert len(texts) == 5
     assert texts[-1] == f"{count - 4} more markers by up to 16 mm"
-    assert (
-        describe_changes(before, refined(before, {}, dict.fromkeys(range(5), 9.0)))[-1] == "1 more marker by up to 9 mm"
-    )
+    same = refined(before, {}, dict.fromkeys(range(5), 9.0))
+    assert describe_changes(before, same)[-1] == "1 more marker by up to 9 mm"
 
 
 def test_every_part_has_its_words(before):

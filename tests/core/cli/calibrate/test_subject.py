@@ -105,7 +105,8 @@ def test_a_take_is_solved_with_the_body_refined_by_it(truth, database_file, tmp_
     plain, refined = found
     assert "changes" not in plain
     assert refined["changes"]
-    assert "shorter (± " in refined["changes"][0]
+    assert refined["changes"][0].startswith("whole body ")
+    assert "smaller (± " in refined["changes"][0]
     assert refined["marker_rms_mm"] < plain["marker_rms_mm"]
     assert ann.read_bytes() == before
 
