@@ -69,7 +69,7 @@ def report(start: Subject, found: Refinement, right: Subject) -> Iterator[str]:
     yield f"{sure.sum()} of {len(sure)} parts"
     sigmas = np.array([found.offset_sigmas_m[name] for name in right.marker_set.names])
     yield f"{np.mean(np.abs(off[1]) < 2.0 * sigmas[:, None]):.0%} of markers' axes within ±"
-    yield "offered" if describe_changes(start, found) else "not offered"
+    yield f"evidence {found.evidence:.0f}, {'offered' if describe_changes(start, found) else 'not offered'}"
 
 
 def main() -> int:

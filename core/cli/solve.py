@@ -20,7 +20,7 @@ from ..session.solve_request import BodyFiles, MotionOutput, SolveMarkers, Solve
 from ..session.solve_take import SolvedTake
 from ..solver.settings import METHODS
 from ..subjects.refine_body import refine_body
-from ..subjects.refinement_text import describe_changes
+from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress
 from .options import add_choice, add_motion_options, add_names_option, add_repeated, add_switch, add_text
 
@@ -188,6 +188,5 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
 
 
 def _refine(take: MarkerTake, subject: Subject, database: Database, progress: Progress) -> tuple[Subject, list[str]]:
-    """Return the subject corrected by the take, and the changes in words."""
-    found = refine_body(take, subject, database, progress)
-    return found.subject, describe_changes(subject, found)
+    """Return the subject corrected by the take where it is off, and the changes."""
+    return worthwhile(subject, refine_body(take, subject, database, progress))

@@ -63,6 +63,7 @@ class Refinement:
         size_sigmas: part -> standard deviation of this.
         offset_sigmas_m: marker -> standard deviation of its offset along one axis.
         frames: that the body was found from.
+        evidence: logarithm of how many times likelier the take is with a body that is off than with the start's.
     """
 
     subject: Subject
@@ -72,6 +73,7 @@ class Refinement:
     size_sigmas: dict[str, float]
     offset_sigmas_m: dict[str, float]
     frames: int
+    evidence: float
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
         weight = _FRAMES_PER_S * seconds / len(observed)
         information = weight * found.information * np.outer(slope, slope)
         vector = weight * found.vector * slope + information @ change
-        covariance = _posterior(information, vector)
+        covariance, evidence = _posterior(information, vector)
         change = covariance @ vector
         parts, offsets = change[: len(PARTS)], change[len(PARTS) :].reshape(-1, 3)
         marker_set = start.marker_set.with_offsets(start.marker_set.offsets_m + offsets)
@@ -138,6 +140,7 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
         dict(zip(PARTS, sigmas[: len(PARTS)].tolist(), strict=True)),
         dict(zip(marker_set.names, sigmas[len(PARTS) :].reshape(-1, 3).max(axis=1).tolist(), strict=True)),
         found.frames,
+        evidence,
     )
 
 
@@ -173,14 +176,16 @@ def _evidence(observed: Array, subject: Subject, database: Database, looked: Cal
     return _Evidence(information, vector, frames)
 
 
-def _posterior(information: Array, vector: Array) -> Array:
+def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
     """Return the covariance of a body's change under the likeliest deviations.
+
+    With the logarithm of how much likelier these are than the smallest.
 
     The likelihood of the take is taken over all bodies (type II maximum likelihood; MacKay 1992, "Bayesian
     interpolation").
     """
     best: Array = np.zeros_like(information)
-    most = -np.inf
+    most, least = -np.inf, 0.0
     for part_scale in _PART_SCALES:
         for offset_scale in _OFFSET_SCALES:
             factor = _factor(
@@ -190,9 +195,11 @@ def _posterior(information: Array, vector: Array) -> Array:
             inner = np.eye(len(vector)) + factor.T @ information @ factor
             explained = np.linalg.solve(inner, factor.T @ vector)
             evidence = 0.5 * (vector @ factor @ explained - np.linalg.slogdet(inner)[1])
+            if (part_scale, offset_scale) == (_PART_SCALES[0], _OFFSET_SCALES[0]):
+                least = evidence
             if evidence > most:
                 best, most = factor @ np.linalg.solve(inner, factor.T), evidence
-    return best
+    return best, float(most - least)
 
 
 def _trusted_covariance(information: Array) -> Array:

@@ -27,7 +27,7 @@ from ...subjects.pose_calibration import (
 )
 from ...subjects.prototype_bodies import load_bodies
 from ...subjects.refine_body import Refinement, refine_body
-from ...subjects.refinement_text import describe_changes
+from ...subjects.refinement_text import worthwhile
 from ...system.progress import Progress
 from ..options import add_choice, add_names_option, add_number, add_text, check_height
 
@@ -152,7 +152,8 @@ def _from_motion(
     if before:
         worn = replace(before.wearing(marker_set), name=name)
         result = refine_body(take, worn, database, progress)
-        return result.subject, {"changes": describe_changes(worn, result)} | _changes(result)
+        subject, changes = worthwhile(worn, result)
+        return subject, {"changes": changes} | _changes(result)
     height_m = 1.7 if args.height is None else args.height
     check_height(height_m)
     subject = subject_from_motion(take, Subject(name, default_skeleton(height_m), marker_set), database, progress)
@@ -173,6 +174,7 @@ def _subject_of(path: str) -> Subject:
 def _changes(result: Refinement) -> dict[str, Any]:
     return {
         "frames": result.frames,
+        "evidence": round(result.evidence, 1),
         "whole_percent": round(100.0 * result.whole, 1),
         "whole_sigma_percent": round(100.0 * result.whole_sigma, 1),
         "sizes_percent": {part: round(100.0 * change, 1) for part, change in result.sizes.items()},

@@ -9,7 +9,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.subjects.body_change import PARTS
 from perfanim.core.subjects.refine_body import Refinement
-from perfanim.core.subjects.refinement_text import describe_changes
+from perfanim.core.subjects.refinement_text import describe_changes, worthwhile
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def before():
     return Subject("Anna", default_skeleton(1.7), load_marker_set("one-camera"))
 
 
-def refined(before, sizes, moved_mm, whole=0.0):
+def refined(before, sizes, moved_mm, whole=0.0, evidence=50.0):
     """A refinement with these changes; of sigmas 1 % (whole), 0.5 % (parts), 1.2 mm (markers)."""
     offsets = before.marker_set.offsets_m.copy()
     for index, mm in moved_mm.items():
@@ -25,7 +25,7 @@ def refined(before, sizes, moved_mm, whole=0.0):
     subject = replace(before, marker_set=before.marker_set.with_offsets(offsets))
     all_sizes, names = dict.fromkeys(PARTS, 0.0) | sizes, before.marker_set.names
     sigmas = dict.fromkeys(PARTS, 0.005), dict.fromkeys(names, 0.0012)
-    return Refinement(subject, whole, 0.01, all_sizes, *sigmas, 80)
+    return Refinement(subject, whole, 0.01, all_sizes, *sigmas, 80, evidence)
 
 
 def test_changes_are_named_the_largest_first_with_how_sure_they_are(before):
@@ -43,9 +43,15 @@ def test_changes_are_named_the_largest_first_with_how_sure_they_are(before):
 
 def test_changes_that_the_take_leaves_open_are_none(before):
     assert describe_changes(before, refined(before, {}, {})) == []
-    assert describe_changes(before, refined(before, {"arms": 0.009, "feet": -0.01}, {0: 2.9}, 0.019)) == []
-    for sizes, moved, whole in (({"arms": -0.011}, {}, 0.0), ({}, {0: 3.1}, 0.0), ({}, {}, 0.021)):
-        assert len(describe_changes(before, refined(before, sizes, moved, whole))) == 1
+    assert describe_changes(before, refined(before, {"arms": 0.009, "feet": -0.01}, {0: 4.4}, 0.019)) == []
+    for sizes, moved, whole in (({"arms": -0.011}, {}, 0.0), ({}, {0: 4.6}, 0.0), ({}, {}, 0.021)):
+        found = refined(before, sizes, moved, whole)
+        assert len(describe_changes(before, found)) == 1
+        assert worthwhile(before, found)[0] is found.subject
+
+
+def test_a_take_that_is_as_likely_with_the_old_body_changes_nothing(before):
+    assert worthwhile(before, refined(before, {"arms": 0.1}, {0: 20.0}, 0.05, evidence=20.0)) == (before, [])
 
 
 def test_many_markers_are_counted(before):
