@@ -1,4 +1,4 @@
-"""Measure how far wrong bodies come back by `refine_body`, and how sure it rightly is.
+"""Measure how far `refine_body` brings wrong bodies back, and how sure it is.
 
     python tools/refine_bench.py --data DATA --databases DIR [--seconds S] [--noise MM] [TRIAL...]
 

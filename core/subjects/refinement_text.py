@@ -48,8 +48,8 @@ def worthwhile(before: Subject, found: Refinement) -> tuple[Subject, list[str]]:
 def describe_changes(before: Subject, found: Refinement) -> list[str]:
     """Return the changes of the whole body, its parts and markers, the largest first.
 
-    The right value lies within what is after ±, 19 times of 20. [] if no change is sure, or the take is hardly likelier
-    with them: the body fits as far as the take shows. A right body that was changed would be worse.
+    The right value lies within the limits after ±, 19 times of 20. [] if no change is sure, or the take is hardly
+    likelier with them: the body fits as far as the take shows. A right body that was changed would be worse.
     """
     whole = _bone("whole body", "larger", "smaller", found.whole, found.whole_sigma)
     parts = [_bone(*_WORDS[part], size, found.size_sigmas[part]) for part, size in found.sizes.items()]

@@ -230,11 +230,11 @@ class LiveCapture:
 
 
 def refining_take(capture: LiveCapture, chosen: Any) -> str:
-    """Return the take by which the first performer can be refined, "" for none.
+    """Return the take to refine the first performer by, "" for none.
 
     It must be long enough; a simulated performer's body is known. The refinement runs when the capture has ended: 20 s
-    of frames take 5 to 10 s of one core, as much as the solver has for hundreds of frames, and a body that changes
-    within a recording would change its motion there.
+    of frames take 5 s of one core, which the solver lacks then, and a body that changes within a recording would change
+    its motion there.
     """
     poses = capture.run.poses if capture.run is not None else ()
     if len(poses) < 2 or readiness.is_known(chosen):

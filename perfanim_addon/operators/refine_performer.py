@@ -69,7 +69,7 @@ class _AnsweringOperator(PanelOperator):
 
 
 class PERFANIM_OT_use_refined_performer(_AnsweringOperator, UndoOperator, bpy.types.Operator):
-    """Save the refined performer as a new file beside the old one, and use it from now on"""
+    """Save the refined performer as a new file beside the old one, and use it"""
 
     bl_label = "Use Refined Performer"
 

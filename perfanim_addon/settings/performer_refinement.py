@@ -1,6 +1,6 @@
-"""A performer refined by a take, until it is used or refused; and the capture that offers it.
+"""A refined performer until it is used or refused, and the capture's offer.
 
-No Blender data is kept here. What is not used yet lives in memory alone, so that it leaves no file.
+No Blender data is kept here, and no file: a refused performer leaves nothing behind.
 """
 
 from collections.abc import Sequence

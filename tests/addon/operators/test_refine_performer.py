@@ -217,3 +217,16 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, wa
     assert cut_off(takes.draw_offer, panel) == []
     takes._fill()
     assert "Arms 4 % longer (± 1 %)" in labels(takes.PERFANIM_PT_takes, lambda each, at: each.draw(at))
+
+
+def test_the_end_of_a_capture_makes_the_offer(part: Any, anna: Path, take: str) -> None:
+    operator, offer = part("operators.capture").PERFANIM_OT_start_capture, part("settings.performer_refinement")
+    bpy.context.scene.perfanim.source = "CAMERAS"
+    for seconds, offered in ((21.0, take), (5.0, "")):
+        poses = [SimpleNamespace(time_s=0.0), SimpleNamespace(time_s=seconds)]
+        capture = SimpleNamespace(
+            run=SimpleNamespace(poses=poses), keep=lambda _: "2 frames recorded", take_path=take, setup=None
+        )
+        ended = operator._finish(SimpleNamespace(_capture=capture, report=lambda *_: None), bpy.context)
+        assert (ended, offer.captured()) == ({"FINISHED"}, offered)
+        assert part("jobs.activity").message("capture")[0] == "2 frames recorded"
