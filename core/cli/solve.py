@@ -6,16 +6,21 @@ from pathlib import Path
 from typing import Any
 
 from ..body.foot_lock import FEET
+from ..database.store import Database
 from ..errors import FormatError
 from ..formats.markers.marker_files import READABLE, is_recorded
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion
 from ..formats.take_file.reading import ENDING
 from ..labelling.take_import import UPS
 from ..markers.label_matching import AUTO
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
 from ..session.session_cache import SessionCache
 from ..session.solve_request import BodyFiles, MotionOutput, SolveMarkers, SolveRecorded
 from ..session.solve_take import SolvedTake
 from ..solver.settings import METHODS
+from ..subjects.refine_body import refine_body
+from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress
 from .options import add_choice, add_motion_options, add_names_option, add_repeated, add_switch, add_text
 
@@ -25,6 +30,12 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}")
     add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
     _add_performer_options(parser)
+    add_switch(
+        parser,
+        "--refine-body",
+        "first correct the performer's bones and marker offsets by this take (see calibrate subject --refine); "
+        "the subject's file stays as it is",
+    )
     add_choice(parser, "--method", METHODS, "solver method (default best; of a .perftake, as live)")
     add_switch(parser, "--causal", "solve each frame by earlier ones alone, as live (default: in both directions)")
     _add_marker_options(parser)
@@ -130,6 +141,7 @@ def check(args: argparse.Namespace) -> None:
         (recorded and args.up is not None, "--up: a .perftake has y up"),
         (recorded and args.names is not None, "--names: a .perftake has its marker set's labels"),
         (recorded and args.marker_set == AUTO, f"--marker-set {AUTO}: a .perftake has its marker set's labels"),
+        (args.cameras is not None and args.refine_body, "--refine-body: the recorded labels have the old calibration"),
         (recorded and args.use is not None, "--use: for marker takes, not for a .perftake"),
         (take_out and not recorded, "--out: perfanim take import makes a .perftake of other takes"),
         (take_out and args.smooth is not None, "--smooth: a .perftake holds poses as they are solved"),
@@ -148,6 +160,7 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
     Takes that are solved one after another share the cache.
     """
     body = BodyFiles(args.subject, args.skeleton, args.marker_set)
+    refine = _refine if args.refine_body else None
     output = MotionOutput(str(args.out), args.units, args.naming, args.rate, args.smooth, args.feet)
     request: SolveMarkers | SolveRecorded
     if is_recorded(args.take):
@@ -161,6 +174,7 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
             performers=args.performer,
             method=args.method,
             causal=args.causal,
+            refine=refine,
         )
         if args.cameras is not None:
             from ..vision.synchronise import retriangulate  # images' libraries are slow to load
@@ -168,6 +182,11 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
             request = replace(request, retriangulate=retriangulate)
     else:
         request = SolveMarkers(
-            str(args.take), args.database, body, output, args.names, args.use, args.up, args.method, args.causal
+            str(args.take), args.database, body, output, args.names, args.use, args.up, args.method, args.causal, refine
         )
     return request.run(progress, cache)
+
+
+def _refine(take: MarkerTake, subject: Subject, database: Database, progress: Progress) -> tuple[Subject, list[str]]:
+    """Return the subject corrected by the take where it is off, and the changes."""
+    return worthwhile(subject, refine_body(take, subject, database, progress))

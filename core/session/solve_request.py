@@ -15,6 +15,7 @@ from ..database.store import Database, check_file, identity
 from ..errors import SubjectError, TakeError
 from ..formats.markers.marker_files import is_recorded, read_take
 from ..formats.markers.prop_csv import write_prop_csv
+from ..formats.markers.recorded_take import marker_take
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import write_motion
 from ..formats.take_file.reading import TakeFile, read_take_file
@@ -41,6 +42,11 @@ from .session_cache import SessionCache
 from .solve_take import SolvedTake, solve_recorded, solve_take
 
 Facts = dict[str, Any]
+# From a labelled take and a body, the body corrected by it and the changes in words. The package that does it
+# stands above this one.
+Refine = Callable[[MarkerTake, Subject, Database, Progress], tuple[Subject, list[str]]]
+
+_REFINING_SHARE = 0.2  # of the time, roughly; solving then begins at 0 again
 
 
 @dataclass(frozen=True)
@@ -137,6 +143,7 @@ class SolveMarkers:
         use: names of markers to solve with, or how many to choose; None for all.
         up: axis of the file that points up, as of `import_take`; None for y in metres, as it is.
         causal: each pose by earlier frames alone, see `solve_take`.
+        refine: corrects the body by the take before; None for the body as it is.
     """
 
     take: str
@@ -148,6 +155,7 @@ class SolveMarkers:
     up: str | None = None
     method: str | None = None
     causal: bool = False
+    refine: Refine | None = None
 
     def run(self, progress: Progress, cache: SessionCache) -> tuple[SolvedTake, Facts]:
         """Solve, write the motion, return poses and facts."""
@@ -162,17 +170,24 @@ class SolveMarkers:
         if self.output.smooth_hz is not None:
             take = smooth_take(take, self.output.smooth_hz)
         settings, database = SolveSettings(method=self.method or "best"), cache.database(self.database)
+        changes: Facts = {}
+        if self.refine is not None:
+            subject, changes["changes"] = self.refine(take, subject, database, _first_part(progress))
         worn, facts = self._worn_subject(take, subject, database)
         solved = solve_take(take, worn, database, settings, progress, cache.session, self.causal)
         check_file(database)
         if self.use is not None:
             facts["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)
-        facts = {
-            "method": settings.method,
-            "marker_set": subject.marker_set.name,
-            "markers": sum(name in take.names for name in subject.marker_set.names),
-            "warnings": _label_differences(take, subject),
-        } | facts
+        facts = (
+            {
+                "method": settings.method,
+                "marker_set": subject.marker_set.name,
+                "markers": sum(name in take.names for name in subject.marker_set.names),
+                "warnings": _label_differences(take, subject),
+            }
+            | changes
+            | facts
+        )
         return self.output.write(solved, facts, lambda: None)
 
     def _worn_subject(self, take: MarkerTake, subject: Subject, database: Database) -> tuple[Subject, Facts]:
@@ -186,6 +201,11 @@ class SolveMarkers:
         choice = choose_markers(subject, database, int(self.use.strip()[:9]), seen)
         worn = with_markers(subject, choice.names)
         return worn, {"used": list(choice.names), "expected_mm": (1e3 * choice.expected_m).round(1).tolist()}
+
+
+def _first_part(progress: Progress) -> Progress:
+    """Return the progress of work that comes before solving."""
+    return lambda share, text: progress(_REFINING_SHARE * share, text)
 
 
 def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: Motion) -> float:
@@ -226,6 +246,7 @@ class SolveRecorded:
         take: the file; its set-up replaces None and empty values here.
         performers: files of further performers.
         causal: as live, see `solve_recorded`.
+        refine: as of `SolveMarkers`, of the first performer, by the labels as recorded.
         retriangulate: function needed with `cameras`; this package loads no OpenCV.
     """
 
@@ -238,6 +259,7 @@ class SolveRecorded:
     performers: Sequence[str] = ()
     method: str | None = None
     causal: bool = False
+    refine: Refine | None = None
     retriangulate: Callable[[CameraRig, Sequence[MarkerFrame]], Iterable[MarkerFrame]] | None = None
 
     def run(self, progress: Progress, cache: SessionCache) -> tuple[SolvedTake, Facts]:
@@ -256,6 +278,9 @@ class SolveRecorded:
         if not path:
             raise TakeError("names no motion database", where=self.take, advice="give --database")
         database = cache.database(path)
+        changes: Facts = {}
+        if self.refine is not None:
+            subject, changes["changes"] = self.refine(marker_take(take), subject, database, _first_part(progress))
         out = Path(self.output.path)
         check_no_input(out, [self.take])
         props = tuple(load_prop(prop) for prop in self.props) if self.props else take.setup.carried_props()
@@ -269,7 +294,7 @@ class SolveRecorded:
         warnings = list(take.problems)
         if self.database is None and identity(database)["sha256"] != take.setup.database.get("sha256"):
             warnings.append(f"{path} has changed since the take was recorded")
-        facts: Facts = {"method": settings.method, "warnings": warnings, "complete": take.complete}
+        facts: Facts = {"method": settings.method, "warnings": warnings, "complete": take.complete} | changes
         facts |= {"relabelled": _stretches(solved), "doubtful": [*map(asdict, doubtful_stretches(solved.poses_of()))]}
         if props:
             facts["props"] = self._write_props(take, solved, setup)

@@ -67,6 +67,12 @@ def _part_of_joint(skeleton: Skeleton) -> IntArray:
     return result
 
 
+def part_lengths_m(skeleton: Skeleton) -> Array:
+    """Return the length of each part's bones together."""
+    part, lengths = _part_of_joint(skeleton), np.linalg.norm(skeleton.offsets_m, axis=1)
+    return np.array([lengths[part == number].sum() for number in range(len(PARTS))])
+
+
 def sized(skeleton: Skeleton, parts: Array) -> Skeleton:
     """Return the skeleton with each part's bones longer by its share."""
     part = _part_of_joint(skeleton)

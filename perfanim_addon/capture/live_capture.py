@@ -8,10 +8,12 @@ import bpy
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
 from ...core.session.walk_test import judge_walk, walk_figures
+from ...core.system.files import exists
 from ...core.worker.source_traits import is_simulated
 from .. import take_library
 from ..jobs import activity
 from ..jobs.job import Job, command
+from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
 from ..viewport import camera_preview, overlay
@@ -22,6 +24,7 @@ from .scene_driver import SceneDriver
 from .write_take import RecordedPart, TakeMotion, write_take
 
 _JUDGED_POSES = 600  # at the end of a capture: ten seconds at 60 Hz
+_REFINING_S = 20.0  # of motion, from which a body is refined well enough to offer it
 
 
 class LiveCapture:
@@ -43,7 +46,7 @@ class LiveCapture:
         self._python = python
         self._driver: SceneDriver | None = None
         self._is_shown = False
-        self._take_path = ""
+        self.take_path = ""
         self.setup: request.Setup | None = None
         self._drawn: overlay.Scene | None = None
         self._stop_asked = False
@@ -155,7 +158,7 @@ class LiveCapture:
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
-        self.setup, self._take_path = setup, setup.request["take"]
+        self.setup, self.take_path = setup, setup.request["take"]
         self.run = setup.start(self._python)
         if self._stop_asked:
             self.run.stop()
@@ -221,9 +224,23 @@ class LiveCapture:
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
-            take_library.mark_captured(self._take_path, request.shape(settings(context)), span)
+            take_library.mark_captured(self.take_path, request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
+
+
+def refining_take(capture: LiveCapture, chosen: Any) -> str:
+    """Return the take to refine the first performer by, "" for none.
+
+    It must be long enough; a simulated performer's body is known. The refinement runs when the capture has ended: 20 s
+    of frames take 5 s of one core, which the solver lacks then, and a body that changes within a recording would change
+    its motion there.
+    """
+    poses = capture.run.poses if capture.run is not None else ()
+    if len(poses) < 2 or readiness.is_known(chosen):
+        return ""
+    is_long = poses[-1].time_s - poses[0].time_s >= _REFINING_S
+    return capture.take_path if is_long and exists(capture.take_path) else ""
 
 
 def judge_capture(capture: LiveCapture) -> str:

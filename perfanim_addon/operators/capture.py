@@ -5,10 +5,10 @@ import time
 import bpy
 
 from ...core.errors import PerfanimError
-from ..capture.live_capture import LiveCapture, judge_capture
+from ..capture.live_capture import LiveCapture, judge_capture, refining_take
 from ..jobs import activity
 from ..preferences import preferences
-from ..settings import guide_steps, readiness
+from ..settings import guide_steps, performer_refinement, readiness
 from ..settings.capture_settings import settings
 from .common import CheckedOperator, RunningOperator, defect, report_error
 from .database import is_starter_missing, starter_arguments
@@ -31,6 +31,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Start; the timer continues it."""
         activity.set_message(PANEL, "")
+        performer_refinement.offer_capture("")
         try:
             prepare = starter_arguments() if is_starter_missing(context) else []
             capture = LiveCapture(preferences.worker_python(context), prepare)
@@ -88,6 +89,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         try:
             text = capture.keep(context)
             guide_steps.keep_walk(judge_capture(capture))
+            performer_refinement.offer_capture(refining_take(capture, settings(context)))
         except PerfanimError as second:
             error = error or second
         if text or error is None:

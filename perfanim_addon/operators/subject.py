@@ -132,7 +132,8 @@ _profiles: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dy
 
 def _profile_items(_self: object, _context: object) -> list[tuple[str, str, str]]:
     files = sorted(user_folder("subjects").glob("[!.]*.toml"))
-    _profiles[:] = [(str(file), readiness.performer_text(str(file)), str(file)) for file in files]
+    # a performer may have several files: as calibrated, and refined
+    _profiles[:] = [(str(file), f"{file.stem}: {readiness.performer_text(str(file))}", str(file)) for file in files]
     return _profiles
 
 
@@ -168,9 +169,14 @@ class PERFANIM_OT_use_profile(UndoOperator, bpy.types.Operator):
 
 
 def profile(chosen: Any) -> Path:
-    """Return the profile file for the performer's name."""
-    name = "".join(c if c.isalnum() or c in "-_" else "-" for c in chosen.subject_name) or "performer"
-    return user_folder("subjects") / f"{name}.toml"
+    """Return the profile file for the name in the settings."""
+    return profile_path(chosen.subject_name)
+
+
+def profile_path(name: str) -> Path:
+    """Return the profile file for a performer's name."""
+    plain = "".join(c if c.isalnum() or c in "-_" else "-" for c in name) or "performer"
+    return user_folder("subjects") / f"{plain}.toml"
 
 
 def cue(before: str, now: str) -> float | None:

@@ -16,7 +16,7 @@ from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column, string, whole_number
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import result_settings
+from ..settings import performer_refinement, result_settings
 from . import drawing
 from .capture import PERFANIM_PT_capture
 
@@ -135,6 +135,21 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     row.operator("perfanim.solve_take", icon="FILE_REFRESH").path = item.path
     row.operator_menu_enum("perfanim.export_take", "kind", text="Export", icon="EXPORT").path = item.path
     row.operator("perfanim.delete_take", text="", icon="TRASH").path = item.path
+    layout.operator("perfanim.refine_performer", icon="USER").path = item.path
+    _draw_refined(context, layout, item.path)
+
+
+def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: str) -> None:
+    """Draw the changes of the performer refined by a take, with both answers."""
+    found = performer_refinement.refined()
+    if found is None or found.take != path:
+        return
+    column = layout.column(align=True)
+    for text in (f"{found.subject.name}, refined by this take:", *found.changes):
+        drawing.draw_text(context, column, text, "BLANK1")
+    row = column.row(align=True)
+    row.operator("perfanim.use_refined_performer", text="Use", icon="CHECKMARK")
+    row.operator("perfanim.refuse_refined_performer", text="Keep", icon="X")
 
 
 def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
@@ -150,9 +165,16 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
-    """Draw the offer to recover the newest unfinished take; nothing while capturing."""
+    """Draw the offers to recover a take and to refine the performer of the last.
+
+    Nothing while capturing.
+    """
     if isinstance(activity.current(), LiveCapture):
         return
+    captured = performer_refinement.captured()
+    if captured:
+        panel.layout.operator("perfanim.refine_performer", text="Refine Performer by This Capture").path = captured
+        _draw_refined(context, panel.layout, captured)
     cut = take_library.cut_off()
     if cut:
         count = "A capture was" if len(cut) == 1 else f"{len(cut)} captures were"
@@ -160,6 +182,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
         operator = "perfanim.play_take" if cut[0].complete else "perfanim.recover_take"
         button = panel.layout.operator(operator, text=f"Recover {cut[0].notes.name}", icon="FILE_REFRESH")
         button.path = str(cut[0].path)
+    if captured or cut:
         drawing.draw_job(panel.layout, KEY)
 
 

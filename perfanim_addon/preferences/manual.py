@@ -16,6 +16,7 @@ PAGES = (
     ("bpy.ops.perfanim.skip_step", f"{_CAPTURE}#guide"),
     ("bpy.ops.perfanim.calibrate_performer", "calibration.html#performer"),
     ("bpy.ops.perfanim.calibrate_subject", "calibration.html#performer"),
+    ("bpy.ops.perfanim.*refine*_performer", "calibration.html#refine-by-a-take"),
     ("bpy.ops.perfanim.calibrate_*", f"{_CAPTURE}#cameras"),
     ("bpy.ops.perfanim.set_floor*", f"{_CAPTURE}#cameras"),
     ("bpy.ops.perfanim.save_board", f"{_CAPTURE}#cameras"),

@@ -60,6 +60,7 @@ _KEYS = (  # "label": options of track by which it labels the markers of videos
     (Kind.FILE, ("solve",), "names"),
     (Kind.WORD, ("solve",), "use up method feet units naming"),
     (Kind.NUMBER, ("solve",), "smooth rate"),
+    (Kind.SWITCH, ("solve",), "refine_body"),
     (Kind.MOTIONS, (), "also"),
     (Kind.FILE, ("retarget",), "to blender"),
     (Kind.NAME_OR_FILE, ("retarget",), "map"),

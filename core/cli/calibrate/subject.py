@@ -10,8 +10,9 @@ import numpy as np
 from ...body.calibration_poses import CALIBRATION, POSES
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
-from ...errors import SettingsError
-from ...formats.markers.marker_files import read_take
+from ...errors import SettingsError, SubjectError
+from ...formats.markers.marker_files import is_recorded, read_take
+from ...formats.take_file.reading import read_take_file
 from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
 from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake
@@ -26,6 +27,7 @@ from ...subjects.pose_calibration import (
 )
 from ...subjects.prototype_bodies import load_bodies
 from ...subjects.refine_body import Refinement, refine_body
+from ...subjects.refinement_text import worthwhile
 from ...system.progress import Progress
 from ..options import add_choice, add_names_option, add_number, add_text, check_height
 
@@ -36,7 +38,9 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser("subject", help="skeleton and marker offsets from held poses")
     parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
     parser.add_argument(
-        "--marker-set", required=True, metavar="NAME", help=f"shipped marker set or TOML file, or {AUTO}: by the labels"
+        "--marker-set",
+        metavar="NAME",
+        help=f"shipped marker set or TOML file, or {AUTO}: by the labels (default with --refine: the subject's)",
     )
     add_names_option(parser)
     add_text(parser, "--out", "subject.toml", "subject to write", required=True)
@@ -66,7 +70,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--refine",
         metavar="subject.toml",
-        help="with --database: begin with this subject and let the motion correct bones and offsets a little",
+        help="with --database: begin with this subject, or the first of a .perftake, and let the motion correct bones "
+        "and offsets a little",
     )
     add_number(parser, "--height", "M", "with --database: of the person, metres (default 1.7)")
     parser.set_defaults(run=run)
@@ -79,12 +84,17 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     take = part(read_take(args.take), args.frames)
     if args.names is not None:
         take = rename_labels(take, load_names(args.names))
-    marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
-    take = match_labels(take.names, marker_set).rename(take)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None
-    before = load_subject(args.refine) if args.refine else known
+    before = _subject_of(args.refine) if args.refine else known
+    if args.marker_set is None and not args.refine:
+        raise SettingsError("no marker set is named", advice="give --marker-set")
+    if args.marker_set is None and before:
+        marker_set = before.marker_set
+    else:
+        marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
+    take = match_labels(take.names, marker_set).rename(take)
     name = args.name or (before.name if before else Path(args.out).stem)
     if args.database:
         if known:
@@ -140,8 +150,10 @@ def _from_motion(
     """Return the subject found from motion, and facts about it."""
     database = open_database(args.database)
     if before:
-        result = refine_body(take, replace(before.wearing(marker_set), name=name), database, progress)
-        return result.subject, _changes(result)
+        worn = replace(before.wearing(marker_set), name=name)
+        result = refine_body(take, worn, database, progress)
+        subject, changes = worthwhile(worn, result)
+        return subject, {"changes": changes} | _changes(result)
     height_m = 1.7 if args.height is None else args.height
     check_height(height_m)
     subject = subject_from_motion(take, Subject(name, default_skeleton(height_m), marker_set), database, progress)
@@ -149,9 +161,22 @@ def _from_motion(
     return subject, {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
 
 
+def _subject_of(path: str) -> Subject:
+    """Return the subject of a file, or the first performer of a recorded take."""
+    if not is_recorded(path):
+        return load_subject(path)
+    recorded = read_take_file(path).setup.subjects()
+    if not recorded:
+        raise SubjectError("names no performer", where=path, advice="solve the take first")
+    return recorded[0]
+
+
 def _changes(result: Refinement) -> dict[str, Any]:
     return {
         "frames": result.frames,
+        "evidence": round(result.evidence, 1),
+        "whole_percent": round(100.0 * result.whole, 1),
+        "whole_sigma_percent": round(100.0 * result.whole_sigma, 1),
         "sizes_percent": {part: round(100.0 * change, 1) for part, change in result.sizes.items()},
         "size_sigmas_percent": {part: round(100.0 * sigma, 1) for part, sigma in result.size_sigmas.items()},
         "offset_sigmas_mm": {marker: round(1e3 * sigma, 1) for marker, sigma in result.offset_sigmas_m.items()},

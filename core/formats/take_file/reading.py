@@ -179,13 +179,17 @@ def take_name(path: Path | str) -> str:
     return Path(path).name.removesuffix(ENDING)
 
 
-def unused_path(folder: Path, name: str) -> Path:
-    """Return an unused path in a folder for a take of that name, a long one cut."""
+def unused_path(folder: Path, name: str, ending: str = ENDING) -> Path:
+    """Return an unused path in a folder for a take of that name, a long one cut.
+
+    Args:
+        ending: of another kind of file.
+    """
     stem = "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name)
     stem = stem.encode("utf-8", "replace")[:_LONGEST_STEM].decode("utf-8", "ignore").strip(". ") or "take"
-    path, count = folder / f"{stem}{ENDING}", 2
+    path, count = folder / f"{stem}{ending}", 2
     while exists(path):
-        path, count = folder / f"{stem} ({count}){ENDING}", count + 1
+        path, count = folder / f"{stem} ({count}){ending}", count + 1
     return path
 
 

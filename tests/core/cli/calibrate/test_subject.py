@@ -7,10 +7,12 @@ from perfanim.core.body.calibration_poses import CALIBRATION, t_pose
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
+from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.simulate.studio.placement import with_poses
+from perfanim.core.subjects.body_change import PARTS, sized
 
 
 def write_take(path, skeleton, marker_set, rotations, root_positions):
@@ -61,17 +63,66 @@ def test_several_poses_are_found_in_a_take_and_the_result_says_how_far_to_trust_
     assert "no calibration pose 'yoga'" in capsys.readouterr().err
 
 
-def test_a_calibrated_subject_is_refined_by_motion(truth, database_file, tmp_path, capsys):
+def write_ann(truth, folder, too_long=0.0):
+    """Ann with too long bones, and a walk of hers with markers that sit elsewhere."""
     usual = load_marker_set("boxing")
     worn = usual.with_offsets(usual.offsets_m + np.random.default_rng(2).normal(scale=0.008, size=(len(usual), 3)))
-    save_subject(Subject("Ann", truth.skeleton, usual, 0.006), tmp_path / "ann.toml")
-    write_take(tmp_path / "walk.take.npz", truth.skeleton, worn, truth.rotations, truth.root_positions_m)
-    line = ["calibrate", "subject", str(tmp_path / "walk.take.npz"), "--marker-set", "boxing", "--refine"]
+    skeleton = sized(truth.skeleton, np.full(len(PARTS), too_long))
+    save_subject(Subject("Ann", skeleton, usual, 0.006), folder / "ann.toml")
+    write_take(folder / "walk.take.npz", truth.skeleton, worn, truth.rotations, truth.root_positions_m)
+
+
+def test_a_calibrated_subject_is_refined_by_motion(truth, database_file, tmp_path, capsys):
+    write_ann(truth, tmp_path, too_long=0.1)
+    line = ["calibrate", "subject", str(tmp_path / "walk.take.npz"), "--refine"]
     line += [str(tmp_path / "ann.toml"), "--out", str(tmp_path / "better.toml")]
     assert main(line) == 1
     assert "--refine needs --database" in capsys.readouterr().err
     assert main([*line, "--database", str(database_file)]) == 0
     better = load_subject(tmp_path / "better.toml")
     assert better.name == "Ann"
-    off = [np.linalg.norm(m.offsets_m - worn.offsets_m, axis=1).mean() for m in (usual, better.marker_set)]
-    assert off[1] < off[0]
+    assert "changes: whole body" in capsys.readouterr().out
+    found, right = (np.linalg.norm(each.offsets_m, axis=1).sum() for each in (better.skeleton, truth.skeleton))
+    assert abs(found / right - 1.0) < 0.05
+
+
+def test_only_a_refined_subject_brings_its_marker_set(truth, database_file, tmp_path, capsys):
+    write_ann(truth, tmp_path)
+    line = ["calibrate", "subject", str(tmp_path / "walk.take.npz"), "--out", str(tmp_path / "new.toml")]
+    assert main(line) == 1
+    assert "no marker set is named; give --marker-set" in capsys.readouterr().err
+
+
+def test_a_take_is_solved_with_the_body_refined_by_it(truth, database_file, tmp_path, capsys):
+    write_ann(truth, tmp_path, too_long=0.1)
+    take, ann, database = tmp_path / "walk.take.npz", tmp_path / "ann.toml", ["--database", str(database_file)]
+    before = ann.read_bytes()
+    line = ["solve", str(take), *database, "--subject", str(ann), "--causal", "--out", str(tmp_path / "walk.bvh")]
+    found = []
+    for options in ([], ["--refine-body"]):
+        assert main([*line, *options, "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    plain, refined = found
+    assert "changes" not in plain
+    assert refined["changes"]
+    assert refined["changes"][0].startswith("whole body ")
+    assert "smaller (± " in refined["changes"][0]
+    assert refined["marker_rms_mm"] < plain["marker_rms_mm"]
+    assert ann.read_bytes() == before
+
+
+def test_a_recorded_take_refines_its_own_performer(truth, database_file, tmp_path, capsys):
+    write_ann(truth, tmp_path, too_long=0.1)
+    database = ["--database", str(database_file)]
+    assert main(["take", "import", str(tmp_path / "walk.take.npz"), "--subject", str(tmp_path / "ann.toml"), *database,
+                 "--out", str(tmp_path)]) == 0  # fmt: skip
+    take, out = str(tmp_path / "walk.perftake"), tmp_path / "better.toml"
+    capsys.readouterr()
+    assert main(["calibrate", "subject", take, "--refine", take, *database, "--out", str(out), "--json"]) == 0
+    changes = json.loads(capsys.readouterr().out)["changes"]
+    assert changes
+    assert load_subject(out).name == "Ann"
+    assert main(["solve", take, "--refine-body", "--out", str(tmp_path / "again.perftake"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["changes"] == changes
+    (again,) = read_take_file(tmp_path / "again.perftake").setup.subjects()
+    np.testing.assert_allclose(again.marker_set.offsets_m, load_subject(out).marker_set.offsets_m, atol=1e-6)
