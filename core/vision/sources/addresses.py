@@ -21,3 +21,12 @@ def is_stream(text: str) -> bool:
     except ValueError:  # a bracket without its other one: opening it says so
         return True
     return PurePosixPath(path).suffix.lower() not in _FILMS
+
+
+def camera_name(device: int | str) -> str:
+    """Return a camera's number or address, without the login in an address.
+
+    Names of cameras come into messages and takes, which others read.
+    """
+    start, mark, rest = str(device).partition("://")
+    return start + mark + rest.rpartition("@")[2]

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
+from .addresses import camera_name
 from .camera_controls import CameraControls, apply_controls
 from .device_names import device_numbers
 from .files import open_address
@@ -64,11 +65,12 @@ class CameraSource(ClosableSource):
     ) -> None:
         if len(set(devices)) != len(devices):
             raise CaptureError(
-                f"camera {devices[0]} is chosen more than once", advice="choose a different device for each camera"
+                f"camera {camera_name(devices[0])} is chosen more than once",
+                advice="choose a different device for each camera",
             )
         self.name = "capture"
         self.frames = 0  # unknown: until it is closed
-        self._names = [str(device) for device in devices]
+        self._names = [camera_name(device) for device in devices]
         self._news = threading.Event()
         self._readers: list[_Reader] = []
         try:
@@ -78,8 +80,8 @@ class CameraSource(ClosableSource):
             self.close()
             raise
         self.warnings: tuple[str, ...] = tuple(
-            f"camera {device} does not take {' and '.join(reader.refused)}: set it by its maker's program"
-            for device, reader in zip(devices, self._readers, strict=True)
+            f"camera {name} does not take {' and '.join(reader.refused)}: set it by its maker's program"
+            for name, reader in zip(self._names, self._readers, strict=True)
             if reader.refused
         )
         self._are_streams = [isinstance(device, str) for device in devices]
@@ -224,7 +226,7 @@ def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) ->
         advice = "check that it is plugged in, that no other program uses it and that this one may use cameras"
     if not capture.isOpened():
         capture.release()
-        raise CaptureError(f"camera {device} does not open", advice=advice)
+        raise CaptureError(f"camera {camera_name(device)} does not open", advice=advice)
     if size is not None:
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
         capture.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
@@ -236,7 +238,9 @@ def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) ->
         if ok:
             return capture, np.asarray(image, dtype=np.uint8)
     capture.release()
-    raise CaptureError(f"camera {device} gives no image", advice="unplug it, plug it in again, close other programs")
+    raise CaptureError(
+        f"camera {camera_name(device)} gives no image", advice="unplug it, plug it in again, close other programs"
+    )
 
 
 @dataclass(frozen=True)

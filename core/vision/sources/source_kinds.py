@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from ...errors import CaptureError, SettingsError
 from ...geometry.arrays import Image
 from ...system.files import is_file, is_folder
-from .addresses import is_address, is_stream
+from .addresses import camera_name, is_address, is_stream
 from .cameras import CameraSource
 from .images import ImageFileSource, is_image_pattern
 from .videos import VideoSource
@@ -69,7 +69,7 @@ def open_image_source(
     if len(set(kinds)) != 1:
         raise CaptureError(
             "the cameras' sources are of different kinds: "
-            + ", ".join(f"{text} ({kind})" for text, kind in zip(texts, kinds, strict=True)),
+            + ", ".join(f"{camera_name(text)} ({kind})" for text, kind in zip(texts, kinds, strict=True)),
             advice="give two videos, two folders or patterns of images, or two device numbers or addresses",
         )
     if kinds[0] == "cameras":

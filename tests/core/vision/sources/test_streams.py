@@ -1,6 +1,7 @@
 """Cameras on a network: one that stalls is told and done without, read again when it gives images, opened in time."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -92,6 +93,20 @@ def test_a_stream_that_does_not_answer_is_not_waited_for(
     servers[0].begin("stream")
     with pytest.raises(CaptureError, match=r"camera http://127.*does not open.*check the address"):
         open_image_source(servers[0].address)
+
+
+def test_the_login_of_a_camera_is_in_no_message(
+    servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Messages come into takes, and takes are given to others."""
+    monkeypatch.setattr(cameras, "_STREAM_OPENS_MS", 200)
+    servers[0].begin("stream")
+    (tmp_path / "1.png").touch()
+    address = servers[0].address.replace("://", "://anna:s3cr@t/1@")
+    for sources in ([address], [address, address], [address, str(tmp_path)]):
+        with pytest.raises(CaptureError, match="http://127") as caught:
+            open_image_source(*sources)
+        assert "anna" not in str(caught.value) and "s3cr" not in str(caught.value)
 
 
 def test_a_film_behind_an_address_is_no_camera(servers: list[MjpegServer]) -> None:
