@@ -204,6 +204,8 @@ def _summaries(where: Path) -> list[TakeSummary]:
 
 def _readable(where: Path) -> Iterator[TakeSummary]:
     for path in sorted(where.glob(f"*{ENDING}")):
+        if path.name.startswith("."):  # still being written, under a name that is none yet
+            continue
         try:
             yield summarise(path)
         except TakeError:
@@ -215,4 +217,8 @@ def _created(take: TakeSummary) -> datetime:
     try:
         return datetime.fromisoformat(take.created).astimezone(UTC)
     except ValueError:
-        return datetime.fromtimestamp(take.path.stat().st_mtime, UTC)
+        try:
+            changed_s = take.path.stat().st_mtime
+        except OSError:  # it was deleted since it was read
+            changed_s = 0.0
+        return datetime.fromtimestamp(changed_s, UTC)

@@ -5,6 +5,7 @@ import shutil
 import signal
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -142,10 +143,12 @@ def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
     (folder / "words.perftake").write_text("no take at all, but some words of somebody")
     (folder / "other.txt").write_text("x")
     cut(write_take(folder, "nothing", frames=0))
+    shutil.copy(folder / "walk.perftake", folder / ".walk (best).x7f_1.perftake")  # a copy that is being written
     writer = TakeWriter(folder / "running.perftake", read_take_file(folder / "walk.perftake").setup)
     writer.add_frame(pack_stamped(0.0, MarkerFrame(0, 0.0)))
     try:
         rows = {item.title: item for item in shown(part)}
+        assert len(shown(part)) == 3
         assert set(rows) == {"walk", "jump", "stand"}
         assert (rows["walk"].summary.complete, part("panels.takes")._length(rows["walk"].summary)) == (True, "0:00")
         assert not rows["jump"].summary.complete
@@ -154,6 +157,26 @@ def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
         writer.close()
     takes.forget()
     assert "running" in {item.title for item in shown(part)}
+
+
+def test_a_take_that_goes_while_the_folder_is_read_is_no_error(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    takes = part("take_library")
+    for name in ("walk", "jump"):
+        write_take(takes.folder(), name)
+    summarise = takes.summarise
+
+    def deleted(path: Path) -> Any:
+        summary = summarise(path)
+        if path.stem == "walk":
+            path.unlink()
+        return replace(summary, created="")
+
+    monkeypatch.setattr(takes, "summarise", deleted)
+    takes.forget()
+    assert "jump" in {take.path.stem for take in takes.listed()}
+    monkeypatch.undo()
+    takes.forget()
+    assert [take.path.stem for take in takes.listed()] == ["jump"]
 
 
 def test_name_notes_and_rating_are_kept_in_the_file(part: Any) -> None:
