@@ -9,7 +9,7 @@ from perfanim.core.geometry.arrays import Array
 from .report import Rows
 
 OVER = 1.02  # takes with a larger ratio are listed
-_UNITS = (
+UNITS = (
     "deg_per_joint",
     "mpjpe_mm",
     "bone_direction_deg",
@@ -33,7 +33,7 @@ def paired_ratios(rows: Rows, method: str, other: str, conditions: Sequence[str]
         takes = [take for take, name in by if name == method and (take, other) in by]
         if not takes:
             continue
-        logs = {unit: np.log([by[take, method][unit] / by[take, other][unit] for take in takes]) for unit in _UNITS}
+        logs = {unit: np.log([by[take, method][unit] / by[take, other][unit] for take in takes]) for unit in UNITS}
         row: dict[str, Any] = {"condition": condition, "method": method, "other": other, "takes": len(takes)}
         row |= {unit: round(float(np.exp(values.mean())), 3) for unit, values in logs.items()}
         for unit in _INTERVALS:

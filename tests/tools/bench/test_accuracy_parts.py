@@ -7,7 +7,7 @@ import pytest
 from bench.calibration import Expected, confidence_ratio, coverage, expected_of
 from bench.feet import feet_errors
 from bench.figure6 import true_subject
-from bench.paired import geometric_mean, paired_ratios
+from bench.paired import UNITS, geometric_mean, paired_ratios
 from bench.solved_takes import LIVE, OFFLINE, solve_both_ways
 from perfanim.core.body.motion import sliced
 from perfanim.core.session.solve_take import solve_take
@@ -15,18 +15,9 @@ from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress
 
-_UNITS = (
-    "deg_per_joint",
-    "mpjpe_mm",
-    "bone_direction_deg",
-    "main_bone_direction_deg",
-    "root_rotation_deg",
-    "jitter_ratio",
-)
-
 
 def row(take, method, value):
-    return {"condition": "c", "take": take, "method": method} | dict.fromkeys(_UNITS, value)
+    return {"condition": "c", "take": take, "method": method} | dict.fromkeys(UNITS, value)
 
 
 def test_ratios_are_of_pairs_with_an_interval_and_the_takes_that_are_worse():
