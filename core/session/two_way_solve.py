@@ -202,7 +202,7 @@ def _backward_course(
     unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
     course = _Course(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
     state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
-    points_m = np.array([observation.points_m for observation in observations])
+    seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
     times_s = np.array([pose.time_s for pose in poses])
     learned: list[PriorEstimate | None] = []  # of the frames to come, the next at the end
     for done, index in enumerate(reversed(range(len(poses)))):
@@ -212,7 +212,7 @@ def _backward_course(
             # it was learned from motion that goes forwards
             first, stop = max(index + 1 - _TOGETHER, 0), index + 1
             earliest = int(np.searchsorted(times_s, times_s[first] - 2.0 * solver.best.longest_s))
-            learned = solver.best.learned_priors(points_m[earliest:stop], times_s[earliest:stop])[first - earliest :]
+            learned = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
         solution, state = solver.step(state, observations[index], -poses[index].time_s, learned=learned.pop())
         if solution is None:
             continue

@@ -1,5 +1,6 @@
 """Methods for the pose of the closest examples: best, local-pca, lwr, nearest."""
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -241,20 +242,22 @@ class BestMethod:
         found._grant_covariances()
         return found
 
-    def learned_priors(self, points_m: Array, times_s: Array) -> list[PriorEstimate | None]:
-        """Return the learned priors of markers (F, M, 3) in a row, all at once.
+    def learned_priors(self, frames: Sequence[tuple[Observation, Array]], times_s: Array) -> list[PriorEstimate | None]:
+        """Return the learned priors of frames in a row, all at once.
 
         None where too few torso markers show the body, and without the learned prior.
 
         Args:
+            frames: observations and the markers (M, 3) expected in each.
             times_s: (F,) ascending.
         """
         if self._learned is None:
-            return [None] * len(points_m)
+            return [None] * len(frames)
         recent, observed = [], LaggedHistory(self.longest_s)
-        for points, time_s in zip(points_m, times_s.tolist(), strict=True):
-            recent.append(self._learned.recent(points, observed, time_s))
-            observed = observed.remember(time_s, points)
+        for (observation, expected_m), time_s in zip(frames, times_s.tolist(), strict=True):
+            recent.append(self._learned.recent(observation.back_projected(expected_m), observed, time_s))
+            seen = observation.with_torso_in_space(self._subject.torso, expected_m)
+            observed = observed.remember(time_s, seen.points_m)
         return self._learned.estimate_all(recent)
 
     def fit_about(self, pose: Array, root: RootPose, observation: Observation) -> tuple[Array, RootPose]:
@@ -276,8 +279,10 @@ class BestMethod:
         if self._learned:
             learned = state.learned
             if learned is None:
-                recent = self._learned.recent(problem.observation.points_m, state.observed, state.time_s)
-                learned = self._learned.estimate(recent, root)
+                seen = problem.observation
+                if state.markers_m is not None:
+                    seen = seen.back_projected(state.markers_m)
+                learned = self._learned.estimate(self._learned.recent(seen, state.observed, state.time_s), root)
             if not self._known:  # a known body's torso shows its root better
                 root, root_sigma = learned.root, learned.root_sigma
         priors = [prior, learned.pose] if learned else [prior]

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..geometry.npz import read_arrays
 from ..system.files import reading
 from .gaussian_conditioning import Prior
@@ -30,6 +29,7 @@ from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobia
 VERSION = 1
 _OFFSET_SCALE = 10.0  # offsets are centimetres, the other inputs decimetres to metres
 _LAG_FLOOR_S = 0.03  # movements are divided by their lag plus this
+_BY_ONE_CAMERA = 0.5  # of a marker that both cameras see: its place along the ray is a guess
 _FASTEST_M_S = 12.0  # earlier markers that are further away were elsewhere: a cut, or another label
 LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits of the outputs, in their units
 _ROOT = 6  # outputs of the root: turn, position
@@ -122,6 +122,19 @@ def _fits(network: Network) -> bool:
     )
 
 
+@dataclass(frozen=True)
+class RecentMarkers:
+    """Markers of a frame and of earlier ones.
+
+    Args:
+        points_m: (L, M, 3) in the world at each lag, NaN where not located.
+        single: (M,) markers that one camera alone sees in the frame: their points are guesses along its rays.
+    """
+
+    points_m: Array
+    single: Mask
+
+
 class MotionPrior:
     """A network prepared for one subject.
 
@@ -158,46 +171,50 @@ class MotionPrior:
         """Ascending times looked back, the first 0."""
         return tuple(self._network.lags_s.tolist())
 
-    def recent(self, points_m: Array, observed: LaggedHistory, time_s: float) -> Array:
-        """Return located markers (L, M, 3) of this frame (M, 3) and of earlier ones."""
-        unknown = np.full_like(points_m, np.nan)
-        earlier = observed.before(time_s, self.lags_s[1:])
-        return np.array([points_m, *(unknown if each is None else each for each in earlier)])
+    def recent(self, observation: Observation, observed: LaggedHistory, time_s: float) -> RecentMarkers:
+        """Return the markers of this frame and of earlier ones.
 
-    def estimate(self, points_m: Array, root: RootPose) -> PriorEstimate:
+        Args:
+            observation: its markers of a single camera back-projected, if they are to count.
+        """
+        unknown = np.full_like(observation.points_m, np.nan)
+        earlier = observed.before(time_s, self.lags_s[1:])
+        points_m = np.array([observation.points_m, *(unknown if each is None else each for each in earlier)])
+        return RecentMarkers(points_m, observation.cameras >= 0)
+
+    def estimate(self, recent: RecentMarkers, root: RootPose) -> PriorEstimate:
         """Return the Gaussian expected for markers now and earlier.
 
         Args:
-            points_m: (L, M, 3) in the world at each lag, NaN where not located.
             root: where the body is if too few torso markers show it.
         """
-        return self._estimates(points_m[None], [self._frame(points_m[0], root) or root])[0]
+        return self._estimates([recent], [self._frame(recent, root) or root])[0]
 
-    def estimate_all(self, points_m: Sequence[Array]) -> list[PriorEstimate | None]:
+    def estimate_all(self, recent: Sequence[RecentMarkers]) -> list[PriorEstimate | None]:
         """Return the Gaussians of many frames at once, in a fraction of the time.
 
-        Args:
-            points_m: (L, M, 3) of each, as for `estimate`; None is returned where its torso markers are too few.
+        None is returned where torso markers are too few.
         """
-        frames = [self._frame(each[0], None) for each in points_m]
-        known = [(each, frame) for each, frame in zip(points_m, frames, strict=True) if frame]
+        frames = [self._frame(each, None) for each in recent]
+        known = [(each, frame) for each, frame in zip(recent, frames, strict=True) if frame]
         if not known:
             return [None] * len(frames)
-        found = iter(self._estimates(np.array([each for each, _ in known]), [frame for _, frame in known]))
+        found = iter(self._estimates(*([*each] for each in zip(*known, strict=True))))
         return [next(found) if frame else None for frame in frames]
 
-    def _frame(self, points_m: Array, root: RootPose | None) -> RootPose | None:
-        """Return where the body is by its torso markers (of M, 3), or the root's place."""
-        return root_from_torso(Observation.of_points(points_m), self._rest, self._body, root)
+    def _frame(self, recent: RecentMarkers, root: RootPose | None) -> RootPose | None:
+        """Return where the body is by its torso markers, or the root's place."""
+        return root_from_torso(Observation.of_points(recent.points_m[0]), self._rest, self._body, root)
 
-    def _estimates(self, points_m: Array, frames: list[RootPose]) -> list[PriorEstimate]:
-        """Return the same as `estimate` for markers (F, L, M, 3) and the places of bodies."""
-        in_frames = np.array([frame.to_root_frame(each) for each, frame in zip(points_m, frames, strict=True)])
+    def _estimates(self, recent: Sequence[RecentMarkers], frames: Sequence[RootPose]) -> list[PriorEstimate]:
+        """Return the same as `estimate` for the places of bodies."""
+        in_frames = np.array([frame.to_root_frame(each.points_m) for each, frame in zip(recent, frames, strict=True)])
+        single = np.array([each.single for each in recent])
         rest = np.broadcast_to(self._rest, (len(frames), *self._rest.shape))
-        features = marker_features(in_frames, rest, self._offsets_m, self._network.lags_s)
+        features = marker_features(in_frames, single, rest, self._offsets_m, self._network.lags_s)
         # whatever the markers are, what follows is finite
         within = np.minimum(np.maximum(features, -_FASTEST_M_S), _FASTEST_M_S).astype(np.float32)
-        means, sigmas = self._run(within, np.isfinite(points_m[..., 0]).any(axis=1))
+        means, sigmas = self._run(within, np.isfinite(in_frames[..., 0]).any(axis=1))
         turns = rot.multiply(np.array([frame.rotation for frame in frames]), rot.from_rotation_vector(means[:, :3]))
         poses = self._from_zero(means[:, _ROOT:], sigmas[:, _ROOT:])
         result = []
@@ -207,7 +224,7 @@ class MotionPrior:
             result.append(PriorEstimate(pose, RootPose(turn, frame.to_world(mean[3:_ROOT])), root_sigma))
         return result
 
-    def _run(self, features: FloatArray, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    def _run(self, features: FloatArray, seen: Mask) -> tuple[Array, Array]:
         """Return the outputs (N, O) and their deviations, of (N, M, F) and seen (N, M)."""
         network = self._network
         hidden = _silu(features.swapaxes(0, 1) @ self._weights + self._biases[:, None])
@@ -236,11 +253,12 @@ class MotionPrior:
         return [Prior(*pair) for pair in zip(moved.reshape(poses.shape), covariances, strict=True)]
 
 
-def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Array) -> Array:
+def marker_features(points_m: Array, single: Mask, rest_m: Array, offsets_m: Array, lags_s: Array) -> Array:
     """Return the network's inputs (..., M, F).
 
     Args:
         points_m: (..., L, M, 3) at each lag in the body frame, NaN where not located.
+        single: (..., M) markers that one camera alone sees now.
         rest_m: (..., M, 3) markers of the mean pose.
         offsets_m: (..., M, 3) of the markers in their joints' axes.
     """
@@ -252,12 +270,14 @@ def marker_features(points_m: Array, rest_m: Array, offsets_m: Array, lags_s: Ar
     moved = (points[..., 1:, :] - latest) / (_LAG_FLOOR_S + lags_s[1:, None])
     seen[..., 1:] &= np.add.reduce(moved * moved, axis=-1) < _FASTEST_M_S**2
     moved = np.where(seen[..., 1:, None], moved, 0.0)
+    certain = seen.astype(points.dtype)
+    certain[..., 0] *= np.where(single, _BY_ONE_CAMERA, 1.0)
     parts = (
         np.where(seen.any(axis=-1)[..., None], latest[..., 0, :] - rest_m, 0.0),
         np.broadcast_to(_OFFSET_SCALE * offsets_m, rest_m.shape),
         rest_m,
         moved.reshape(*moved.shape[:-2], -1),
-        seen,
+        certain,
     )
     return np.concatenate(parts, axis=-1)
 

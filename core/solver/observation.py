@@ -43,12 +43,25 @@ class Observation:
         Each point is the closest to the expected marker (M, 3). Root and search use the points; the pose is fitted to
         the rays, as the error lies along them.
         """
+        if not self.single.any():
+            return self
         points = self.points_m.copy()
         for marker in np.flatnonzero(self.single):
             camera = self.rig[self.cameras[marker]]
             ray = camera.rays(self.image_points[marker])
             points[marker] = camera.centre_m + ray * float(ray @ (markers_m[marker] - camera.centre_m))
         return replace(self, points_m=points)
+
+    def with_torso_in_space(self, torso: Mask, markers_m: Array | None) -> "Observation":
+        """Return the observation, back-projected if it locates too little of the torso.
+
+        Args:
+            torso: (M,) markers that show the root; three locate it.
+            markers_m: (M, 3) that are expected, None if nothing is.
+        """
+        if markers_m is None or np.count_nonzero(torso & self.located) >= 3:
+            return self
+        return self.back_projected(markers_m)
 
     @cached_property
     def located(self) -> Mask:

@@ -194,11 +194,7 @@ class PoseSolver:
         return _NEARER if jump_m > _JUMP_M or unexplained else 0.0
 
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
-        """Return the observation with three torso markers located in space."""
-        torso = self.subject.torso & observation.located
-        if np.count_nonzero(torso) >= 3 or state.markers_m is None:
-            return observation
-        return observation.back_projected(state.markers_m)
+        return observation.with_torso_in_space(self.subject.torso, state.markers_m)
 
     def _advance(self, state: SolverState, observation: Observation) -> tuple[Solution | None, SolverState]:
         located = self._locator.locate(state, self._in_space(state, observation))

@@ -29,7 +29,8 @@ class Gait:
         pelvis_yaw, pelvis_roll, pelvis_pitch: the pelvis' turn, drop to the free side, forward tilt.
         twist: the chest's turn against the pelvis.
         lean: bend of the trunk.
-        arm_forward, arm_back, arm_out, arm_in: the arm's swing, angle away from the body and inward twist.
+        arm_rest, arm_forward, arm_back: the arm's angle before the body in mid-swing, and its swing from there.
+        arm_out, arm_in: angle away from the body, inward twist.
         elbow, elbow_swing: bend and how much more of it in front.
         height, dip: root height as share of standing, and how much it sinks when a foot lands.
         width: distance of the feet, factor on the stance.
@@ -47,6 +48,7 @@ class Gait:
     pelvis_pitch: float
     twist: float
     lean: float
+    arm_rest: float
     arm_forward: float
     arm_back: float
     arm_out: float
@@ -60,14 +62,14 @@ class Gait:
 
 
 WALK = Gait(
-    step_s=0.54, duty=0.62, stride=0.75, lift=0.050, heel_up=0.95, mid_up=0.0, toe_up=0.32, pelvis_yaw=0.085,
-    pelvis_roll=0.055, pelvis_pitch=0.05, twist=0.17, lean=0.02, arm_forward=0.36, arm_back=0.34, arm_out=0.10,
-    arm_in=-0.10, elbow=0.24, elbow_swing=0.26, grip=0.28, height=0.993, dip=0.018, width=0.75,
+    step_s=0.54, duty=0.62, stride=0.75, lift=0.10, heel_up=0.95, mid_up=0.0, toe_up=0.32, pelvis_yaw=0.085,
+    pelvis_roll=0.10, pelvis_pitch=0.05, twist=0.17, lean=0.02, arm_rest=-0.12, arm_forward=0.36, arm_back=0.34,
+    arm_out=0.10, arm_in=-0.10, elbow=0.46, elbow_swing=0.34, grip=0.28, height=0.993, dip=0.018, width=0.75,
 )  # fmt: skip
 RUN = Gait(
     step_s=0.365, duty=0.36, stride=0.85, lift=0.24, heel_up=0.80, mid_up=1.15, toe_up=0.05, pelvis_yaw=0.09,
-    pelvis_roll=0.05, pelvis_pitch=0.12, twist=0.24, lean=0.08, arm_forward=0.62, arm_back=0.62, arm_out=0.14,
-    arm_in=0.30, elbow=1.50, elbow_swing=0.30, grip=0.65, height=0.956, dip=0.0, width=0.45,
+    pelvis_roll=0.08, pelvis_pitch=0.12, twist=0.18, lean=0.11, arm_rest=-0.12, arm_forward=0.62, arm_back=0.62,
+    arm_out=0.14, arm_in=0.15, elbow=1.75, elbow_swing=0.30, grip=0.65, height=0.956, dip=0.0, width=0.45,
 )  # fmt: skip
 
 
@@ -178,7 +180,7 @@ def _place(timeline: Timeline, gait: Gait, step: _Step, path: Track, air_s: floa
     heel_up = gait.heel_up * (0.5 + 0.5 * size) * (0.75 if backwards else 1.0)
     toe_up = -0.25 * size if backwards else gait.toe_up * min(1.0, size * 1.3)
     height_m = timeline.vary(gait.lift, 0.08) * lively * timeline.body.leg_m
-    swing = Swing(step.lift_s, step.land_s, new, height_m, peak=0.48 if running else 0.42)
+    swing = Swing(step.lift_s, step.land_s, new, height_m, peak=0.48 if running else 0.30)
     timeline.step(
         step.side, swing, heel_up_rad=heel_up, toe_up_rad=toe_up,
         rise_s=0.45 * gait.duty * 2.0 * gait.step_s, roll_s=0.22 * gait.duty * gait.step_s,
@@ -208,7 +210,7 @@ def _key_trunk_and_arms(timeline: Timeline, gait: Gait, steps: list[_Step]) -> N
         )
         if not last:
             timeline.set(middle, pelvis=(0.2 * turn, gait.pelvis_pitch, free))
-            timeline.set(middle, spine=(gait.lean, -0.7 * free, 0.15 * twist))
+            timeline.set(middle, spine=(gait.lean, 0.8 * free, 0.15 * twist))  # the chest stays level
         for side in SIDES:
             _key_arm(timeline, gait, side, land + 0.05 * gait.step_s, amount if side != step.side else -amount)
 
@@ -221,7 +223,7 @@ def _key_arm(timeline: Timeline, gait: Gait, side: str, time_s: float, amount: f
     bend = gait.elbow + gait.elbow_swing * (amount if amount > 0.0 else 0.6 * amount) * timeline.vary(1.0, 0.1)
     inward = gait.arm_in + (0.25 if gait.duty < 0.5 else 0.08) * max(amount, 0.0)
     values: dict[str, ArrayLike] = {
-        f"{side}.arm": (0.04 + swing, gait.arm_out + 0.02 * abs(amount) + timeline.jitter(0.015), inward),
+        f"{side}.arm": (gait.arm_rest + swing, gait.arm_out + 0.02 * abs(amount) + timeline.jitter(0.015), inward),
         f"{side}.elbow": max(0.1, bend),
         f"{side}.hand": (0.05 + timeline.jitter(0.05), 0.12 + 0.10 * amount, timeline.jitter(0.04)),
         f"{side}.grip": gait.grip,

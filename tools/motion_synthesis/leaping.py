@@ -242,7 +242,7 @@ def _jump_trunk(timeline: Timeline, kind: str, times_s: tuple[float, float, floa
     sunk_s, lift_s, land_s, caught_s = times_s
     slouch, drop = timeline.style.slouch_rad, timeline.style.head_drop_rad
     lean = {"forward": 0.12, "back": -0.08}.get(kind, 0.0)
-    pitches = {sunk_s: (0.55 + lean, 0.30), lift_s: (0.06 + lean, -0.02), caught_s: (0.38 - lean, 0.22)}
+    pitches = {sunk_s: (0.50 + lean, 0.42), lift_s: (0.06 + lean, -0.02), caught_s: (0.34 - lean, 0.30)}
     pitches[0.5 * (lift_s + land_s)] = (0.30, 0.25) if kind == "tuck" else (0.02, 0.02)
     for time_s, (pelvis, spine) in pitches.items():
         aside = timeline.jitter(0.015)
@@ -258,15 +258,15 @@ def _jump_arms(timeline: Timeline, kind: str, times_s: tuple[float, float, float
     sunk_s, lift_s, land_s, caught_s = times_s
     reach = timeline.style.arm_swing * timeline.vary(1.0, 0.1)
     up = {"high": 2.45, "tuck": 1.4, "star": 0.5, "forward": 1.9}.get(kind, 1.6) * (0.6 + 0.4 * reach)
-    out = {"star": 2.0, "turn": 0.6, "side": 0.7}.get(kind, 0.22)
+    out = {"star": 2.0, "turn": 0.6, "side": 0.7}.get(kind, 0.35)
     for side in SIDES:
         share = 1.0 + timeline.style.asymmetry * outward(side)
         keys: dict[float, tuple[float, float, float, float]] = {
-            sunk_s: (-0.60 * reach * share, 0.22, -0.1, 0.30),
-            lift_s - 0.02: (0.70 * up * share, 0.22 + 0.4 * (out - 0.22), 0.1, 0.65),
-            0.5 * (lift_s + land_s): (up * share, out, 0.0, 0.35),
-            land_s + 0.02: (0.45 * up, 0.35 + 0.25 * (out - 0.22), 0.1, 0.60),
-            caught_s + 0.05: (0.40 + timeline.jitter(0.15), 0.35, 0.2, 0.75),
+            sunk_s: (-0.60 * reach * share, 0.35, -0.1, 0.60),
+            lift_s - 0.02: (0.70 * up * share, 0.35 + 0.4 * (out - 0.35), 0.1, 0.95),
+            0.5 * (lift_s + land_s): (up * share, out, 0.0, 0.70),
+            land_s + 0.02: (0.45 * up, 0.45 + 0.25 * (out - 0.35), 0.1, 0.95),
+            caught_s + 0.05: (0.40 + timeline.jitter(0.15), 0.45, 0.2, 1.00),
         }
         for time_s, (flex, abduct, twist, bend) in keys.items():
             values: dict[str, ArrayLike] = {

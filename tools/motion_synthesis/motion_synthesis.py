@@ -15,8 +15,9 @@ from .timeline import Timeline
 
 _GRID_HZ = 240.0
 _REACH = 0.997  # of the leg's length: knees keep a little bend
-_TRUNK_SHARES = (0.40, 0.33, 0.27)  # of the trunk's bend in lowerback, upperback, thorax
-_NECK_SHARES = (0.35, 0.35, 0.30)
+# of the trunk's bend forward, twist, bend aside in lowerback, upperback, thorax, as in people's recordings
+_TRUNK_SHARES = np.array([[0.55, 0.31, 0.53], [0.20, 0.47, 0.18], [0.25, 0.22, 0.29]])
+_NECK_SHARES = np.array([[0.35], [0.35], [0.30]])
 _NECK_RANGE_RAD = (0.9, 1.3)
 # slow human sway and unrest: standard deviations, radians or metres
 _UNREST = {
@@ -34,7 +35,9 @@ _HABITS = {"pelvis": 0.015, "spine": 0.025, "head": 0.05, "arm": 0.05, "elbow": 
 _HABITS_IN_S = 0.8
 # how people carry what the controls leave open, radians; means over ten people of the CMU Graphics Lab Motion Capture
 # Database (mocap.cs.cmu.edu): necks lean forward from an upright chest, hands hang straight, thumbs lie to the palm
+_TRUNK_CARRIED = {"lowerback": 0.09, "thorax": -0.09}
 _NECK_CARRIED = {"lowerneck": -0.19, "upperneck": 0.265, "head": 0.16}  # about the left
+_TOES_RAISED_RAD = -0.12
 _HAND_RAISED, _THUMB_BENT = 0.42, 0.30
 _STRAIGHT_ELBOW_RAD = 0.04
 _UNREST_HAND_RAD, _UNREST_TARGET_M = 0.035, 0.006
@@ -138,7 +141,7 @@ class MotionSynthesis:
             self.put(f"{side}tibia", knee)
             self.put(f"{side}foot", rot.multiply(rot.conjugate(rot.multiply(pose.first, knee)), foot))
             pitch, toes = self.tracks[f"{side}.pitch"][:, 0], self.tracks[f"{side}.toes"][:, 0]
-            bend = about("X", toe_bend(self.feet[side], sole, pitch, -toes))
+            bend = about("X", toe_bend(self.feet[side], sole, pitch, -toes) + _TOES_RAISED_RAD * self.carried)
             self.put(f"{side}toes", rot.multiply(rot.multiply(rot.conjugate(sole.flat), bend), sole.flat))
 
     # ---- trunk and head
@@ -148,7 +151,11 @@ class MotionSynthesis:
         bend, side, twist = self.tracks["spine"].T
         whole = rot.multiply(rot.multiply(about("Y", twist), about("X", bend)), about("Z", -side))
         self._share_out(SPINE_JOINTS[:3], whole, _TRUNK_SHARES)
-        return rot.multiply(orientation, whole)
+        self._carry(_TRUNK_CARRIED)
+        chest = orientation
+        for joint in SPINE_JOINTS[:3]:
+            chest = rot.multiply(chest, self.local[:, self.body.skeleton.index(joint)])
+        return chest
 
     def head(self, chest: Array) -> None:
         """Let the head look where the timeline says, steady against the trunk's motion."""
@@ -157,12 +164,15 @@ class MotionSynthesis:
         wanted = rot.multiply(gaze, about("Z", roll))
         whole = limited(rot.multiply(rot.conjugate(chest), wanted), *_NECK_RANGE_RAD)
         self._share_out(SPINE_JOINTS[3:], whole, _NECK_SHARES)
-        for joint, lean in _NECK_CARRIED.items():
-            self.put(
-                joint, rot.multiply(about("X", lean * self.carried), self.local[:, self.body.skeleton.index(joint)])
-            )
+        self._carry(_NECK_CARRIED)
 
-    def _share_out(self, joints: tuple[str, ...], whole: Array, shares: tuple[float, ...]) -> None:
+    def _carry(self, leans: dict[str, float]) -> None:
+        """Lean joints about their left, one by one, as people carry them."""
+        for joint, lean in leans.items():
+            posed = self.local[:, self.body.skeleton.index(joint)]
+            self.put(joint, rot.multiply(about("X", lean * self.carried), posed))
+
+    def _share_out(self, joints: tuple[str, ...], whole: Array, shares: Array) -> None:
         vector = rot.to_rotation_vector(whole)
         for joint, share in zip(joints, shares, strict=True):
             self.put(joint, rot.from_rotation_vector(share * vector))
@@ -272,7 +282,7 @@ def _mean_lateral(pelvis: Array, foot: Array, flat: Array) -> Array:
     """Return the knee's wanted hinge axis: between the pelvis' and the foot's left."""
     left = np.array([1.0, 0.0, 0.0])
     of_foot = rot.rotate(foot, rot.rotate(rot.conjugate(flat), left))
-    return unit(0.4 * rot.rotate(pelvis, left) + 0.6 * of_foot)
+    return unit(0.8 * rot.rotate(pelvis, left) + 0.2 * of_foot)
 
 
 def synthesise_motion(timeline: Timeline, fps: float, name: str) -> Motion:

@@ -23,6 +23,8 @@ _THORAX = JOINT_NAMES.index("thorax")
 _LEFT_ARM = np.arange(JOINT_NAMES.index("lclavicle"), JOINT_NAMES.index("lthumb") + 1)
 _ARMS = np.concatenate((_LEFT_ARM, _OTHER_SIDE[_LEFT_ARM]))
 _BORROWED_SHARE = 0.25  # of performers, with one arm or both of another moment
+_ONE_CAMERA_SHARE, _SOME_SHARE = 0.05, 0.2  # of performers, filmed by one camera, or with markers that one alone sees
+_DEPTH_M = (0.004, 0.06)  # standard deviations of how far points are off along a ray
 _BETWEEN = 4  # lags that are interpolated between frames; of the longer ones the nearest frame will do
 _MATRIX_SIGNS = np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)).astype(np.float32)
 _VECTOR_SIGNS = np.array([1.0, -1.0, -1.0], dtype=np.float32)
@@ -92,12 +94,12 @@ class WindowMaker:
         shape = played.frames.shape
         points, known = self._points(generator, people, played)
         (root, at), poses = self._present(people, played)
-        points = self._disturb(generator, people, points, known)
+        points, single = self._by_one_camera(generator, self._disturb(generator, people, points, known))
         rest = self._rest(people)
         frame, origin, torso = _body_frame(generator, people, points[:, :, 0], rest, (root, at))
         inside = (points - origin[:, :, None, None]) @ frame[:, :, None]
         worn = (np.broadcast_to(each[:, None], (*shape, places, 3)) for each in (rest, people.believed_offsets_m))
-        features = marker_features(inside, next(worn), next(worn), np.array(LAGS_S)).astype(np.float32)
+        features = marker_features(inside, single, next(worn), next(worn), np.array(LAGS_S)).astype(np.float32)
         turn = np.swapaxes(frame, -1, -2) @ root
         target = np.concatenate((
             rot.to_rotation_vector(rot.from_matrix(turn)),
@@ -193,6 +195,37 @@ class WindowMaker:
         hidden |= ~people.worn[:, None, None] | ~known[..., None]
         points[hidden] = np.nan
         return points.astype(np.float32)
+
+    def _by_one_camera(self, generator: np.random.Generator, points: FloatArray) -> tuple[FloatArray, Mask]:
+        """Return markers (G, N, L, M, 3), and which (G, N, M) one camera alone sees now.
+
+        These are off along its rays. Before they were not seen for a while, or the camera is the only one: then all are
+        off by much the same, all the time.
+        """
+        count, windows, lags, places, _ = points.shape
+        chance = generator.random(count)
+        alone, some = chance < _ONE_CAMERA_SHARE, chance > 1.0 - _SOME_SHARE
+        share = np.where(alone, 1.0, some * generator.uniform(0.05, 0.6, count))
+        single = (generator.random((count, windows, places)) < share[:, None, None]) & np.isfinite(
+            points[:, :, 0, :, 0]
+        )
+        azimuth, elevation = (
+            generator.uniform(-np.pi, np.pi, (count, windows)),
+            generator.normal(0, 0.2, (count, windows)),
+        )
+        level = np.cos(elevation)
+        ray = np.stack((level * np.sin(azimuth), np.sin(elevation), level * np.cos(azimuth)), axis=-1)
+        depth_m = np.exp(generator.uniform(*np.log(_DEPTH_M), (count, 1, 1, 1)))
+        off = depth_m * generator.normal(size=(count, windows, 1, places))
+        wander = np.sqrt(np.array(LAGS_S))[:, None] * generator.normal(size=(count, windows, lags, places))
+        common = depth_m * generator.normal(size=(count, windows, 1, 1))
+        off = np.where(alone[:, None, None, None], common + off + 0.3 * depth_m * wander, off)
+        moved = single[:, :, None] & ((np.arange(lags) == 0)[:, None] | alone[:, None, None, None])
+        points = points + np.where(moved, off, 0.0)[..., None] * ray[:, :, None, None]
+        length = generator.exponential(0.3, (count, windows, 1, places))
+        unseen = single[:, :, None] & ~moved & (np.array(LAGS_S)[:, None] <= length)
+        points[unseen] = np.nan
+        return points.astype(np.float32), single
 
 
 def _placed(

@@ -76,7 +76,9 @@ def test_backwards_the_learned_prior_is_that_of_the_markers_before(take, subject
     session, batches, estimate_all = Session(subject, database), [], MotionPrior.estimate_all
     live = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
     monkeypatch.setattr(
-        MotionPrior, "estimate_all", lambda prior, points: batches.append(points) or estimate_all(prior, points)
+        MotionPrior,
+        "estimate_all",
+        lambda prior, recent: batches.append([each.points_m for each in recent]) or estimate_all(prior, recent),
     )
     monkeypatch.setattr(MotionPrior, "estimate", None)  # all torsos are seen: no frame needs one of its own
     TwoWaySolver(session.solver, ()).solve(live, lambda share: None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.motion_prior import VERSION, MotionPrior, open_network
+from perfanim.core.solver.motion_prior import VERSION, MotionPrior, RecentMarkers, open_network
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.root import root_from_torso
@@ -36,7 +36,12 @@ def points(true_markers):
     return points
 
 
-def by_hand(network, model, points, frame):
+def recent(points, single=()):
+    """The same as markers of which one camera alone sees some now."""
+    return RecentMarkers(points, np.isin(np.arange(points.shape[1]), single))
+
+
+def by_hand(network, model, points, single, frame):
     """Outputs and logarithms of sigmas, entry by entry."""
     rest = SubjectModel(model.subject, network.mean_rotations).markers(np.zeros((JOINTS - 1, 3)))
     sums = np.zeros((network.part_of_joint.max() + 1, HIDDEN))
@@ -49,7 +54,7 @@ def by_hand(network, model, points, frame):
         for lag in range(1, len(LAGS_S)):
             here = frame.to_root_frame(points[lag, marker]) if lag in seen else latest
             row += list((here - latest) / (0.03 + LAGS_S[lag]))
-        row += [float(lag in seen) for lag in range(len(LAGS_S))]
+        row += [0.5 if lag == 0 and marker in single else float(lag in seen) for lag in range(len(LAGS_S))]
         hidden = np.array(row) @ network.marker_weights[joint] + network.marker_biases[joint]
         sums[network.part_of_joint[joint]] += hidden / (1.0 + np.exp(-hidden))
     lengths = np.linalg.norm(model.skeleton.offsets_m[1:], axis=1)
@@ -62,15 +67,16 @@ def by_hand(network, model, points, frame):
     return np.split(state @ network.output_weights + network.output_biases, 2)
 
 
-def test_inference_equals_what_is_reckoned_entry_by_entry(network, model, points):
+@pytest.mark.parametrize("single", [(), (2, 3)])
+def test_inference_equals_what_is_reckoned_entry_by_entry(network, model, points, single):
     root = RootPose(rot.identity(), np.zeros(3))
     rest = SubjectModel(model.subject, network.mean_rotations).markers(np.zeros((JOINTS - 1, 3)))
     frame = root_from_torso(Observation.of_points(points[0]), rest, model, root)
-    mean, log_sigma = by_hand(network, model, points, frame)
+    mean, log_sigma = by_hand(network, model, points, single, frame)
     mean = network.outputs[0] + network.outputs[1] * mean
     sigma = np.hypot(network.spread[0] * network.outputs[1] * np.exp(log_sigma), network.spread[1])
     found = MotionPrior(network, SubjectModel(model.subject, network.mean_rotations), network.mean_rotations).estimate(
-        points, root
+        recent(points, single), root
     )
     np.testing.assert_allclose(found.pose.mean, mean[6:], atol=2e-5)
     np.testing.assert_allclose(np.sqrt(np.diag(found.pose.covariance)), sigma[6:], rtol=2e-4)
@@ -78,7 +84,7 @@ def test_inference_equals_what_is_reckoned_entry_by_entry(network, model, points
     turn = rot.multiply(frame.rotation, rot.from_rotation_vector(mean[:3]))
     assert rot.angle_between(found.root.rotation, turn) < 2e-5
     # the same rotations where poses are relative to another mean
-    other = MotionPrior(network, model, model.mean_rotations).estimate(points, root)
+    other = MotionPrior(network, model, model.mean_rotations).estimate(recent(points, single), root)
     mine = rot.multiply(model.mean_rotations[1:], rot.from_rotation_vector(other.pose.mean.reshape(-1, 3)))
     theirs = rot.multiply(network.mean_rotations[1:], rot.from_rotation_vector(found.pose.mean.reshape(-1, 3)))
     assert np.max(rot.angle_between(mine, theirs)) < 1e-6
@@ -87,9 +93,9 @@ def test_inference_equals_what_is_reckoned_entry_by_entry(network, model, points
 def test_place_and_heading_of_the_body_do_not_matter(network, model, points):
     prior = MotionPrior(network, model, model.mean_rotations)
     root = RootPose(rot.identity(), np.zeros(3))
-    one = prior.estimate(points, root)
+    one = prior.estimate(recent(points), root)
     turn, shift = rot.from_rotation_vector([0.0, 2.0, 0.0]), np.array([3.0, 0.5, -8.0])
-    other = prior.estimate(rot.rotate(turn, points) + shift, root)
+    other = prior.estimate(recent(rot.rotate(turn, points) + shift), root)
     np.testing.assert_allclose(other.pose.mean, one.pose.mean, atol=1e-4)
     np.testing.assert_allclose(other.root.position_m, rot.rotate(turn, one.root.position_m) + shift, atol=1e-4)
     assert rot.angle_between(other.root.rotation, rot.multiply(turn, one.root.rotation)) < 1e-4
@@ -102,17 +108,19 @@ def test_markers_that_were_elsewhere_are_no_motion(network, model, points):
     cut, alone = points.copy(), points.copy()
     cut[1:] += [30.0, 0.0, 0.0]
     alone[1:] = np.nan
-    np.testing.assert_array_equal(prior.estimate(cut, root).pose.mean, prior.estimate(alone, root).pose.mean)
+    np.testing.assert_array_equal(
+        prior.estimate(recent(cut), root).pose.mean, prior.estimate(recent(alone), root).pose.mean
+    )
     for far in (1e3, 1e30):
         absurd = points.copy()
         absurd[0, np.flatnonzero(~model.torso)[0]] = far
-        estimate = prior.estimate(absurd, root)
+        estimate = prior.estimate(recent(absurd), root)
         assert np.all(np.isfinite(estimate.pose.mean)) and np.all(np.isfinite(estimate.pose.covariance))
 
 
 def test_frames_together_are_as_each_alone(network, model, true_markers):
-    frames = [true_markers[[at, at - 1, at - 3, at - 15]].copy() for at in range(20, 25)]
-    frames[2][0, np.flatnonzero(model.torso)[1:]] = np.nan  # where the body is depends on the frame before
+    frames = [recent(true_markers[[at, at - 1, at - 3, at - 15]].copy()) for at in range(20, 25)]
+    frames[2].points_m[0, np.flatnonzero(model.torso)[1:]] = np.nan  # where the body is depends on the frame before
     root, prior = RootPose(rot.identity(), np.zeros(3)), MotionPrior(network, model, model.mean_rotations)
     alone = [prior.estimate(each, root) for each in frames]
     computed, prior._run = [], lambda *given: computed.append(1) or MotionPrior._run(prior, *given)
