@@ -50,3 +50,26 @@ def test_a_seed_gives_the_same_windows_and_another_does_not(windows):
     np.testing.assert_array_equal(first.targets, again.targets)
     np.testing.assert_array_equal(first.features, again.features)
     assert first.targets.shape != other.targets.shape or not np.allclose(first.targets, other.targets)
+
+
+def test_markers_of_one_camera_are_off_along_its_rays(windows):
+    """Those that it sees alone now are moved; then the earlier ones are not known, or off by much the same."""
+    points = np.random.default_rng(5).normal(size=(300, WINDOWS, len(LAGS_S), FEW, 3)).astype(np.float32)
+    points[:, :, 0, 3] = np.nan
+    moved, single = windows._by_one_camera(np.random.default_rng(6), points)
+    assert not single[:, :, 3].any()
+    assert 0.05 < single.mean() < 0.3
+    off = moved - points
+    earlier, now = off[:, :, 1:], off[:, :, 0]
+    np.testing.assert_array_equal(np.nan_to_num(now[~single]), 0.0)
+    assert np.isfinite(now[single]).all() and 0.002 < np.linalg.norm(now[single], axis=-1).mean() < 0.2
+    for group in np.flatnonzero(single.any(axis=(1, 2))):
+        for window in range(WINDOWS):
+            of_window = now[group, window][single[group, window]]
+            assert np.linalg.matrix_rank(of_window, tol=1e-4) <= 1  # all along one ray
+    alone = np.flatnonzero(single.sum(axis=(1, 2)) == WINDOWS * (FEW - 1))
+    others = np.setdiff1d(np.arange(len(points)), alone)
+    assert len(alone) and np.isfinite(np.delete(earlier[alone], 3, axis=3)).all()
+    hidden = np.isnan(earlier[others][..., 0])
+    assert hidden.any() and not (hidden & ~single[others][:, :, None]).any()
+    np.testing.assert_array_equal(np.nan_to_num(earlier[others]), 0.0)

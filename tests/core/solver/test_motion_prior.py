@@ -146,6 +146,33 @@ def solved(model, database, markers, **settings):
     return np.array(poses)
 
 
+def test_what_one_camera_sees_reaches_the_prior_along_its_ray(
+    model, database, true_markers, stage_rig, network_file, monkeypatch
+):
+    asked, estimate = [], MotionPrior.estimate
+    monkeypatch.setattr(
+        MotionPrior, "estimate", lambda prior, recent, root: asked.append(recent) or estimate(prior, recent, root)
+    )
+    hidden, camera = np.flatnonzero(~model.torso)[:2], stage_rig.cameras[1]
+    solver = PoseSolver(model, database, SolveSettings(best=BestSettings(prior_file=str(network_file))))
+    state = solver.initial_state
+    for row in true_markers[:3]:
+        _, state = solver.step(state, Observation.of_points(row))
+    points, cameras, image_points = true_markers[3].copy(), np.full(len(row), -1), np.full((len(row), 2), np.nan)
+    for marker in hidden:
+        image_points[marker] = camera.undistort(camera.project(points[marker]))
+    points[hidden], cameras[hidden] = np.nan, 1
+    expected = state.markers_m
+    _, state = solver.step(state, Observation(points, cameras, image_points, stage_rig.cameras))
+    np.testing.assert_array_equal(asked[-1].single, np.isin(np.arange(len(row)), hidden))
+    assert not any(recent.single.any() for recent in asked[:-1])
+    for marker in hidden:
+        ray, found = camera.rays(image_points[marker]), asked[-1].points_m[0, marker]
+        np.testing.assert_allclose(np.cross(found - camera.centre_m, ray), 0.0, atol=1e-9)
+        assert (found - expected[marker]) @ ray == pytest.approx(0.0, abs=1e-9)
+    assert np.isnan(state.observed.values[-1][hidden]).all()  # no memory of a guess
+
+
 def test_without_the_file_it_is_as_without_the_prior(model, database, true_markers, tmp_path, network_file):
     markers = true_markers[:8]
     off = solved(model, database, markers, prior_share=0.0)
