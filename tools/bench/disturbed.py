@@ -8,8 +8,10 @@ import numpy as np
 from perfanim.core.body.motion import Motion, resampled
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.store import Database
-from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.geometry.camera import CameraRig
+from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.solver.settings import SolveSettings
 
 from .calibration import Expected, expected_of
@@ -20,6 +22,7 @@ from .report import Rows
 from .solved_takes import LIVE, OFFLINE, Way, solve_both_ways
 
 SEEDS = (0, 1, 2)
+_FARTHER, _PIXELS = 2.0, 0.2  # of one camera's views: the studio's distance times so much, noise of a centre
 _HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is gone, and when
 MEASURES = (
     "deg_per_joint",
@@ -45,6 +48,7 @@ class Disturbance:
         noise_mm: standard deviation of each coordinate.
         dropout: share of marker positions that are missing.
         hides: whether one hand's marker is gone for half a second, too.
+        rays: whether one of two cameras sees each marker that is missing.
         fps: rate; 0 as the take.
     """
 
@@ -52,6 +56,7 @@ class Disturbance:
     noise_mm: float = 0.0
     dropout: float = 0.0
     hides: bool = False
+    rays: bool = False
     fps: float = 0.0
 
     def take_of(self, truth: Motion, seed: int) -> tuple[MarkerTake, Motion]:
@@ -59,12 +64,33 @@ class Disturbance:
         if self.fps:
             truth = resampled(truth, self.fps)
         take, _ = simulate_markers(truth, true_subject(truth), self.noise_mm, self.dropout, seed)
+        if self.rays:
+            whole, _ = simulate_markers(truth, true_subject(truth))
+            return replace(take, single=_by_one_camera(take, whole, seed)), truth
         if not self.hides:
             return take, truth
         positions = take.positions_m.copy()
         first, last = (round(second * truth.fps) for second in _HIDDEN_S)
         positions[first:last, take.names.index(_HIDDEN)] = np.nan
         return replace(take, positions_m=positions), truth
+
+
+def _by_one_camera(take: MarkerTake, whole: MarkerTake, seed: int) -> SingleViews:
+    """Return one camera's views of the markers that a take lacks, each camera with half of the markers."""
+    middle_m = np.nanmean(take.positions_m, axis=(0, 1))
+    cameras = tuple(
+        replace(camera, translation_m=_FARTHER * camera.translation_m - camera.rotation @ (middle_m * (1, 0, 1)))
+        for camera in default_rig().cameras
+    )
+    generator, missing = np.random.default_rng(seed), np.isnan(take.positions_m[..., 0])
+    of_marker = generator.permutation(len(take.names)) % len(cameras)
+    points = np.full((*missing.shape, 2), np.nan)
+    for number, camera in enumerate(cameras):
+        seen = missing & (of_marker == number)
+        pixels = camera.project(whole.positions_m[seen])
+        points[seen] = camera.undistort(pixels + generator.normal(0.0, _PIXELS, pixels.shape))
+    chosen = np.where(missing & np.isfinite(points[..., 0]), of_marker, -1)
+    return SingleViews(CameraRig(cameras), chosen, np.where(chosen[..., None] < 0, np.nan, points))
 
 
 CLEAN = Disturbance("clean")
@@ -74,10 +100,12 @@ DISTURBANCES = (
     Disturbance("3 mm", noise_mm=3.0),
     Disturbance("10 % lost", dropout=0.1),
     Disturbance("30 % lost, a hand for 0.5 s", dropout=0.3, hides=True),
+    Disturbance("30 % by one camera", dropout=0.3, rays=True),
     Disturbance("30 Hz", fps=30.0),
     Disturbance("120 Hz", fps=120.0),
 )
-QUICK = tuple(each for each in DISTURBANCES if each.name in ("clean", "3 mm", "30 % lost, a hand for 0.5 s"))
+_QUICK_NAMES = ("clean", "3 mm", "30 % lost, a hand for 0.5 s", "30 % by one camera")
+QUICK = tuple(each for each in DISTURBANCES if each.name in _QUICK_NAMES)
 
 
 @dataclass(frozen=True)
