@@ -23,7 +23,7 @@ def straight_steps(
     subject: SubjectModel,
     marker_sigma_m: float,
 ) -> tuple[Array, Mask]:
-    """Return the first changes (F, 6 + D) of roots and poses, and which need no other.
+    """Return first changes (F, 6 + D) of roots and poses, and the sufficient (F,).
 
     Args:
         prior: with means (F, D) of one covariance (D, D).
