@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
@@ -14,6 +15,7 @@ from .marker_take import MarkerTake
 
 _PLACE_SHARE = 0.2  # of the cut-off: markers move so much more slowly on the body than with it
 _ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual for gait (Winter 2009, section 3.4)
+_BEYOND = 9  # frames before and after a path that the filter starts in
 
 
 def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
@@ -28,11 +30,11 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
     Raises:
         SettingsError: the frequency lies outside what the take's rate can show.
     """
-    sections = _low_pass(cutoff_hz, take.fps, take.name)
+    weights = _low_pass(cutoff_hz, take.fps, take.name)
     positions = take.positions_m.copy()
     for marker, visible in enumerate(take.visible.T):
         for start, stop in runs(visible):
-            positions[start:stop, marker] = _filter(sections, positions[start:stop, marker])
+            positions[start:stop, marker] = _filter(weights, positions[start:stop, marker])
     return replace(take, positions_m=positions)
 
 
@@ -42,11 +44,11 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     Joints without markers follow the database's examples, which change from frame to frame. Cut-off and errors are as
     for `smooth_take`.
     """
-    sections = _low_pass(cutoff_hz, motion.fps, motion.name)
+    weights = _low_pass(cutoff_hz, motion.fps, motion.name)
     return replace(
         motion,
-        rotations=rot.normalize(_filter(sections, rot.continuous(motion.rotations))),
-        root_positions_m=_filter(sections, motion.root_positions_m),
+        rotations=rot.normalize(_filter(weights, rot.continuous(motion.rotations))),
+        root_positions_m=_filter(weights, motion.root_positions_m),
     )
 
 
@@ -77,7 +79,10 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
 
 
 def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
-    """Return the filter's sections, None if it would pass all frequencies."""
+    """Return the Butterworth filter's weights (2, 3), None if it would pass all.
+
+    Of the latest inputs and of the latest outputs, newest first.
+    """
     if not 0.0 < cutoff_hz < 0.5 * fps:
         raise SettingsError(
             f"smoothing at {cutoff_hz:g} Hz is out of range",
@@ -88,15 +93,34 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
     single_pass = cutoff_hz / (np.sqrt(2.0) - 1.0) ** (0.5 / _ORDER)
     if single_pass >= 0.5 * fps:
         return None
-    from scipy.signal import butter  # slow to load, and most takes are not filtered
+    # by the bilinear transform (Oppenheim and Schafer 2009, section 7.2.2)
+    slope = np.tan(np.pi * single_pass / fps)
+    square, damping = slope * slope, np.sqrt(2.0) * slope
+    inputs = [square, 2.0 * square, square]
+    outputs = [square + damping + 1.0, 2.0 * (square - 1.0), square - damping + 1.0]
+    return np.array([inputs, outputs]) / outputs[0]
 
-    return np.asarray(butter(_ORDER, single_pass, fs=fps, output="sos"))
 
-
-def _filter(sections: Array | None, path: Array) -> Array:
+def _filter(weights: Array | None, path: Array) -> Array:
     """Filter (F, ...) forwards and backwards; too short a path is left as it is."""
-    if sections is None or len(path) <= 3 * (2 * len(sections) + 1):
+    if weights is None or len(path) <= _BEYOND:
         return path
-    from scipy.signal import sosfiltfilt
+    rows = path.reshape(len(path), -1)
+    # beyond its ends the path goes on as it came, turned about them
+    before, after = 2.0 * rows[0] - rows[_BEYOND:0:-1], 2.0 * rows[-1] - rows[-2 : -_BEYOND - 2 : -1]
+    extended = np.concatenate((before, rows, after))
+    for _ in range(2):
+        extended = _pass(weights, extended)[::-1]
+    return extended[_BEYOND:-_BEYOND].reshape(path.shape)
 
-    return np.asarray(sosfiltfilt(sections, path, axis=0))
+
+def _pass(weights: Array, rows: Array) -> Array:
+    """Filter rows (F, N) forwards; before them, they were as the first for ever."""
+    inputs, outputs = weights
+    rise = rows - rows[0]
+    driven = inputs[0] * rise
+    driven[1:] += inputs[1] * rise[:-1]
+    driven[2:] += inputs[2] * rise[:-2]
+    bands = np.repeat(outputs[:, None], len(rows), axis=1)
+    # SciPy's own filters are in a module that takes most of a second to load
+    return np.asarray(solve_banded((_ORDER, 0), bands, driven, overwrite_b=True)) + rows[0]

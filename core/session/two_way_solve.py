@@ -6,6 +6,7 @@ low-passed: that is the course of what no marker shows. The markers, without the
 that course, then determine the rest once more, and what still trembles is low-passed.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -42,7 +43,7 @@ _SMOOTH_HZ = 8.0  # cut-off for the course of what no marker shows
 # and for all in the end, as the fit follows what noise the smoothed markers still have: at most, and of the frame rate
 _CALM_HZ, _CALM_SHARE = 16.0, 0.27
 _REPORT_EVERY = 30  # frames between two signs of progress
-_TOGETHER = 128  # frames of which priors are computed at once
+_TOGETHER = 128  # frames of which priors, or fits, are computed at once
 _WAITS = frozenset((TrackingNote.WAITING.value, TrackingNote.REFUSED.value))  # of poses that are not solved
 _TORSO = list(PARTS).index("torso")  # the root's
 
@@ -104,26 +105,32 @@ class TwoWaySolver:
         take = take_of_poses(poses, marker_set.names, "", fps)
         seen = np.array([observation.points_m for observation in observations])
         filled = fill_gaps(replace(take, positions_m=seen), marker_set, motion).positions_m
-        fitted = []
-        for index, (pose, observation) in enumerate(zip(poses, observations, strict=True)):
-            single = observation.single[:, None]
-            observed = replace(observation, points_m=np.where(single, np.nan, filled[index]))
-            root = RootPose(motion.rotations[index, 0], motion.root_positions_m[index])
-            start = pose_from_rotations(motion.rotations[index], model.mean_rotations)
-            vectors, root = self._solver.best.fit_about(start.ravel(), root, observed)
-            markers_m = model.markers(vectors.reshape(-1, 3), root)
-            away_m = np.linalg.norm(markers_m - pose.observed_m, axis=1)
-            fitted.append(
-                replace(
-                    pose,
-                    rotations=model.rotations(vectors.reshape(-1, 3), root),
-                    root_position_m=root.position_m,
-                    markers_m=markers_m,
-                    marker_rms_m=pose.marker_rms_m if np.isnan(away_m).all() else float(np.sqrt(np.nanmean(away_m**2))),
-                    part_errors_deg=course.errors_deg[index],
-                    joint_errors_deg=course.joint_errors_deg[index],
+        observed = [
+            replace(each, points_m=np.where(each.single[:, None], np.nan, points_m))
+            for each, points_m in zip(observations, filled, strict=True)
+        ]
+        fitted: list[PerformerPose] = []
+        for first in range(0, len(poses), _TOGETHER):
+            part = slice(first, first + _TOGETHER)
+            starts = pose_from_rotations(motion.rotations[part], model.mean_rotations)
+            roots = RootPose(motion.rotations[part, 0], motion.root_positions_m[part])
+            vectors, roots = self._solver.best.fit_about(starts.reshape(len(starts), -1), roots, observed[part])
+            vectors = vectors.reshape(starts.shape)
+            rotations, markers_m = model.rotations(vectors, roots), model.markers(vectors, roots)
+            away_m = np.array([pose.observed_m for pose in poses[part]]) - markers_m
+            squares = np.add.reduce(away_m * away_m, axis=-1)
+            for row, pose in enumerate(poses[part]):
+                fitted.append(
+                    replace(
+                        pose,
+                        rotations=rotations[row],
+                        root_position_m=roots.position_m[row],
+                        markers_m=markers_m[row],
+                        marker_rms_m=_root_mean(squares[row], pose.marker_rms_m),
+                        part_errors_deg=course.errors_deg[first + row],
+                        joint_errors_deg=course.joint_errors_deg[first + row],
+                    )
                 )
-            )
         return fitted
 
     def _calm(self, poses: list[PerformerPose], fps: float) -> list[PerformerPose]:
@@ -137,6 +144,12 @@ class TwoWaySolver:
         """Return a motion low-passed, as it is at a rate that has nothing faster."""
         motion = Motion("", fps, self._solver.subject.skeleton, rotations, root_positions_m)
         return smooth_motion(motion, cutoff_hz) if fps > 2.0 * cutoff_hz else motion
+
+
+def _root_mean(squares: Array, unknown: float) -> float:
+    """Return the root of the mean of squares but NaN, a value without any."""
+    known = squares[np.isfinite(squares)]
+    return math.sqrt(float(np.add.reduce(known)) / len(known)) if len(known) else unknown
 
 
 def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation]) -> list[Observation]:

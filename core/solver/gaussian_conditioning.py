@@ -27,7 +27,7 @@ _EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no pr
 _LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
 _TINY = np.float32(1e-3)  # differences below a ten millionth of this are none
-_STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
+STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ def fit_to_markers(
     change, dual = kept = np.zeros((2, 6 + len(mean)))
     root, damping, least = expectation.root, 0.0, np.inf
     taken = 0
-    beyond_rad = _beyond_limits(mean, expectation.limits)
+    beyond_rad = beyond_limits(mean, expectation.limits)
     while taken < steps:
         taken += 1
         residual, jacobian = _linearise(expectation, subject, mean + change[6:], root, beyond_rad, sigmas_m)
@@ -268,10 +268,10 @@ def fit_to_markers(
         change = (1.0 - share) * change + gains @ forces
         dual = (1.0 - share) * dual + slopes.T @ forces
         root = moved_root(expectation.root, change)
-        beyond_rad = _beyond_limits(mean + change[6:], expectation.limits)
+        beyond_rad = beyond_limits(mean + change[6:], expectation.limits)
         # limits that were passed before are in the linear model
         passed_rad = np.abs(beyond_rad[is_within]).max(initial=0.0)
-        if max(np.abs(change - kept[0])[3:].max(), passed_rad) < _STRAIGHT_RAD:
+        if max(np.abs(change - kept[0])[3:].max(), passed_rad) < STRAIGHT_RAD:
             break
     else:
         change = kept[0]  # the last step was not tried
@@ -304,8 +304,8 @@ def _linearise(
     return np.concatenate((residual, beyond_rad[beyond] / _LIMIT_RAD)), np.concatenate((jacobian, limits))
 
 
-def _beyond_limits(pose: Array, limits: Array) -> Array:
-    """Return by how much the entries of a pose (D,) are outside the limits (2, D)."""
+def beyond_limits(pose: Array, limits: Array) -> Array:
+    """Return by how much the entries of poses (..., D) are outside the limits (2, D)."""
     return np.asarray(pose - np.minimum(np.maximum(pose, limits[0]), limits[1]))
 
 

@@ -20,6 +20,7 @@ from .principal_components import principal_components
 from .root import root_from_torso
 from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettings, SolveSettings
 from .solution import Estimate, Examples, SolverState
+from .straight_steps import straight_steps
 from .subject_model import RootPose, SubjectModel
 
 _KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
@@ -260,13 +261,24 @@ class BestMethod:
             observed = observed.remember(time_s, seen.points_m)
         return self._learned.estimate_all(recent)
 
-    def fit_about(self, pose: Array, root: RootPose, observation: Observation) -> tuple[Array, RootPose]:
-        """Return pose (D,) and root near others, fitted to the markers."""
+    def fit_about(self, poses: Array, roots: RootPose, observations: Sequence[Observation]) -> tuple[Array, RootPose]:
+        """Return poses (F, D) and as many roots near others, fitted to the markers."""
         # as closely as to other bodies: courses of a known one are better still
-        settings, prior = self._settings, Prior(pose, self._smaller_change)
-        root_sigma = (settings.root_sigma_m, settings.root_sigma_rad)
-        expectation = Expectation(prior, observation, root, root_sigma, self._limits)
-        return gaussian_conditioning.fit_to_markers(expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS)[:2]
+        settings, covariance, limits = self._settings, self._smaller_change, self._limits
+        root_sigma, sigma_m = (settings.root_sigma_m, settings.root_sigma_rad), settings.marker_sigma_m
+        change, is_straight = straight_steps(
+            Prior(poses, covariance), roots, root_sigma, observations, limits, self._subject, sigma_m
+        )
+        fitted, found = poses + change[:, 6:], gaussian_conditioning.moved_root(roots, change)
+        for index in np.flatnonzero(~is_straight):
+            root = RootPose(roots.rotation[index], roots.position_m[index])
+            prior = Prior(poses[index], covariance)
+            expectation = Expectation(prior, observations[index], root, root_sigma, limits)
+            fitted[index], root, _ = gaussian_conditioning.fit_to_markers(
+                expectation, self._subject, sigma_m, _FIT_STEPS
+            )
+            found.rotation[index], found.position_m[index] = root.rotation, root.position_m
+        return fitted, found
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""

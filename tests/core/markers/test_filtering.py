@@ -6,6 +6,7 @@ from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.filtering import smooth_motion, smooth_take
 from perfanim.core.markers.marker_take import MarkerTake
+from scipy.signal import butter, sosfiltfilt
 
 FPS = 60.0
 TIMES = np.arange(240) / FPS
@@ -64,3 +65,12 @@ def test_motion_is_smoothed_whatever_the_signs_of_its_quaternions():
     after = rot.angle_between(result.rotations, clean)[30:-30].mean()
     assert after < 0.55 * before  # white noise at 30 Hz bandwidth cut to about 6 Hz: sqrt(6 / 30) = 0.45
     np.testing.assert_allclose(np.linalg.norm(result.rotations, axis=-1), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("frames", "fps", "cutoff_hz"), [(10, 60.0, 8.0), (300, 120.0, 6.0), (240, 60.0, 16.0)])
+def test_the_filter_is_scipys_butterworth_run_both_ways(frames: int, fps: float, cutoff_hz: float):
+    path = 50.0 + np.cumsum(np.random.default_rng(0).standard_normal((frames, 2, 3)), axis=0)
+    # half the power after two passes
+    sections = butter(2, cutoff_hz / (np.sqrt(2.0) - 1.0) ** 0.25, fs=fps, output="sos")
+    result = smooth_take(MarkerTake("path", fps, ("A", "B"), path), cutoff_hz).positions_m
+    np.testing.assert_allclose(result, sosfiltfilt(sections, path, axis=0), atol=1e-10)
