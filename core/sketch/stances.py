@@ -25,8 +25,8 @@ _SOME_STAND, _MOST_STAND = 0.3, 0.7
 _STEP_M_S, _SHORTEST_STEP_S = 2.0, 0.07  # mean speed of a step,
 _FASTEST_M_S = 5.0  # and from one place to the next
 _LONGEST_STEP = 0.35  # share of the time between two keys that a step takes unless examples take longer
-# between two keys further apart, in metres and seconds, a foot takes several steps: it stands where most examples do and
-# the database's motion is slower, in metres a second
+# between two keys further apart, in metres and seconds, a foot takes several steps: it stands where most examples do,
+# and the database's motion is slower, in metres a second
 _STRIDE_M, _STRIDE_S, _SLOW_M_S = 0.6, 1.2, 0.5
 _SHORTEST_CONTACT_S, _CONTACT_S = 0.05, 0.13  # shorter ones are none, and those between last the second
 _MOVING_S = 0.01  # a frame of a step counts as that many shares for each metre that the database's motion moves then

@@ -25,7 +25,7 @@ _KEY_SIGMA_M, _SWING_SIGMA_M = 0.001, 0.03
 _STAND_SIGMAS_M = 0.004, 0.002  # of ankle and toes of a standing foot between its keys
 _STEP_SIGMA_M = 0.006  # of a stepping foot between its keys
 _GRIP_S = 0.03  # standard deviation of the time in which a foot's hold comes and goes: at once, it shakes the body
-_STEADIED_S = 0.05  # standard deviation of the time over which examples are asked whether a foot stands
+_STEADIED_S = 0.02  # standard deviation of the time over which examples are asked whether a foot stands
 _LOOSENED_S = 0.3  # in which a control becomes loose before its first key and after its last
 # distances of the controls from the database's motion at which a body begins to be turned to them, and is fully
 _TURNED_M = 0.25, 0.5
