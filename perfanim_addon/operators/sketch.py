@@ -76,7 +76,8 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_follow_rig(UndoOperator, bpy.types.Operator):
-    """Let controls go with the bones of the selected rig, else of a copy of the roughly animated character"""
+    """Let controls go with the bones of a roughly animated rig.
+    It is the selected one, else a wire copy of the character with its rough action"""
 
     bl_label = "Follow Rough Rig"
     panel = PANEL

@@ -1,4 +1,7 @@
-"""Places of a control that goes with a bone of a rough rig, without a change of the scene's frame."""
+"""Places of controls that go with bones of a rough rig.
+
+They are computed from the rig's keys, without a change of the scene's frame.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -27,9 +30,10 @@ def followed_bone(control: bpy.types.Object) -> tuple[bpy.types.Object, bpy.type
 
 
 def curves_that_move(rig: bpy.types.Object, bone: bpy.types.PoseBone) -> list[bpy.types.FCurve]:
-    """Return the curves of a rig's action that move a bone: its own, of bones above, of the rig.
+    """Return the curves of a rig's action that move a bone.
 
-    All of them where none does: the bone stands still as long as the rig moves.
+    These are the bone's own, those of bones above, and the rig's. All curves where none moves it: it stands still as
+    long as the rig moves.
     """
     curves = action_curves(rig)
     paths = tuple(f"{each.path_from_id()}." for each in _chain(bone))

@@ -8,7 +8,9 @@ from .controls import STORED, action_curves, collection_of, controls_of, set_fre
 
 
 def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Object:
-    """Add and select a copy of a character that plays its rough action, to be posed in its place.
+    """Add and select a copy of a character, to be posed in its place.
+
+    It is drawn in wire and plays the rough action.
 
     Raises:
         SettingsError: the character plays no action with keys, or a solved one.
