@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import bpy
 import numpy as np
-from mathutils import Euler, Matrix, Quaternion, Vector
+from mathutils import Euler, Matrix, Quaternion
 
+from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
 from .controls import action_curves
 
@@ -47,7 +48,7 @@ def places_of_bone(
     """Return frame -> location in the scene of a bone's head by the keys of its rig.
 
     None where only the scene shows it: for a rig with strips, drivers, a parent, constraints or keys of its own, and
-    below bones with constraints.
+    below bones with constraints or that do not inherit all from those above.
     """
     animation, curves = rig.animation_data, action_curves(rig)
     if animation is None or len(animation.drivers) or (animation.use_nla and len(animation.nla_tracks)):
@@ -57,16 +58,26 @@ def places_of_bone(
         return None
     if any(not curve.data_path.startswith(_OWN) for curve in curves):
         return None
+    links = [link.bone for link in _chain(bone)]
+    if not all(each.use_inherit_rotation and each.use_local_location for each in links):
+        return None
+    if any(each.inherit_scale != "FULL" for each in links):
+        return None
     steps = list(frames)
-    heads = _heads(bone, curves, steps)
-    return {step: np.array(rig.matrix_world @ head, dtype=np.float64) for step, head in zip(steps, heads, strict=True)}
+    return dict(zip(steps, _in_scene(rig, _heads(bone, curves, steps)), strict=True))
 
 
 def place_off_curves(rig: bpy.types.Object, bone: bpy.types.PoseBone, frame: int) -> Array | None:
     """Return where a bone is shown in the present frame, None where its keys have it."""
-    (head,) = _heads(bone, action_curves(rig), [frame])
-    off = max(abs(one - other) for one, other in zip(head, bone.head, strict=True))
-    return np.array(rig.matrix_world @ bone.head, dtype=np.float64) if off > _MOVED else None
+    shown = np.array(bone.head, dtype=np.float64)
+    off = np.max(np.abs(_heads(bone, action_curves(rig), [frame])[0] - shown))
+    return _in_scene(rig, shown) if off > _MOVED else None
+
+
+def _in_scene(rig: bpy.types.Object, points: Array) -> Array:
+    """Return points (..., 3) of a rig's space in the scene."""
+    world = np.array(rig.matrix_world, dtype=np.float64)
+    return np.asarray(points @ world[:3, :3].T + world[:3, 3])
 
 
 def _chain(bone: bpy.types.PoseBone) -> list[bpy.types.PoseBone]:
@@ -74,50 +85,39 @@ def _chain(bone: bpy.types.PoseBone) -> list[bpy.types.PoseBone]:
     return [*reversed(bone.parent_recursive), bone]
 
 
-def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames: Sequence[int]) -> list[Vector]:
-    """Return the heads of a bone in its rig's space by curves at frames."""
+def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames: Sequence[int]) -> Array:
+    """Return the heads (F, 3) of a bone in its rig's space by curves at frames."""
     channels = {(curve.data_path, curve.array_index): curve for curve in curves}
-    poses, above = [Matrix()] * len(frames), None
+    poses, above = np.repeat(np.eye(4)[None], len(frames), axis=0), Matrix()
     for link in _chain(bone):
-        rest, pose_of = link.bone.matrix_local, link.bone.convert_local_to_pose
-        if above is None:
-            poses = [pose_of(own, rest) for own in _transforms(link, channels, frames)]
-        else:
-            above_rest = above.bone.matrix_local
-            poses = [
-                pose_of(own, rest, parent_matrix=pose, parent_matrix_local=above_rest)
-                for own, pose in zip(_transforms(link, channels, frames), poses, strict=True)
-            ]
-        above = link
-    return [pose.translation for pose in poses]
+        rest = link.bone.matrix_local
+        poses = poses @ (np.array(above.inverted() @ rest) @ _transforms(link, channels, frames))
+        above = rest
+    return np.asarray(poses[:, :3, 3])
 
 
 def _transforms(
     link: bpy.types.PoseBone, channels: Mapping[tuple[str, int], bpy.types.FCurve], frames: Sequence[int]
-) -> list[Matrix]:
-    """Return a bone's own transforms at frames."""
+) -> Array:
+    """Return a bone's own transforms (F, 4, 4), or (1, 4, 4) where none of its channels moves."""
     path, mode = link.path_from_id(), link.rotation_mode
     turn = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(mode, "rotation_euler")
-    columns, is_moving = {}, False
+    columns = []
     for name in ("location", turn, "scale"):
-        found = [channels.get((f"{path}.{name}", axis)) for axis in range(len(getattr(link, name)))]
-        is_moving |= any(found)
-        columns[name] = list(zip(found, getattr(link, name), strict=True))
-
-    def at(frame: int) -> Matrix:
-        place, angles, size = (
-            [present if curve is None else curve.evaluate(frame) for curve, present in column]
-            for column in columns.values()
-        )
-        return Matrix.LocRotScale(Vector(place), _rotation(mode, angles), Vector(size))
-
-    return [at(frame) for frame in frames] if is_moving else [at(0)] * len(frames)
+        for axis, present in enumerate(getattr(link, name)):
+            curve = channels.get((f"{path}.{name}", axis))
+            columns.append([present] if curve is None else [curve.evaluate(frame) for frame in frames])
+    table = np.stack(np.broadcast_arrays(*(np.array(column, dtype=np.float64) for column in columns)), axis=1)
+    result = np.zeros((len(table), 4, 4))
+    result[:, :3, :3] = rot.to_matrix(_quaternions(mode, table[:, 3:-3])) * table[:, None, -3:]
+    result[:, :3, 3], result[:, 3, 3] = table[:, :3], 1.0
+    return result
 
 
-def _rotation(mode: str, values: list[float]) -> Quaternion:
-    """Return a rotation of a bone's mode."""
+def _quaternions(mode: str, values: Array) -> Array:
+    """Return quaternions (F, 4) of values of a bone's rotation mode."""
     if mode == "QUATERNION":
-        return Quaternion(values).normalized()
+        return rot.normalize(values)
     if mode == "AXIS_ANGLE":
-        return Quaternion(values[1:], values[0])
-    return Euler(values, mode).to_quaternion()
+        return np.array([Quaternion(each[1:], each[0]) for each in values.tolist()])
+    return np.array([Euler(each, mode).to_quaternion() for each in values.tolist()])
