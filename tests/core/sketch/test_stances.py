@@ -62,7 +62,7 @@ def test_between_keys_strides_apart_a_foot_steps_when_the_motion_does():
     foot = Foot(ankle, ankle + np.array([0.0, -0.05, 0.13]), np.zeros_like(ankle), np.array([0, 60]))
     stances = stances_of(foot, np.full(61, 0.8), FPS)
     assert len(stances) == 3
-    np.testing.assert_allclose(np.ravel(stances), stood + [0, 1, 0, 1, 0, 1], atol=1)
+    np.testing.assert_allclose(np.ravel(stances), stood + np.array([0, 1, 0, 1, 0, 1]), atol=1)
     small = Foot(0.2 * ankle, 0.2 * foot.toes_m, np.zeros_like(ankle), foot.keyed)
     assert len(stances_of(small, np.full(61, 0.8), FPS)) == 2  # one step is enough
 
