@@ -99,7 +99,7 @@ def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames:
 def _transforms(
     link: bpy.types.PoseBone, channels: Mapping[tuple[str, int], bpy.types.FCurve], frames: Sequence[int]
 ) -> Array:
-    """Return a bone's own transforms (F, 4, 4), or (1, 4, 4) where none of its channels moves."""
+    """Return a bone's own transforms (F, 4, 4), (1, 4, 4) where nothing moves."""
     path, mode = link.path_from_id(), link.rotation_mode
     turn = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(mode, "rotation_euler")
     columns = []
