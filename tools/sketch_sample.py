@@ -54,7 +54,7 @@ def main() -> None:
     armature = scene.perfanim.armature
     armature.perfanim_sketch.parts = {"HANDS", "CHEST"}
     bpy.ops.perfanim.add_controls()
-    armature.perfanim_sketch.behaviours = "walking, transition, boxing"
+    armature.perfanim_sketch.behaviours = "walking, transition walking, boxing"
     for joint, keys in KEYS.items():
         control = controls_of(armature)[joint]
         for frame, place in keys.items():

@@ -19,7 +19,7 @@ _CLOSEST = 32  # windows of the regression
 _SIGMA_M = 0.05  # distance at a control that counts as one
 _FARTHEST = 4.0  # such distances, to which it is trusted
 _FOOT_SIGMA_M = 0.06  # distance from a foot's keys that counts as one
-_ROOT_WEIGHT, _OTHER_FOOT_WEIGHT = 0.3, 0.2  # in that distance, the foot's own being 1
+_ROOT_WEIGHT, _OTHER_FOOT_WEIGHT = 0.6, 0.4  # in that distance, the foot's own being 1
 _HEIGHT_SCALE = 3.0  # a foot's height shows better than its place whether it stands
 _FRAMES = 5  # of a window at which bodies are compared
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import DatabaseError
 from ..geometry.arrays import Array, IntArray, Mask
 from .motion_library import BODY, MotionLibrary
-from .sketch import Sketch
+from .sketch import FEET, Sketch
 
 Complex = NDArray[np.complex128]
 
@@ -25,6 +25,7 @@ CONTEXT_S = 0.2  # beyond a stretch that a window is compared, and blended with 
 _SHORTEST_S, _LONGEST_S = 0.2, 0.55  # of a stretch
 _CURVE_STEP_S = 0.12  # between two looks at a curve
 _CURVE_WEIGHTS = 0.01, 0.15  # of such a look without and with full `follow`, a key's being 1
+_FOOT_CURVE = 0.1  # of that weight for feet: they stand and step, and between keys a step or more apart no curve does
 _OUTSIDE_WEIGHT = 0.001  # before a control's first key and after its last: where nothing else says where the body is
 _CANDIDATES = 48  # windows of a stretch among which is chosen,
 NEIGHBOURS = 160  # and that are known near the keys
@@ -120,7 +121,7 @@ def looks_of(sketch: Sketch, library: MotionLibrary, follow: float) -> Looks:
         steps = np.arange(start, sketch.frames[-1], _CURVE_STEP_S * sketch.fps)
         times_s = (steps - start) / sketch.fps
         inside = (steps >= control.frames[0]) & (steps <= control.frames[-1])
-        weights = np.where(inside, weight, _OUTSIDE_WEIGHT)
+        weights = np.where(inside, weight * (_FOOT_CURVE if control.joint in FEET else 1.0), _OUTSIDE_WEIGHT)
         between = np.abs(steps[:, None] - control.frames).min(axis=1) > 0.3 * _CURVE_STEP_S * sketch.fps
         curve = np.column_stack((times_s, control.curve(steps), weights))
         if control.height_is_free:

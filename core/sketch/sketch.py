@@ -27,7 +27,7 @@ _ADVICE = "columns must be control,frame,x,y,z in metres, and a comment line mus
 _FARTHEST_M = 1000.0
 _UPRIGHT = 0.7  # cosine of the angle from hips over feet to the vertical
 _ANKLE_M = 0.08  # height of a standing foot's joint
-_FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
+FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def upright_from(sketch: Sketch) -> Array | None:
     None where hips or feet are no controls, or where they are upright already.
     """
     means = {control.joint: control.positions_m.mean(axis=0) for control in sketch.controls}
-    feet = [means[name] for name in _FEET if name in means]
+    feet = [means[name] for name in FEET if name in means]
     if "root" not in means or not feet:
         return None
     leg = means["root"] - np.mean(feet, axis=0)

@@ -1,8 +1,9 @@
 """When and where the feet of a sketch stand.
 
 Between two keys that one place of the toes explains, a foot stands, and the ankle turns about the toes. Between
-others it steps, no longer than the way needs and when fewest of the database's examples stand; else it stands
-whenever enough of them do. Feet without a key stand when the database's motion does.
+others it steps, no longer than the way needs and when fewest of the database's examples stand; else it stands whenever
+enough of them do. Between keys more than a stride apart it steps when the database's motion does. So do feet without a
+key.
 """
 
 from dataclasses import dataclass
@@ -24,6 +25,9 @@ _SOME_STAND, _MOST_STAND = 0.3, 0.7
 _STEP_M_S, _SHORTEST_STEP_S = 2.0, 0.07  # mean speed of a step,
 _FASTEST_M_S = 5.0  # and from one place to the next
 _LONGEST_STEP = 0.35  # share of the time between two keys that a step takes unless examples take longer
+# between two keys further apart, in metres and seconds, a foot takes several steps: it stands where most examples do,
+# and the database's motion is slower, in metres a second
+_STRIDE_M, _STRIDE_S, _SLOW_M_S = 0.6, 1.2, 0.5
 _SHORTEST_CONTACT_S, _CONTACT_S = 0.05, 0.13  # shorter ones are none, and those between last the second
 _MOVING_S = 0.01  # a frame of a step counts as that many shares for each metre that the database's motion moves then
 _CLEAR_M, _LIFTED_S = 0.025, 0.1  # a stepping foot is so far above the floor, so long after it has left it
@@ -172,6 +176,10 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
             continue
         way_m = float(np.linalg.norm(joint_m[last] - joint_m[first]))
         shortest = min(max(way_m / _STEP_M_S, _SHORTEST_STEP_S) * fps, _LONGEST_STEP * (last - first))
+        in_steps = stands[between] & _is_slow(foot.wanted_toes_m[between], fps)
+        if way_m > _STRIDE_M and last - first > _STRIDE_S * fps and np.sum(~in_steps) >= shortest:
+            stands[between] = in_steps
+            continue
         least = _MAY_STAND * float(share[between].max())
         begin, stop = _step(share[between], foot.wanted_toes_m[between], max(2, round(shortest)), least)
         stands[between] = share[between] > least
@@ -180,6 +188,11 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
     found = [(first, stop) for first, stop in runs(stands) if stop - first >= shortest_stance]
     found = [_widened(share, first, stop, round(_CONTACT_S * fps)) for first, stop in found]
     return _with_time_to_step(found, foot.wanted_toes_m, share, fps)
+
+
+def _is_slow(toes_m: Array, fps: float) -> Mask:
+    """Return whether toes (F, 3) are slow enough to stand."""
+    return np.asarray(np.linalg.norm(np.gradient(toes_m, axis=0), axis=1) * fps < _SLOW_M_S)
 
 
 def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array, fps: float) -> list[tuple[int, int]]:

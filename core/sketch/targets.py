@@ -25,6 +25,7 @@ _KEY_SIGMA_M, _SWING_SIGMA_M = 0.001, 0.03
 _STAND_SIGMAS_M = 0.004, 0.002  # of ankle and toes of a standing foot between its keys
 _STEP_SIGMA_M = 0.006  # of a stepping foot between its keys
 _GRIP_S = 0.03  # standard deviation of the time in which a foot's hold comes and goes: at once, it shakes the body
+_STEADIED_S = 0.02  # standard deviation of the time over which examples are asked whether a foot stands
 _LOOSENED_S = 0.3  # in which a control becomes loose before its first key and after its last
 # distances of the controls from the database's motion at which a body begins to be turned to them, and is fully
 _TURNED_M = 0.25, 0.5
@@ -74,6 +75,7 @@ def targets_of(
     points[:, : len(controls)] = reach.yielding(points[:, : len(controls)], keyed_in)
     # without a key of its own a foot goes with the hips
     carried = points[:, 0] - base_m[:, 0] if "root" in controls else np.zeros((len(frames), 3))
+    standing = gaussian_filter1d(standing, _STEADIED_S * sketch.fps, axis=0, mode="nearest")
     for side, pair in enumerate(zip(_ANKLES, TOES, strict=True)):
         columns = [joints.index(name) for name in pair]
         leader = next((name for name in pair if name in controls), None)

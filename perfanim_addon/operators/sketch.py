@@ -23,7 +23,7 @@ from ..preferences import preferences
 from ..preferences.property_kinds import choice, string, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from ..sketch import control_colours, hips_path, live_sketch
+from ..sketch import control_colours, follow_rig, hips_path, live_sketch
 from ..sketch.controls import STORED, add_controls, controls_of, key_controls, set_keys
 from ..sketch.read_controls import read_controls
 from ..sketch.write_solution import SketchBody, joints_of, kept_sketch, write_solution
@@ -73,6 +73,33 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
         if self.from_action:
             return f"keys of {len(controls_of(armature))} controls in {key_controls(context, armature)} frames"
         return f"{len(names)} controls added" if names else "the chosen controls are there already"
+
+
+class PERFANIM_OT_follow_rig(UndoOperator, bpy.types.Operator):
+    """Let controls go with the bones of a roughly animated rig.
+    It is the selected one, else a wire copy of the character with its rough action"""
+
+    bl_label = "Follow Rough Rig"
+    panel = PANEL
+
+    @classmethod
+    def missing_input(cls, context: bpy.types.Context) -> str:
+        return "" if settings(context).armature is not None else "Choose a character"
+
+    def run(self, context: bpy.types.Context) -> str:
+        armature = settings(context).armature
+        joints = armature.perfanim_sketch.chosen_joints
+        if not joints and not controls_of(armature):
+            raise SettingsError("no control is chosen", advice="choose hands, feet, hips, chest or head")
+        others = [each for each in context.selected_objects if each.type == "ARMATURE" and each != armature]
+        rig = others[0] if others else follow_rig.rough_copy(context, armature)
+        selected = list(context.selected_objects)
+        add_controls(context, armature, SketchBody.of(armature).space, joints)
+        count = follow_rig.follow(armature, rig)
+        for each in context.view_layer.objects:
+            each.select_set(each in selected)
+        context.view_layer.objects.active = rig
+        return f"{count} controls follow {rig.name}: pose and key its bones, then click Solve Sketch or Live"
 
 
 class PERFANIM_OT_draw_hips_path(UndoOperator, bpy.types.Operator):

@@ -26,6 +26,7 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
         row.operator("perfanim.add_controls", icon="EMPTY_AXIS")
         row.operator("perfanim.add_controls", text="From Animation", icon="ACTION").from_action = True
         if armature is not None:
+            layout.operator("perfanim.follow_rig", icon="CON_ARMATURE")
             if controls_of(armature):
                 row = layout.row(align=True)
                 row.operator("perfanim.draw_hips_path", icon="GREASEPENCIL")

@@ -39,7 +39,7 @@ PAGES = (
     ("bpy.ops.perfanim.*sketch*", "sketch-in-blender.html"),
     ("bpy.ops.perfanim.add_controls", "sketch-in-blender.html"),
     ("bpy.ops.perfanim.draw_hips_path", "sketch-in-blender.html"),
-    ("bpy.ops.perfanim.follow_curve", "sketch-in-blender.html"),
+    ("bpy.ops.perfanim.follow_*", "sketch-in-blender.html"),
     ("bpy.ops.perfanim.*behaviour", "sketch-in-blender.html"),
     ("bpy.ops.perfanim.show_motion_paths", "sketch-in-blender.html"),
     ("bpy.ops.perfanim.self_test", f"{_CAPTURE}#preferences"),

@@ -47,7 +47,7 @@ def add_controls(
         raise CharacterError(f"there is no bone for {', '.join(missing)}", where=armature_object.name, advice=advice)
     context.view_layer.update()
     posed = armature_object.evaluated_get(context.evaluated_depsgraph_get())
-    kept = _collection(context, armature_object)
+    kept = collection_of(context, armature_object)
     names = []
     for joint in joints:
         if joint not in present:
@@ -68,7 +68,8 @@ def _select(context: bpy.types.Context, names: list[str]) -> None:
     context.view_layer.objects.active = bpy.data.objects[names[0]]
 
 
-def _collection(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Collection:
+def collection_of(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Collection:
+    """Return the collection of a character's controls, added where it is missing."""
     chosen = armature_object.perfanim_sketch
     if chosen.controls is None:
         chosen.controls = bpy.data.collections.new(f"Sketch of {armature_object.name}")
@@ -128,7 +129,7 @@ def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Obje
         raise SettingsError("has no action with keys", where=armature_object.name, advice=advice)
     controls, bones = controls_of(armature_object), bones_of(armature_object)
     for control in controls.values():
-        _set_free(control)
+        set_free(control)
     armature_object.perfanim_sketch.free_height = False  # of a path that they have followed
     with present_frame(context.scene):
         for frame in frames:
@@ -149,7 +150,7 @@ def set_keys(armature_object: bpy.types.Object, sketch: Sketch, space: CaptureSp
     controls = controls_of(armature_object)
     for control in sketch.controls:
         empty = controls[control.joint]
-        _set_free(empty)
+        set_free(empty)
         places = space.points_to_scene(control.positions_m)
         for frame, place in _breakdowns(control, places, space):
             empty.location = place
@@ -172,7 +173,7 @@ def _breakdowns(control: Control, places: Array, space: CaptureSpace) -> Iterabl
     return zip((control.frames[0] + steps[between]).tolist(), drawn[between], strict=True)
 
 
-def _set_free(control: bpy.types.Object) -> None:
+def set_free(control: bpy.types.Object) -> None:
     """Take away keys, parent and constraints: keys are places in the scene."""
     control.animation_data_clear()
     control.parent = None

@@ -226,11 +226,10 @@ def _note(_scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
         return
     names = {live.armature}  # its settings
     for control in controls_of(found).values():
-        names.add(control.name)
-        if control.animation_data is not None and control.animation_data.action is not None:
-            names.add(control.animation_data.action.name)
-        paths = (getattr(each, "target", None) for each in control.constraints)
-        names |= {data.name for path in paths if path is not None for data in (path, path.data) if data is not None}
+        targets = [getattr(each, "target", None) for each in control.constraints]
+        for each in (control, *(target for target in targets if target is not None)):
+            action = each.animation_data.action if each.animation_data is not None else None
+            names |= {data.name for data in (each, each.data, action) if data is not None}
     live.noted = any(update.id.name in names for update in graph.updates)
 
 

@@ -12,6 +12,7 @@ from ...core.sketch.curves import curve_positions
 from ...core.sketch.sketch import MOST_FRAMES, Control, Sketch
 from ..animation.actions import scene_fps
 from ..capture.capture_space import CaptureSpace
+from .bone_places import curves_that_move, followed_bone, place_off_curves, places_of_bone
 from .controls import BREAKDOWN, action_curves, controls_of, present_frame
 from .path_places import places_on_path
 
@@ -32,11 +33,11 @@ def read_controls(
     """Return the sketch of a character's keyed controls, frames as in the scene.
 
     Keys bind, those of the type Breakdown only as the first or last. Between them a control has the curve that Blender
-    draws; on a path or with a parent the way on which the scene shows it.
+    draws; on a path, with a parent or a bone the way on which the scene shows it.
 
     Args:
         dragged: a control that is moved off its curves has a key in the present frame. The scene stays as it is: of
-            the controls with a parent or constraints only those that follow a curve are read.
+            the controls with a parent or constraints only those that follow a curve or go with a bone are read.
         seen: joint -> control as read before, for those that are not read.
 
     Raises:
@@ -110,13 +111,24 @@ def _keys_along(
     context: bpy.types.Context, control: bpy.types.Object, curves: list[bpy.types.FCurve], dragged: bool
 ) -> Keys | None:
     """Return the keys of any channel, and the way between them as of `_keys`."""
-    frames = _binding(curves)
+    followed = followed_bone(control)
+    frames = _binding(curves if followed is None else curves_that_move(*followed))
     if not frames:
         return {}, None
     steps = sorted({*frames, *([] if _is_too_long(frames) else range(frames[0], frames[-1], _STEP))})
-    places = places_on_path(context, control, curves, steps) if dragged else _shown_along(context.scene, control, steps)
+    places: Mapping[int, Array] | None
+    if not dragged:
+        places = _shown_along(context.scene, control, steps)
+    elif followed is None:
+        places = places_on_path(context, control, curves, steps)
+    else:
+        places = places_of_bone(*followed, steps)
     if places is None:
         return None
+    posed = place_off_curves(*followed, context.scene.frame_current) if dragged and followed is not None else None
+    if posed is not None:
+        places = {**places, context.scene.frame_current: posed}
+        frames, steps = (sorted({*each, context.scene.frame_current}) for each in (frames, steps))
     keys = {frame: places[frame] for frame in frames}
     if _is_too_long(frames):
         return keys, None

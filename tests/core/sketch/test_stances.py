@@ -56,6 +56,17 @@ def test_a_step_lasts_as_long_as_no_example_stands():
     np.testing.assert_array_equal(np.flatnonzero(~held_foot(foot, share, None, FPS).stands), np.arange(6, 14))
 
 
+def test_between_keys_strides_apart_a_foot_steps_when_the_motion_does():
+    at, stood = np.arange(61), np.array([0, 15, 25, 38, 48, 60])
+    ankle = np.column_stack((np.zeros(61), np.full(61, 0.08), np.interp(at, stood, (0.0, 0.0, 0.8, 0.8, 1.6, 1.6))))
+    foot = Foot(ankle, ankle + np.array([0.0, -0.05, 0.13]), np.zeros_like(ankle), np.array([0, 60]))
+    stances = stances_of(foot, np.full(61, 0.8), FPS)
+    assert len(stances) == 3
+    np.testing.assert_allclose(np.ravel(stances), stood + np.array([0, 1, 0, 1, 0, 1]), atol=1)
+    small = Foot(0.2 * ankle, 0.2 * foot.toes_m, np.zeros_like(ankle), foot.keyed)
+    assert len(stances_of(small, np.full(61, 0.8), FPS)) == 2  # one step is enough
+
+
 def test_keys_of_the_toes_are_met_and_the_foot_keeps_its_length():
     foot = foot_through([(0.0, 0.08, 0.0), (0.0, 0.08, 0.3), (0.0, 0.08, 0.3)], by_toes=True)
     held = held_foot(foot, np.full(FRAMES, 0.4), None, FPS)
