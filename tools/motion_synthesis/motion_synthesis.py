@@ -33,10 +33,11 @@ _UNREST = {
 # how one person's carriage differs from another's: standard deviations of constant differences, radians
 _HABITS = {"pelvis": 0.015, "spine": 0.025, "head": 0.05, "arm": 0.05, "elbow": 0.06, "hand": 0.10}
 _HABITS_IN_S = 0.8
-# how people carry what the controls leave open, radians; means over ten people of the CMU Graphics Lab Motion Capture
-# Database (mocap.cs.cmu.edu): necks lean forward from an upright chest, hands hang straight, thumbs lie to the palm
+# how people carry what the controls leave open, radians about the left; means over ten people of the CMU Graphics Lab
+# Motion Capture Database (mocap.cs.cmu.edu): lower backs lean forward and chests back, necks lean forward from there, toes
+# are raised, hands hang straight, thumbs lie to the palm
 _TRUNK_CARRIED = {"lowerback": 0.09, "thorax": -0.09}
-_NECK_CARRIED = {"lowerneck": -0.19, "upperneck": 0.265, "head": 0.16}  # about the left
+_NECK_CARRIED = {"lowerneck": -0.19, "upperneck": 0.265, "head": 0.16}
 _TOES_RAISED_RAD = -0.12
 _HAND_RAISED, _THUMB_BENT = 0.42, 0.30
 _STRAIGHT_ELBOW_RAD = 0.04
@@ -150,8 +151,7 @@ class MotionSynthesis:
         """Bend the trunk; return the chest's orientation (T, 4)."""
         bend, side, twist = self.tracks["spine"].T
         whole = rot.multiply(rot.multiply(about("Y", twist), about("X", bend)), about("Z", -side))
-        self._share_out(SPINE_JOINTS[:3], whole, _TRUNK_SHARES)
-        self._carry(_TRUNK_CARRIED)
+        self._share_out(SPINE_JOINTS[:3], whole, _TRUNK_SHARES, _TRUNK_CARRIED)
         chest = orientation
         for joint in SPINE_JOINTS[:3]:
             chest = rot.multiply(chest, self.local[:, self.body.skeleton.index(joint)])
@@ -163,19 +163,14 @@ class MotionSynthesis:
         gaze = rot.multiply(about("Y", self.tracks["heading"][:, 0] + yaw), about("X", pitch))
         wanted = rot.multiply(gaze, about("Z", roll))
         whole = limited(rot.multiply(rot.conjugate(chest), wanted), *_NECK_RANGE_RAD)
-        self._share_out(SPINE_JOINTS[3:], whole, _NECK_SHARES)
-        self._carry(_NECK_CARRIED)
+        self._share_out(SPINE_JOINTS[3:], whole, _NECK_SHARES, _NECK_CARRIED)
 
-    def _carry(self, leans: dict[str, float]) -> None:
-        """Lean joints about their left, one by one, as people carry them."""
-        for joint, lean in leans.items():
-            posed = self.local[:, self.body.skeleton.index(joint)]
-            self.put(joint, rot.multiply(about("X", lean * self.carried), posed))
-
-    def _share_out(self, joints: tuple[str, ...], whole: Array, shares: Array) -> None:
+    def _share_out(self, joints: tuple[str, ...], whole: Array, shares: Array, leans: dict[str, float]) -> None:
+        """Share a turn out among joints, each leaning about its left as people carry it."""
         vector = rot.to_rotation_vector(whole)
         for joint, share in zip(joints, shares, strict=True):
-            self.put(joint, rot.from_rotation_vector(share * vector))
+            lean = about("X", leans.get(joint, 0.0) * self.carried)
+            self.put(joint, rot.multiply(lean, rot.from_rotation_vector(share * vector)))
 
     # ---- arms
 
