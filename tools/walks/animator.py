@@ -106,10 +106,12 @@ def _install(walk: Walk, desktop: Desktop, window: BlenderWindow) -> None:
     desktop.bring_in("Preferences")
     hand.click("Get Extensions")
     hand.click("Repositories", beside=_ARROW_PX)
-    walk.show([hand.shot("menu")])
-    hand.click("Install from Disk...", lowest=True)
+    time.sleep(1.0)
+    walk.show([desktop.screenshot("menu")])  # which closes when the pointer leaves it
+    hand.click("Install from Disk...")
     window.wait(lambda s: s["browser"], "file browser")
-    walk.show([hand.shot("file")])
+    desktop.bring_in("File View")
+    walk.show([desktop.screenshot("file")])
     hand.choose_file(archive)
 
 
