@@ -96,9 +96,9 @@ class Desktop:
         self.run("xdotool", "search", "--sync", "--onlyvisible", "--name", title, "windowmove", "40", "40")
         time.sleep(1.0)
 
-    def close_window(self, title: str) -> None:
-        """Click on the cross of a window, which a window manager draws."""
-        self.run("xdotool", "search", "--onlyvisible", "--name", title, "windowquit")
+    def put_away(self, title: str) -> None:
+        """Take a window off the screen, as a click on the cross does that a window manager draws."""
+        self.run("xdotool", "search", "--onlyvisible", "--name", title, "windowunmap")
         time.sleep(1.0)
 
     def close(self) -> None:

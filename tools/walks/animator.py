@@ -1,6 +1,10 @@
-"""Animator: the zip to a character of one's own, moved by the guide's simulated cameras and by recorded pictures."""
+"""Animator: the zip to a moving character of one's own.
+
+It is moved by the guide's simulated cameras, and by recorded pictures.
+"""
 
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -11,6 +15,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "window"))
 
+import numpy as np
 from desktop import BlenderWindow, Desktop, blender_python, build_archive
 from pointing import Hand
 from recordings import SIDES, SQUARE_MM, record_board, record_walk
@@ -20,7 +25,6 @@ from sidebar_steps import (
     follow_guide,
     import_character,
     opened,
-    received,
     use_active,
     wait_for_frames,
 )
@@ -32,13 +36,20 @@ _SCREEN = (1400, 900)
 _ARROW_PX = 71  # from the word Repositories to the arrow right of it
 _FIELD_PX = 130  # from a setting's name to its field
 _LIVE_FRAMES = 90  # of recorded pictures
-_SEEN_FRAMES = (30, 60)  # of the character's motion, on pictures
+_SEEN = (0.6, 0.9)  # of the character's motion, on pictures
+_LEAST_MOVED = 0.1  # of a leg, by a hand
 _WEBCAM_PICTURES = "1[78]*"  # of the fourth sequence: six seconds, several steps away from the cameras
 
 
 @dataclass(frozen=True)
 class _Recording:
-    """Pictures of two cameras: patterns of their files, words of `calibrate cameras`, who was filmed."""
+    """Pictures of two cameras.
+
+    Args:
+        patterns: of their files.
+        calibrating: words of `calibrate cameras`.
+        height_m: of the performer.
+    """
 
     patterns: tuple[str, str]
     calibrating: tuple[str | Path, ...]
@@ -52,7 +63,7 @@ class _Recording:
 
 
 def walk_through(folder: Path, webcams: Path | None = None, character: Path | None = None) -> None:
-    """Go through the README and the sections of docs/marker-takes.md and docs/capture-in-blender.md.
+    """Go through the README, the guide, and image pairs in docs/marker-takes.md.
 
     Args:
         webcams: a folder with `sequence4`, pairs of pictures `*_1.jpg` and `*_2.jpg`, and the board points
@@ -77,7 +88,7 @@ def walk_through(folder: Path, webcams: Path | None = None, character: Path | No
         _prepare(walk, desktop, recording)
         with _blender(desktop, user) as window:
             _recorded(walk, desktop, window, recording, hero)
-    except AssertionError as error:
+    except (AssertionError, subprocess.SubprocessError) as error:
         raise WalkError(str(error)) from error
     finally:
         desktop.close()
@@ -88,6 +99,8 @@ def _blender(desktop: Desktop, user: Path) -> Iterator[BlenderWindow]:
     window = BlenderWindow(desktop, user, user.parent / "observer")
     try:
         yield window
+        window.order("quit")  # which saves the preferences
+        window.wait_for_end()
     finally:
         window.close()
         window.forget()
@@ -121,12 +134,12 @@ def _first_character(walk: Walk, desktop: Desktop, window: BlenderWindow) -> Non
     walk.step("The first moving character", "Close the Preferences, N, the tab, Start Capture.")
     window.wait(lambda s: s["capture"]["registered"], "the extension")
     walk.show([desktop.screenshot("installed")])
-    desktop.close_window("Preferences")
+    desktop.put_away("Preferences")
     window.open_tab("Perfanim")  # it tries the tabs; a person clicks on one
     walk.show([desktop.screenshot("tab")])
     clicks = ("close the Preferences", "the tab", START)
     desktop.click(*window.tall_button("start"))
-    window.wait(lambda s: received(s) > 0 and s["armature"], "a character that moves")
+    wait_for_frames(window, 0)  # the first ones may not be drawn yet
     seconds = time.monotonic() - begun_s
     walk.show([desktop.screenshot("moving")])
     walk.note(f"{len(clicks)} clicks ({', '.join(clicks)}) and the key N, {seconds:.0f} s after Install from Disk")
@@ -167,12 +180,18 @@ def _guide(walk: Walk, desktop: Desktop, window: BlenderWindow, hero: Path) -> N
 def _judge(walk: Walk, window: BlenderWindow, hand: Hand, name: str) -> None:
     """Show the character's motion, and stop where it does not move or is wrung."""
     bones = {joint: bone for joint, (bone, _) in window.order("map").items() if bone}
-    frames = max(facts["keys_max"] for facts in window.state()["actions"].values())
-    walk.note(f"{frames} keyframes on {name}, {len(bones)} joints mapped")
-    for frame in _SEEN_FRAMES:
+    action = max(window.state()["actions"].values(), key=lambda facts: facts["keys_max"])
+    last = int(action["last"])
+    walk.note(f"{action['keys_max']} keyframes on {name} up to frame {last}, {len(bones)} joints mapped")
+    for share in _SEEN:
+        frame = round(share * last)
         window.order("look", frame=frame, around_deg=25.0)
         walk.show([hand.shot(f"frame-{frame}")])
-    check_upright(window, name, bones, _SEEN_FRAMES)
+    at, leg = check_upright(window, name, bones, np.arange(1.0, last))
+    moved = float(np.max(np.ptp(at["lhand"] - at["root"], axis=0)))
+    walk.note(f"the left hand moves by {moved / leg:.2f} of a leg's length about the hips")
+    if moved < _LEAST_MOVED * leg:
+        raise WalkError(f"{name} does not move")
 
 
 def _webcams(folder: Path) -> _Recording:
@@ -195,7 +214,7 @@ def _simulated(folder: Path) -> _Recording:
 
 
 def _prepare(walk: Walk, desktop: Desktop, recording: _Recording) -> None:
-    """Calibrate cameras, floor and performer from the pictures, by the command line of the installed Blender."""
+    """Calibrate cameras, floor and performer by Blender's command line."""
 
     def run(*words: str | Path) -> None:
         walk.run(desktop.wrapper, "blender", "--background", "--command", "perfanim", *words)
@@ -214,7 +233,7 @@ def _prepare(walk: Walk, desktop: Desktop, recording: _Recording) -> None:
 
 
 def _recorded(walk: Walk, desktop: Desktop, window: BlenderWindow, recording: _Recording, hero: Path) -> None:
-    """Choose pictures, calibration, markers, performer and character in the sidebar, and capture."""
+    """Choose pictures, markers, performer and character, and capture."""
     walk.step("The pictures in the sidebar", "Source Image Folders, calibration, marker set, performer.")
     hand = opened(desktop, window, "pictures")
     import_character(hand, hero)

@@ -1,4 +1,4 @@
-"""Write a character with Mixamo's names of bones, as an animator has one, to a glTF file.
+"""Write a character with Mixamo's names of bones to a glTF file.
 
 python -m walks.own_character hero.glb
 """

@@ -98,7 +98,10 @@ def estimate_exposure_s(spots: Spots) -> float:
 
 
 def moving_images(cameras: Sequence[Spots]) -> IntArray:
-    """Return the images (K,) in which the performer moves, by any camera: still reflections hide it from others."""
+    """Return images (K,) with a moving performer, by any camera.
+
+    Of a camera with still reflections the others know better.
+    """
     found: set[int] = set()
     for spots in cameras:
         known = np.isfinite(spots.speed_px_s)
