@@ -87,11 +87,11 @@ class Hand:
         raise AssertionError(f"{panel!r} does not open or close: {self.shot('not-toggled')}")
 
     def type_over(
-        self, word: str, text: str, beside: float = 0.0, sidebar: bool | None = None, lowest: bool = False
+        self, word: str, text: str, beside: float = 0.0, sidebar: bool | None = None, below: float = 0.0
     ) -> None:
-        """Put a text in place of what a field shows: the word, or what is so many pixels to its right."""
-        place = self.find(word, sidebar, lowest)
-        self._twice(replace(place, x=place.x + beside))
+        """Put a text in place of what a field shows: the word, or what is so many pixels right of and below it."""
+        place = self.find(word, sidebar)
+        self._twice(replace(place, x=place.x + beside, y=place.y + below))
         self._desktop.key("ctrl+a")
         self._desktop.run("xdotool", "type", "--delay", "30", text)
         self._desktop.key("Return")

@@ -35,6 +35,7 @@ _MOST_CLICKS, _MOST_S = 3, 60.0  # from Install from Disk to a moving character
 _SCREEN = (1400, 900)
 _ARROW_PX = 71  # from the word Repositories to the arrow right of it
 _FIELD_PX = 130  # from a setting's name to its field
+_ROW_PX = 31  # from a panel's heading to its first field
 _LIVE_FRAMES = 90  # of recorded pictures
 _SEEN = (0.6, 0.9)  # of the character's motion, on pictures
 _LEAST_MOVED = 0.1  # of a leg, by a hand
@@ -252,7 +253,7 @@ def _recorded(walk: Walk, desktop: Desktop, window: BlenderWindow, recording: _R
     walk.show([hand.shot("markers")])
     hand.toggle("Markers")
     hand.toggle("Subject")
-    _fill(hand, "Subject", str(walk.folder / "anna.toml"), lowest=True)
+    _fill(hand, "Subject", str(walk.folder / "anna.toml"), below=_ROW_PX)  # its heading has the name, too
     walk.show([hand.shot("subject")])
     hand.toggle("Subject")
     name = use_active(hand, window, "bones")
@@ -273,5 +274,5 @@ def _ended(state: dict[str, Any]) -> bool:
     return state["capture"]["activity"] is None and bool(state["actions"])
 
 
-def _fill(hand: Hand, name: str, text: str, lowest: bool = False) -> None:
-    hand.type_over(name, text, beside=_FIELD_PX, sidebar=True, lowest=lowest)
+def _fill(hand: Hand, name: str, text: str, below: float = 0.0) -> None:
+    hand.type_over(name, text, beside=_FIELD_PX, sidebar=True, below=below)
