@@ -246,8 +246,10 @@ pictures: $(STAMP)
 	$(BIN)/python tools/moving_picture.py --out docs/pictures/live.webp
 	$(BIN)/python -m pytest tests/window -m pictures
 
-# A technical director (a folder of C3D to FBX; needs bpy) and a developer (a new marker file format in a copy) from nothing
-# to the result, with a page of the steps in out/walks. WALKS="--takes DIR --character FILE" for takes and a character of yours.
+# An animator (the zip to a character of their own, in a window; BLENDER as for window-test, left out without), a technical
+# director (a folder of C3D to FBX; needs bpy) and a developer (a new marker file format in a copy) from nothing to the
+# result, with a page of the steps and pictures in out/walks. WALKS="--takes DIR --character FILE --webcams DIR" for takes,
+# a character and pictures of yours.
 WALKS ?=
 walks: export OPENBLAS_NUM_THREADS := 1
 walks: $(STAMP)

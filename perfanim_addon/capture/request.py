@@ -14,7 +14,7 @@ from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import rig_tables
 from ...core.markers.prop import Prop, check_distinct, prop_tables
 from ...core.markers.subject import Subject, subject_tables
-from ...core.system.files import exists, remove_left_behind
+from ...core.system.files import remove_left_behind
 from ...core.worker.client import WorkerClient
 from .. import take_library
 from ..preferences import preferences
@@ -170,7 +170,7 @@ def source(settings: Any) -> dict[str, Any]:
         return vmc_input.source(settings.id_data)
     paths = [absolute(getattr(settings, name)) for name in readiness.source_paths(settings)]
     for path in paths:
-        if not exists(path):
+        if not readiness.is_found(path):
             raise CaptureError("not found", where=path, advice="choose another under Cameras")
     kind = "videos" if settings.source == "VIDEOS" else "images"
     return {"kind": kind, "paths": paths, "fps": settings.files_fps}

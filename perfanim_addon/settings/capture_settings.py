@@ -154,8 +154,13 @@ class CameraSettings:
     )
     left_video: file_path("Left", "Video of the left camera")
     right_video: file_path("Right", "Video of the right camera; empty for one camera only")
-    left_folder: folder_path("Left", "Folder with the left camera's numbered images")
-    right_folder: folder_path("Right", "Folder with the right camera's numbered images; empty for one camera only")
+    left_folder: folder_path(
+        "Left",
+        "Folder with the left camera's numbered images; or a pattern like film/*_1.jpg, where one folder has all",
+    )
+    right_folder: folder_path(
+        "Right", "Folder or pattern of the right camera's numbered images; empty for one camera only"
+    )
     files_fps: number(
         "Rate (Hz)", "Frame rate at which the images were taken, where their names do not say it", 30, 1, 500
     )

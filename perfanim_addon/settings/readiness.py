@@ -1,5 +1,6 @@
 """Status of each step before a capture, for its panel and for Start Capture."""
 
+import glob
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -136,7 +137,7 @@ def pictures(settings: Any) -> StepStatus:
         side = name.partition("_")[0]
         if not path:
             return StepStatus(False, f"{side} missing", f"choose the file of the {side} camera under Cameras")
-        if not exists(path):
+        if not is_found(path):
             return StepStatus(False, f"{side} not found", f"{path}: not found; choose another under Cameras")
     if settings.source == "CAMERAS":
         try:
@@ -144,6 +145,11 @@ def pictures(settings: Any) -> StepStatus:
         except CaptureError as error:
             return _problem(error, "wrong camera")
     return StepStatus(True, "chosen")
+
+
+def is_found(path: str) -> bool:
+    """Return whether a file or folder is there, or the folder of a pattern of names."""
+    return exists(path) or (glob.has_magic(path) and exists(Path(path).parent))
 
 
 def cameras(settings: Any) -> StepStatus:

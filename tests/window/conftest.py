@@ -71,33 +71,24 @@ def subject(tmp_path: Path) -> Path:
 @pytest.fixture(scope="session")
 def board(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Settings for folders of both cameras with pictures of a board of 9x6 corners."""
-    import cv2
-    from perfanim.core.simulate.studio.boards import board_pictures
     from perfanim.core.simulate.studio.render import Renderer
     from perfanim.core.simulate.studio.rig import default_rig
+    from recordings import record_board
 
     folder = tmp_path_factory.mktemp("board")
-    for picture in board_pictures(Renderer(default_rig()), count=6):
-        for side, image in zip(("left", "right"), picture.images, strict=True):
-            (folder / side).mkdir(exist_ok=True)
-            assert cv2.imwrite(str(folder / side / f"{picture.number}.png"), image)
+    record_board(folder, Renderer(default_rig()), count=6)
     return {"board_left": str(folder / "left"), "board_right": str(folder / "right")}
 
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Settings for image folders of both cameras, 180 moments at 60 Hz, with calibration and subject."""
-    import cv2
     from perfanim.core.geometry.rig_file import save_rig
     from perfanim.core.markers.subject import save_subject
-    from perfanim.core.simulate.studio.source import open_simulated
+    from recordings import record_walk
 
     folder = tmp_path_factory.mktemp("recorded")
-    source = open_simulated({"kind": "simulated", "behaviour": "walking", "seconds": 4.0})
-    for number in range(180, 360):
-        for side, image in zip(("left", "right"), source.frame(number).images, strict=True):
-            (folder / side).mkdir(exist_ok=True)
-            assert cv2.imwrite(str(folder / side / f"{number}.jpg"), image)
+    source = record_walk(folder, 4.0, range(180, 360))
     save_rig(source.rig, folder / "cameras.toml")
     save_subject(source.subject, folder / "subject.toml")
     return {

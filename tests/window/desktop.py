@@ -91,6 +91,16 @@ class Desktop:
         """Press a key."""
         self.run("xdotool", "key", name)
 
+    def bring_in(self, title: str) -> None:
+        """Move a window whole onto the screen, as a window manager does."""
+        self.run("xdotool", "search", "--sync", "--onlyvisible", "--name", title, "windowmove", "40", "40")
+        time.sleep(1.0)
+
+    def put_away(self, title: str) -> None:
+        """Take a window off the screen, as a click on the cross does that a window manager draws."""
+        self.run("xdotool", "search", "--onlyvisible", "--name", title, "windowunmap")
+        time.sleep(1.0)
+
     def close(self) -> None:
         """End the display."""
         self._server.terminate()
@@ -200,6 +210,11 @@ class BlenderWindow:
                     raise
             else:
                 return x + left, y + top
+
+    def forget(self) -> None:
+        """Remove the last report, for the next Blender with the same folder."""
+        self._state.unlink(missing_ok=True)
+        self._orders.unlink(missing_ok=True)
 
     def wait_for_end(self) -> int:
         """Return the status with which Blender has ended by itself."""

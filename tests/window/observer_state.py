@@ -90,6 +90,7 @@ def actions():
             "paths": sorted({curve.data_path.rpartition(".")[2] for curve in curves}),
             "keys_min": min(keys, default=0),
             "keys_max": max(keys, default=0),
+            "last": float(action.frame_range[1]),
             "groups": len({curve.group.name for curve in curves if curve.group}),
         }
     return found

@@ -17,6 +17,7 @@ INK = 40  # grey level from which a pixel belongs to a letter
 SAME_PX = 6
 MOVED = 0.003  # of the sidebar's pixels change where a panel opens or closes: an empty one changes 0.006, none at all 0
 TRIES = 4
+OPENED_S = 10.0  # in which a busy machine has opened a menu
 BESIDE_PX, CLEAR_PX, HALF_ROW_PX = 6, 80, 10  # the free part of a heading: from its word, width, half its height
 PATH_PX = 510  # from the word Bookmarks in the file browser to the middle of the path
 
@@ -60,9 +61,12 @@ class Hand:
         time.sleep(0.4)
 
     def menu(self, *words: str) -> None:
-        """Click on the entries of a menu, one after the other."""
-        for word in words:
-            self.click(word, sidebar=False)
+        """Click on the entries of a menu, one after the other; again where a busy machine has lost the click."""
+        for word, following in zip(words, (*words[1:], ""), strict=True):
+            for _ in range(TRIES):
+                self.click(word, sidebar=False)
+                if not following or self._comes(following):
+                    break
 
     def click(self, word: str, sidebar: bool | None = None, beside: float = 0.0, lowest: bool = False) -> None:
         """Click on a word, or so many pixels to its right."""
@@ -82,10 +86,12 @@ class Hand:
                 time.sleep(0.3)
         raise AssertionError(f"{panel!r} does not open or close: {self.shot('not-toggled')}")
 
-    def type_over(self, word: str, text: str, beside: float = 0.0, sidebar: bool | None = None) -> None:
-        """Put a text in place of what a field shows: the word, or what is so many pixels to its right."""
+    def type_over(
+        self, word: str, text: str, beside: float = 0.0, sidebar: bool | None = None, below: float = 0.0
+    ) -> None:
+        """Put a text in place of what a field shows: the word, or what is so many pixels right of and below it."""
         place = self.find(word, sidebar)
-        self._twice(replace(place, x=place.x + beside))
+        self._twice(replace(place, x=place.x + beside, y=place.y + below))
         self._desktop.key("ctrl+a")
         self._desktop.run("xdotool", "type", "--delay", "30", text)
         self._desktop.key("Return")
@@ -141,6 +147,15 @@ class Hand:
         x, y = round(place.x + self._drawn(heading).shape[1] / 2) + BESIDE_PX, round(place.y)
         row = screen[y - HALF_ROW_PX : y + HALF_ROW_PX, x : x + CLEAR_PX]
         return int(row.max()) - int(row.min()) < INK
+
+    def _comes(self, word: str) -> bool:
+        """Return whether a word is outside of the sidebar soon."""
+        limit = time.monotonic() + OPENED_S
+        while time.monotonic() < limit:
+            if any(not self._in_sidebar(place) for place in self._places(word)):
+                return True
+            time.sleep(0.3)
+        return False
 
     def _sidebar(self) -> np.ndarray:
         region = self._window.state()["regions"]["UI"]

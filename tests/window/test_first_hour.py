@@ -10,15 +10,14 @@ from pathlib import Path
 
 import cv2
 import pytest
-from desktop import DRAWING_S, ROOT, BlenderWindow, Desktop
-from pointing import Hand
-from test_walkthrough import opened, received, wait_for_frames
+from desktop import ROOT, BlenderWindow, Desktop
+from sidebar_steps import GUIDED_S, TESTED_FRAMES, follow_guide, opened, received
 
 PICTURES = ROOT / "docs" / "pictures"
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
 KEEPS_PICTURES = "PERFANIM_KEEP_PICTURES" in os.environ
-SHOWN_FRAMES = 330  # of the capture on the picture: past the T pose
-GUIDED_S, CALM_S = 400.0, 60.0
+CALM_S = 60.0
+KEPT_STEPS = {"reflection": "guide-fault", "performer": "guide"}  # steps of the guide with a picture in the documents
 
 
 @pytest.fixture
@@ -40,19 +39,10 @@ def keep(picture: Path, name: str, part: tuple[slice, slice] = (slice(None), sli
 
 def wait_for_calm(window: BlenderWindow) -> None:
     """Wait for enough frames, then a little for a moment without a warning, which a busy machine may not have."""
-    window.wait(lambda s: received(s) > SHOWN_FRAMES, "frames", GUIDED_S)
+    window.wait(lambda s: received(s) > TESTED_FRAMES, "frames", GUIDED_S)
     limit = time.monotonic() + CALM_S
     while window.state()["capture"].get("notice") and time.monotonic() < limit:
         time.sleep(0.1)
-
-
-def press(window: BlenderWindow, hand: Hand, button: str, panel: str) -> str:
-    """Click on the guide's button, wait for the end of its work, and return what the panel says."""
-    hand.away()
-    hand.click(button, sidebar=True)
-    window.wait(lambda s: s["capture"]["activity"], f"start of {button}", DRAWING_S)
-    state = window.wait(lambda s: s["capture"]["activity"] is None, f"end of {button}", GUIDED_S)
-    return str(state["capture"]["messages"].get(panel))
 
 
 @pytest.mark.pictures
@@ -84,30 +74,6 @@ def test_the_sidebar_during_a_capture(desktop: Desktop, window: BlenderWindow) -
 @pytest.mark.pictures
 def test_the_guide_leads_from_cameras_to_a_capture(desktop: Desktop, window: BlenderWindow) -> None:
     hand = opened(desktop, window, "guide")
-    hand.toggle("Guide")
-    hand.shot("cameras")
-    hand.click("Practise Calibration", sidebar=True, lowest=True)  # the sentence above names it, too
-    window.order("set", values={"practise_fault": "REFLECTION", "behaviour": "walking"})
-    hand.shot("exposure")
-    press(window, hand, "Check Setup", "guide")
-    assert window.state()["preview"]["shown"]
-    keep(hand.shot("reflection"), "guide-fault")
-    window.order("set", values={"practise_fault": "NONE"})
-    assert press(window, hand, "Check Setup", "guide") == "no fault was found"
-    hand.shot("calibrate")
-    assert press(window, hand, "Calibrate with Board", "cameras").startswith("good")
-    hand.shot("floor")
-    assert press(window, hand, "Set Floor from Board", "cameras").startswith("floor set")
-    hand.shot("markers")
-    said = press(window, hand, "Check Setup", "guide")
-    assert said.startswith("no fault was found; you may walk"), said
-    keep(hand.shot("performer"), "guide")
-    assert "residual" in press(window, hand, "Calibrate Performer", "subject")
-    hand.shot("ready")
-    hand.click("Start Capture", sidebar=True)
-    wait_for_frames(window, SHOWN_FRAMES)
-    hand.shot("live")
-    hand.click("Stop Capture", sidebar=True)
-    ended = window.wait(lambda s: s["capture"]["activity"] is None, "end")
-    hand.shot("walk-test")
-    assert ended["capture"]["walk"].startswith("captures will be "), ended["capture"]
+    for step, picture in follow_guide(window, hand):
+        if step in KEPT_STEPS:
+            keep(picture, KEPT_STEPS[step])

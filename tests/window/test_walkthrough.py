@@ -5,22 +5,30 @@ window-walkthrough`.
 """
 
 import shutil
-import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from desktop import ROOT, BlenderWindow, Desktop
 from perfanim.core.retarget.bone_map import EXPECTED
 from pointing import Hand
+from sidebar_steps import (
+    CAPTURED,
+    armatures,
+    check_walk,
+    import_character,
+    joints,
+    opened,
+    record,
+    said_of_takes,
+    use_active,
+)
 
 EXPORTED_MM = 1.0
 FRAMES = 443  # of the take of two webcams
 WEBCAMS_HZ = 33  # what most of its time stamps tell
 SCENE_FPS = 24.0
-CAPTURED = 30
 TRASH_PX = 76  # from the word Export to the icon
 FIELD_PX = 120  # from a setting's name in a dialog to its value
 VRM = "VRM-Addon-for-Blender/tests/resources/unity/VrmaInspector/Assets/StreamingAssets/Example.vrm"
@@ -39,68 +47,6 @@ def desktop(wrapper: str) -> Iterator[Desktop]:
     desktop = Desktop(wrapper, ROOT / "out" / "window", (1400, 900))
     yield desktop
     desktop.close()
-
-
-def opened(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
-    """Open the tab, delete the cube and close the Capture panel."""
-    window.open_tab("Perfanim")
-    hand = Hand(desktop, window, name)
-    hand.away()
-    for key in ("x", "Return"):  # asked and answered
-        desktop.key(key)
-        time.sleep(0.7)
-    hand.toggle("Capture")
-    return hand
-
-
-def import_character(hand: Hand, path: Path) -> None:
-    """File > Import > glTF."""
-    hand.menu("File", "Import", "glTF 2.0 (.glb/.gltf)")
-    hand.choose_file(path)
-
-
-def use_active(hand: Hand, window: BlenderWindow, picture: str) -> str:
-    """Let the character that is active move along; return its armature's name."""
-    hand.toggle("Character")
-    before = window.state()["armature"]
-    hand.click("Use Active", sidebar=True)
-    name = window.wait(lambda s: s["armature"] not in ("", before), "a chosen armature")["armature"]
-    hand.shot(picture)
-    hand.toggle("Character")
-    return str(name)
-
-
-def record(hand: Hand, window: BlenderWindow, picture: str, by_button: bool = False) -> None:
-    """Start Capture, wait for some frames, Stop Capture; with Record and Stop Recording between, rehearsed before."""
-    before = len(window.state()["actions"])
-    hand.click("Start Capture", sidebar=True)
-    wait_for_frames(window, 0)
-    if by_button:
-        hand.click("Record", sidebar=True)
-        wait_for_frames(window, received(window.state()))
-        hand.shot(picture)
-        hand.click("Stop Recording", sidebar=True)
-    else:
-        hand.shot(picture)
-    hand.click("Stop Capture", sidebar=True)
-    window.wait(lambda s: s["capture"]["activity"] is None and len(s["actions"]) > before, "end of the capture")
-
-
-def wait_for_frames(window: BlenderWindow, before: int) -> None:
-    window.wait(lambda s: received(s) > before + CAPTURED, "frames")
-
-
-def received(state: dict[str, Any]) -> int:
-    return int(state["capture"].get("statistics", {}).get("received", 0))
-
-
-def said_of_takes(window: BlenderWindow, word: str) -> str:
-    """Wait until the Takes panel says something with a word in it, and no work is going on."""
-
-    def said(state: dict[str, Any]) -> bool:
-        return state["capture"]["activity"] is None and word in str(state["capture"]["messages"].get("takes"))
-
-    return str(window.wait(said, f"{word!r} in the Takes panel")["capture"]["messages"]["takes"])
 
 
 def actions(window: BlenderWindow) -> list[str]:
@@ -182,16 +128,6 @@ def check_exports(hand: Hand, window: BlenderWindow, folder: Path, performer: st
     return frames
 
 
-def armatures(window: BlenderWindow) -> dict[str, list[str]]:
-    """Return the names of all armatures with those of their bones."""
-    return dict(window.order("armatures"))
-
-
-def joints(window: BlenderWindow, name: str, frames: np.ndarray, bones: list[str]) -> np.ndarray:
-    """Return where the bones (F, B, 3) of an object are in the scene."""
-    return np.array(window.order("joints", object=name, frames=frames.tolist(), bones=bones)["joints"])
-
-
 @pytest.mark.walkthrough
 def test_a_take_of_two_webcams_walks_on_all_kinds_of_characters(
     desktop: Desktop, window: BlenderWindow, shared_dir: Path, tmp_path: Path
@@ -237,29 +173,3 @@ def test_a_take_of_two_webcams_walks_on_all_kinds_of_characters(
         window.order("look", frame=1, around_deg=25.0)
         if kind == "xbot":
             assert check_exports(hand, window, tmp_path, name, WEBCAMS_HZ) >= FRAMES
-
-
-def check_walk(window: BlenderWindow, name: str, bones: dict[str, str]) -> None:
-    """The performer walks to the cameras and back, upright, on the floor; knees bend forward, elbows backward."""
-    wanted = ["root", "head"] + [
-        side + joint for side in "lr" for joint in ("femur", "tibia", "foot", "humerus", "radius", "hand")
-    ]
-    frames = np.arange(1.0, 350.0, 3.0)
-    found = joints(window, name, frames, [bones[joint] for joint in wanted])
-    at = {joint: found[:, index] for index, joint in enumerate(wanted)}
-    legs = np.linalg.norm(at["lfemur"] - at["ltibia"], axis=-1) + np.linalg.norm(at["ltibia"] - at["lfoot"], axis=-1)
-    assert np.ptp(legs) < 1e-3
-    leg = float(np.mean(legs))
-    up = at["head"] - at["root"]
-    assert np.all(up[:, 2] > 0.95 * np.linalg.norm(up, axis=-1))
-    ankles = np.stack([at["lfoot"][:, 2], at["rfoot"][:, 2]])
-    assert 0.0 < ankles.min() < 0.25 * leg  # neither under the floor nor over it
-    assert np.median(ankles.min(axis=0)) < 0.25 * leg
-    assert np.ptp(at["root"][:, 1]) > 2.0 * leg
-    left = at["lfemur"] - at["rfemur"]
-    front = np.cross(left, [0.0, 0.0, 1.0])
-    front /= np.linalg.norm(front, axis=-1, keepdims=True)
-    for side in "lr":
-        for upper, middle, lower, sign in (("femur", "tibia", "foot", 1.0), ("humerus", "radius", "hand", -1.0)):
-            bend = at[side + middle] - 0.5 * (at[side + upper] + at[side + lower])
-            assert np.median(sign * np.sum(bend * front, axis=-1)) > 0.0, side + middle

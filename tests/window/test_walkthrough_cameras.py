@@ -24,7 +24,8 @@ from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.source import open_simulated
 from perfanim.core.vision.calibration.board import parse_board
 from pointing import Hand
-from test_walkthrough import desktop, opened, received, wait_for_frames  # noqa: F401 - the fixture
+from sidebar_steps import opened, received, wait_for_frames
+from test_walkthrough import desktop  # noqa: F401 - the fixture
 
 pytestmark = pytest.mark.walkthrough
 

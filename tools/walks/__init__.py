@@ -1,1 +1,1 @@
-"""Walks of a technical director and a developer, each with a page of its steps."""
+"""Walks of an animator, a technical director, a developer, with their pages."""

@@ -16,7 +16,7 @@ from ...vision.sources.image_set import camera_title
 from ...vision.sources.source_kinds import ImageSetLike
 from ...vision.synchronise import synchronise_frames
 from .finding import Finding, Place
-from .image_faults import marker_light_faults, reflections, room_faults, sharpness_faults
+from .image_faults import marker_light_faults, moving_images, reflections, room_faults, sharpness_faults
 from .rig_faults import bump_fault, exchange_fault, place_fault
 from .spots import SpotRecorder
 from .worn_faults import find_t_poses, missing_fault, scale_fault
@@ -124,9 +124,10 @@ def _picture_faults(
 def _camera_faults(titles: Sequence[str], recorders: Sequence[SpotRecorder]) -> list[Finding]:
     """Return faults of single cameras; a blur dims markers, so it comes first."""
     blunt, dim, false = [], [], []
-    for index, (title, recorder) in enumerate(zip(titles, recorders, strict=True)):
-        spots = recorder.result()
+    cameras = [recorder.result() for recorder in recorders]
+    moving = moving_images(cameras)
+    for index, (title, recorder, spots) in enumerate(zip(titles, recorders, cameras, strict=True)):
         blunt += sharpness_faults(title, spots)
         dim += marker_light_faults(title, spots, recorder.rises, recorder.images)
-        false += reflections(index, title, spots)
+        false += reflections(index, title, spots, moving)
     return blunt or dim or false

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...geometry.arrays import Array
+from ...geometry.arrays import Array, IntArray
 from ...vision.detection.background import Background
 from .finding import Fault, Finding
 from .spots import Spots
@@ -13,7 +13,8 @@ _BRIGHT_ROOM = 110.0  # grey levels of half of the empty image: reflectors hardl
 _SATURATED, _MOST_SATURATED = 250.0, 0.06  # grey levels, share of the empty image
 _DIM_MARKER = 110.0  # grey levels: a marker this dim is lost when it turns or moves away
 _SMALL_RISE = 50.0  # grey levels of a marker smaller than two pixels; of a dim one less
-_SMALL_PX = 1.4  # radius
+_SMALL_PX = 1.4  # radius, below which a spot has no edge
+_TINY_PX = 1.15  # radius, below which it has no streak either: noise would count as one of 40 ms
 _MOST_EMPTY = 0.5  # share of the images with hardly any spots, up to which markers are judged
 _BLUNT_PX = 3.2  # width of an edge; a sharp one has about 2
 _STILL_PX_S = 40.0
@@ -61,14 +62,13 @@ def marker_light_faults(camera: str, spots: Spots, rises: Sequence[float], image
 
 def sharpness_faults(camera: str, spots: Spots) -> list[Finding]:
     """Return findings on focus and shutter of a camera."""
-    if not len(spots.radius_px) or float(np.median(spots.radius_px)) < _SMALL_PX:
-        return []  # such spots have no shape
+    radius_px = float(np.median(spots.radius_px)) if len(spots.radius_px) else 0.0
     slow = spots.speed_px_s < _STILL_PX_S
     edges = spots.edge_px[slow & np.isfinite(spots.edge_px)]
-    if len(edges) and float(np.median(edges)) > _BLUNT_PX:
+    if radius_px >= _SMALL_PX and len(edges) and float(np.median(edges)) > _BLUNT_PX:
         text = f"{camera} is out of focus: the edges of markers are {np.median(edges):.0f} pixels wide"
         return [Finding(Fault.BLURRED, camera, f"{text}; focus on the performer, switch automatic focus off")]
-    exposure_s = estimate_exposure_s(spots)
+    exposure_s = estimate_exposure_s(spots) if radius_px >= _TINY_PX else 0.0
     if exposure_s > _LONG_S:
         text = f"the shutter of {camera} is too slow: it is open for about {1000.0 * exposure_s:.0f} ms"
         return [Finding(Fault.SHUTTER, camera, f"{text} and smears markers; set an exposure of 4 ms or less")]
@@ -97,9 +97,27 @@ def estimate_exposure_s(spots: Spots) -> float:
     return float(np.median(streaks_px / speed))
 
 
-def reflections(index: int, camera: str, spots: Spots) -> list[Finding]:
-    """Return a finding on spots that stay where they are while the performer moves."""
-    still = _still_places(spots)
+def moving_images(cameras: Sequence[Spots]) -> IntArray:
+    """Return images (K,) with a moving performer, by any camera.
+
+    Of a camera with still reflections the others know better.
+    """
+    found: set[int] = set()
+    for spots in cameras:
+        known = np.isfinite(spots.speed_px_s)
+        for number in np.unique(spots.images[known]).tolist():
+            if np.median(spots.speed_px_s[known & (spots.images == number)]) > _MOVING_PX_S:
+                found.add(number)
+    return np.array(sorted(found), dtype=np.int64)
+
+
+def reflections(index: int, camera: str, spots: Spots, moving: IntArray) -> list[Finding]:
+    """Return a finding on spots that stay where they are while the performer moves.
+
+    Args:
+        moving: images in which that is so.
+    """
+    still = _still_places(spots, moving)
     if not len(still):
         return []
     count = "a bright spot that is no marker" if len(still) == 1 else f"{len(still)} bright spots that are no markers"
@@ -107,14 +125,8 @@ def reflections(index: int, camera: str, spots: Spots) -> list[Finding]:
     return [Finding(Fault.REFLECTION, camera, text, tuple((index, float(x), float(y)) for x, y in still))]
 
 
-def _still_places(spots: Spots) -> Array:
+def _still_places(spots: Spots, moving: IntArray) -> Array:
     """Return places (K, 2) that hold a spot in almost all images with motion."""
-    known = np.isfinite(spots.speed_px_s)
-    moving = [
-        number
-        for number in np.unique(spots.images[known])
-        if np.median(spots.speed_px_s[known & (spots.images == number)]) > _MOVING_PX_S
-    ]
     taking_part = np.isin(spots.images, moving)
     images, pixels = spots.images[taking_part], spots.pixels[taking_part]
     places: list[Array] = []

@@ -1,5 +1,7 @@
 """The exposure is estimated by the streaks of markers, also of a performer who only walks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.subjects.setup_check.image_faults import estimate_exposure_s, sharpness_faults
@@ -30,3 +32,9 @@ def test_a_slow_shutter_is_named_at_each_speed(speed_px_s: float, exposure_s: fl
 @pytest.mark.parametrize(("speed_px_s", "exposure_s"), [(60.0, 0.025), (90.0, 0.004), (130.0, 0.004), (400.0, 0.004)])
 def test_nobody_who_stands_and_no_short_exposure_is_named(speed_px_s: float, exposure_s: float) -> None:
     assert sharpness_faults("the left camera", spots(speed_px_s, exposure_s)) == []
+
+
+@pytest.mark.parametrize(("radius_px", "named"), [(2.0, True), (1.25, True), (1.0, False)])
+def test_streaks_of_small_markers_are_judged_but_not_of_tiny_ones(radius_px: float, named: bool) -> None:
+    small = replace(spots(130.0, 0.020), radius_px=np.full(COUNT, radius_px))
+    assert bool(sharpness_faults("the left camera", small)) is named
