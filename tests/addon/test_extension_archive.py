@@ -90,7 +90,7 @@ def wheel_names(python: str, platform: str) -> list[str]:
     tag = f"cp{python.replace('.', '')}"
     return [
         f"scipy-1.15.3-{tag}-{tag}-{SCIPY_PLATFORMS[platform]}.whl",
-        f"opencv_python_headless-4.11.0.86-cp37-abi3-{OPENCV_PLATFORMS[platform]}.whl",
+        f"opencv_contrib_python_headless-4.11.0.86-cp37-abi3-{OPENCV_PLATFORMS[platform]}.whl",
         "python_osc-1.10.2-py3-none-any.whl",
     ]
 

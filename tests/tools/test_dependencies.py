@@ -17,7 +17,7 @@ WANTED = {
     **{extra: [Requirement(line) for line in lines] for extra, lines in PROJECT["optional-dependencies"].items()},
 }
 # where the page uses the library's own name, and the registry another
-CALLED = {"opencv-python-headless": "OpenCV (headless)", "myst-parser": "MyST"}
+CALLED = {"opencv-contrib-python-headless": "OpenCV (contrib, headless)", "myst-parser": "MyST"}
 
 
 def rows(heading: str) -> list[list[str]]:

@@ -76,7 +76,7 @@ class Disturbance:
 
 
 def _by_one_camera(take: MarkerTake, whole: MarkerTake, seed: int) -> SingleViews:
-    """Return one camera's views of the markers that a take lacks, each camera with half of the markers."""
+    """Return views of the markers that a take lacks, each by one camera."""
     middle_m = np.nanmean(take.positions_m, axis=(0, 1))
     cameras = tuple(
         replace(camera, translation_m=_FARTHER * camera.translation_m - camera.rotation @ (middle_m * (1, 0, 1)))

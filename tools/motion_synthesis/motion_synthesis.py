@@ -34,8 +34,8 @@ _UNREST = {
 _HABITS = {"pelvis": 0.015, "spine": 0.025, "head": 0.05, "arm": 0.05, "elbow": 0.06, "hand": 0.10}
 _HABITS_IN_S = 0.8
 # how people carry what the controls leave open, radians about the left; means over ten people of the CMU Graphics Lab
-# Motion Capture Database (mocap.cs.cmu.edu): lower backs lean forward and chests back, necks lean forward from there, toes
-# are raised, hands hang straight, thumbs lie to the palm
+# Motion Capture Database (mocap.cs.cmu.edu): lower backs lean forward, chests back, necks forward
+# again, toes are raised, hands hang straight, thumbs lie to the palm
 _TRUNK_CARRIED = {"lowerback": 0.09, "thorax": -0.09}
 _NECK_CARRIED = {"lowerneck": -0.19, "upperneck": 0.265, "head": 0.16}
 _TOES_RAISED_RAD = -0.12

@@ -197,7 +197,7 @@ class WindowMaker:
         return points.astype(np.float32)
 
     def _by_one_camera(self, generator: np.random.Generator, points: FloatArray) -> tuple[FloatArray, Mask]:
-        """Return markers (G, N, L, M, 3), and which (G, N, M) one camera alone sees now.
+        """Return markers (G, N, L, M, 3), and those (G, N, M) of one camera alone now.
 
         These are off along its rays. Before they were not seen for a while, or the camera is the only one: then all are
         off by much the same, all the time.
@@ -206,16 +206,14 @@ class WindowMaker:
         chance = generator.random(count)
         alone, some = chance < _ONE_CAMERA_SHARE, chance > 1.0 - _SOME_SHARE
         share = np.where(alone, 1.0, some * generator.uniform(0.05, 0.6, count))
-        single = (generator.random((count, windows, places)) < share[:, None, None]) & np.isfinite(
-            points[:, :, 0, :, 0]
-        )
-        azimuth, elevation = (
-            generator.uniform(-np.pi, np.pi, (count, windows)),
-            generator.normal(0, 0.2, (count, windows)),
-        )
+        single = generator.random((count, windows, places)) < share[:, None, None]
+        single &= np.isfinite(points[:, :, 0, :, 0])
+        azimuth = generator.uniform(-np.pi, np.pi, (count, windows))
+        elevation = generator.normal(0.0, 0.2, (count, windows))
         level = np.cos(elevation)
         ray = np.stack((level * np.sin(azimuth), np.sin(elevation), level * np.cos(azimuth)), axis=-1)
-        depth_m = np.exp(generator.uniform(*np.log(_DEPTH_M), (count, 1, 1, 1)))
+        least, most = np.log(_DEPTH_M)
+        depth_m = np.exp(generator.uniform(least, most, (count, 1, 1, 1)))
         off = depth_m * generator.normal(size=(count, windows, 1, places))
         wander = np.sqrt(np.array(LAGS_S))[:, None] * generator.normal(size=(count, windows, lags, places))
         common = depth_m * generator.normal(size=(count, windows, 1, 1))
