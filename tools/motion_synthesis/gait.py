@@ -180,7 +180,7 @@ def _place(timeline: Timeline, gait: Gait, step: _Step, path: Track, air_s: floa
     heel_up = gait.heel_up * (0.5 + 0.5 * size) * (0.75 if backwards else 1.0)
     toe_up = -0.25 * size if backwards else gait.toe_up * min(1.0, size * 1.3)
     height_m = timeline.vary(gait.lift, 0.08) * lively * timeline.body.leg_m
-    swing = Swing(step.lift_s, step.land_s, new, height_m, peak=0.48 if running else 0.30)
+    swing = Swing(step.lift_s, step.land_s, new, height_m, peak=0.48 if running else 0.42)
     timeline.step(
         step.side, swing, heel_up_rad=heel_up, toe_up_rad=toe_up,
         rise_s=0.45 * gait.duty * 2.0 * gait.step_s, roll_s=0.22 * gait.duty * gait.step_s,
