@@ -14,7 +14,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.system.assets import MOTION
 
 RATES = (30.0, 60.0, 120.0)
-AT = 40  # frame of the fault
+AT = 42  # frame of the fault
 
 
 def cleaned(motion: Motion, jumps: tuple[int, ...] = ()) -> CleanedMotion:
