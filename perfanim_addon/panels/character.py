@@ -34,7 +34,7 @@ class PERFANIM_UL_joints(bpy.types.UIList):
         needed = item.name in EXPECTED
         row = layout.row(align=True)
         row.alert = item.state == MatchState.DOUBTFUL.value or (needed and item.state == MatchState.MISSING.value)
-        split = row.split(factor=0.5, align=True)
+        split = row.split(factor=0.46, align=True)
         split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
         split.prop_search(item, "bone", data.id_data.data, "bones", text="")
 
