@@ -37,7 +37,7 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         done = ", ".join(step.title for step in guide_steps.STEPS[:number])
         draw_text(context, layout, f"Done: {done}" if done else "", "CHECKMARK")
         draw_text(context, layout, f"{number + 1}. {step.title}", "FORWARD")
-        draw_text(context, layout, step.text, "BLANK1")
+        draw_text(context, layout, step.text(chosen), "BLANK1")
         if isinstance(activity.current(), LiveCapture):
             layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
             return

@@ -43,7 +43,7 @@ class GuideStep:
     """
 
     title: str
-    text: str
+    text: Callable[[Any], str]
     operator: Callable[[Any], str]
     panel: str
     state: Callable[[Any], StepStatus]
@@ -190,6 +190,18 @@ def _measuring(settings: Any) -> str:
     return "calibrate_performer" if measured else "average_performer"
 
 
+def _calibrating_text(settings: Any) -> str:
+    if _calibrating(settings) == "calibrate_board":
+        return "Hold the board before the cameras, still for a moment in each place that the preview asks for."
+    return "Choose the folders with each camera's pictures of the board, or a calibration under Cameras."
+
+
+def _measuring_text(settings: Any) -> str:
+    if _measuring(settings) == "calibrate_performer":
+        return "Leave the view empty, click, then take the three poses of the countdown."
+    return "Type your height and click: a body of average proportions is used."
+
+
 def _keeping(settings: Any) -> str:
     usable = settings.source == "CAMERAS" and readiness.pictures(settings).ready
     return "Use These Cameras" if usable else ""
@@ -200,7 +212,7 @@ _SKIP = _always("Skip This Step")
 STEPS = (
     GuideStep(
         "Cameras",
-        "Choose the cameras, or Practise Calibration to try all steps on simulated ones.",
+        _always("Choose the cameras, or Practise Calibration to try all steps on simulated ones."),
         lambda settings: "show_cameras" if settings.source == "CAMERAS" else "",
         "guide",
         _source,
@@ -208,7 +220,7 @@ STEPS = (
     ),
     GuideStep(
         "Exposure",
-        "Leave the view empty, click, then stand before the cameras with the markers on and walk about.",
+        _always("Leave the view empty, click, then stand before the cameras with the markers on and walk about."),
         _always("check_setup"),
         "guide",
         _exposure,
@@ -217,7 +229,7 @@ STEPS = (
     ),
     GuideStep(
         "Calibrate",
-        "Hold the board before the cameras, still for a moment in each place that the preview asks for.",
+        _calibrating_text,
         _calibrating,
         "cameras",
         readiness.cameras,
@@ -225,7 +237,7 @@ STEPS = (
     ),
     GuideStep(
         "Floor",
-        "Lay the board on the floor where you will stand.",
+        _always("Lay the board on the floor where you will stand."),
         _always("set_floor"),
         "cameras",
         _floor,
@@ -233,7 +245,7 @@ STEPS = (
     ),
     GuideStep(
         "Markers",
-        "Put the markers of the set on. Leave the view empty, click, then hold a T pose and walk about.",
+        _always("Put the markers of the set on. Leave the view empty, click, then hold a T pose and walk about."),
         _always("check_setup"),
         "guide",
         _worn,
@@ -242,7 +254,7 @@ STEPS = (
     ),
     GuideStep(
         "Performer",
-        "Leave the view empty, click, then take the three poses of the countdown.",
+        _measuring_text,
         _measuring,
         "subject",
         readiness.performer,
@@ -250,14 +262,14 @@ STEPS = (
     ),
     GuideStep(
         "Database",
-        "Choose motion like yours, or the starter database.",
+        _always("Choose motion like yours, or the starter database."),
         _always("use_starter_database"),
         "database",
         readiness.motion,
     ),
     GuideStep(
         "Character",
-        "Choose the character to move, or none for a new one.",
+        _always("Choose the character to move, or none for a new one."),
         _always("use_active_armature"),
         "character",
         readiness.character,
@@ -265,7 +277,7 @@ STEPS = (
     ),
     GuideStep(
         "Capture",
-        "All is ready. Walk about for ten seconds as a test, then stop: the guide says how good it will be.",
+        _always("All is ready. Walk about for ten seconds as a test, then stop: the guide says how good it will be."),
         _always("start_capture"),
         "capture",
         lambda _: _TODO,

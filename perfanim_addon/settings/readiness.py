@@ -143,7 +143,7 @@ def pictures(settings: Any) -> StepStatus:
         try:
             devices(settings)
         except CaptureError as error:
-            return _problem(error, "wrong camera")
+            return _problem(error, "check cameras")
     return StepStatus(True, "chosen")
 
 

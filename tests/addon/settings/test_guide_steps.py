@@ -105,6 +105,20 @@ def test_trackers_need_no_camera_steps(guide: Any, chosen: Any) -> None:
     assert title(guide, chosen) == ("Performer" if state.ready else "Cameras")
 
 
+def test_each_sentence_is_about_its_button(guide: Any, chosen: Any) -> None:
+    steps = {step.title: step for step in guide.STEPS}
+    for source, calibrating, measuring in (
+        ("CAMERAS", "Hold the board", "three poses"),
+        ("IMAGES", "Choose the folders", "three poses"),
+        ("VMC", "Choose the folders", "Type your height"),
+    ):
+        chosen.source = source
+        if source == "IMAGES":
+            chosen.left_folder = chosen.right_folder = "/film"
+        assert calibrating in steps["Calibrate"].text(chosen)
+        assert measuring in steps["Performer"].text(chosen)
+
+
 def test_every_button_is_an_operator_and_every_setting_exists(guide: Any, chosen: Any) -> None:
     for source in ("SIMULATED", "CAMERAS", "VIDEOS", "VMC"):
         chosen.source = source
