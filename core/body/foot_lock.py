@@ -58,6 +58,13 @@ def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
     return replace(motion, rotations=np.array(held))
 
 
+def _within(reach_m: float, start: Array, end: Array) -> Array:
+    """Return the end (3,), or the point so far on the way to it."""
+    way = end - start
+    away_m = float(np.linalg.norm(way))
+    return end if away_m <= reach_m else start + way * (reach_m / away_m)
+
+
 def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
     """Return the heights of a standing person's left and right ball of the foot."""
     heights = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))[0][:, 1]
@@ -163,6 +170,7 @@ class FootLock:
             if not glides:  # one that begins to leave is let go of little by little
                 leaves = min(max((speed - _PLANTED_M_S) / (_LIFTED_M_S - _PLANTED_M_S), 0.0), 1.0)
                 wanted *= np.exp(-leaves * passed_s / _FADE_S)
+                wanted = _within(_LIFTED_M_S * passed_s, foot.offset_m, wanted)  # the window's speed lags behind
                 foot.anchor_m = ball + wanted
             if np.linalg.norm(wanted) <= (_GLIDE_REACH_M if glides else _REACH_M):
                 foot.offset_m = wanted

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ..body.skeleton import Skeleton
-from ..database.store import Database
+from ..database.store import Database, pose_from_rotations
+from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask
 from ..markers.marker_set import Marker, MarkerSet
 from ..markers.subject import Subject
@@ -27,6 +28,7 @@ _CHANGE_RAD = 0.02  # and beside that
 _ROOT_SIGMA = (0.05, 0.015)  # m, rad, about the database's motion
 _LIMIT_PERCENTILES, _LIMIT_MARGIN_RAD = (0.5, 99.5), 0.05  # of the database's joint angles
 _MOST_BEYOND_RAD = 0.35
+_HINGES = ("lradius", "rradius", "ltibia", "rtibia")
 _SAMPLES = 4000  # frames that these are taken over
 
 
@@ -50,7 +52,12 @@ class BodyFit:
         self._covariance = block_diag(np.diag(np.repeat(np.array(_ROOT_SIGMA), 3) ** 2.0), covariance)
         self._precision = np.linalg.inv(self._covariance)
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
-        self._limits = np.percentile(poses, _LIMIT_PERCENTILES, axis=0) + margin
+        limits = np.percentile(poses, _LIMIT_PERCENTILES, axis=0) + margin
+        # everybody can stretch out arms and legs, also where the database's motion never does
+        straight = pose_from_rotations(np.tile(rot.identity(), (len(skeleton), 1)), self.zero).ravel()
+        hinges = np.isin(np.repeat(skeleton.names[1:], 3), _HINGES)
+        reached = np.array((np.minimum(limits[0], straight), np.maximum(limits[1], straight)))
+        self._limits = np.where(hinges, reached, limits)
 
     def fit(self, poses: Array, roots: RootPose, points_m: Array, sigmas_m: Array) -> tuple[Array, RootPose]:
         """Return poses (F, 28, 3) and roots (F) near others that meet targets.

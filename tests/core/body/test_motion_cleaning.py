@@ -14,7 +14,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.system.assets import MOTION
 
 RATES = (30.0, 60.0, 120.0)
-AT = 42  # frame of the fault
+AT = 42  # frame of the fault, in which the legs swing slowly: fast ones are cut a frame sooner or later
 
 
 def cleaned(motion: Motion, jumps: tuple[int, ...] = ()) -> CleanedMotion:

@@ -164,12 +164,11 @@ def test_a_hand_that_returns_far_from_where_it_is_thought_to_be_is_known_within_
 
 
 def test_a_body_that_was_wrung_by_wrong_markers_comes_right_at_once(subject, database, record, truth, true_markers):
-    """For two thirds of a second the source exchanges a hand and a foot: what it shows is a body in knots."""
+    """For two thirds of a second the source exchanges hands and feet: what it shows is a body in knots."""
     right = np.arange(len(subject.marker_set))
     crossed = right.copy()
-    crossed[[subject.marker_set.names.index(name) for name in ("LHAN", "LFOO")]] = [
-        subject.marker_set.names.index(name) for name in ("LFOO", "LHAN")
-    ]
+    hands_and_feet = [subject.marker_set.names.index(name) for name in ("LHAN", "RHAN", "RFOO", "LFOO")]
+    crossed[hands_and_feet] = hands_and_feet[::-1]
     errors = []
     for wrong_until in (0, 20):
         session, generator = Session(subject, database), np.random.default_rng(5)
@@ -178,7 +177,7 @@ def test_a_body_that_was_wrung_by_wrong_markers_comes_right_at_once(subject, dat
             pose = session.step(points(record, row, number, generator, labels))
             errors.append(float(np.degrees(rot.angle_between(pose.rotations, truth.rotations[number])).mean()))
     undisturbed, wrung = np.reshape(errors, (2, -1))
-    assert np.all(wrung[10:20] > 2.0 * undisturbed[10:20])
+    assert np.all(wrung[10:20] > 3.0 * undisturbed[10:20])
     assert wrung[25:].mean() < 1.5 * undisturbed[25:].mean()
 
 

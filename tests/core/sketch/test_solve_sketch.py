@@ -64,7 +64,7 @@ def test_keys_are_met_and_the_body_between_them_is_nearer_than_by_usual_ik(truth
     ours = evaluate(solution.motion, truth)
     usual = evaluate(inverse_kinematics(walk, truth.skeleton), truth)
     assert ours["mpjpe_mm"] < 0.6 * usual["mpjpe_mm"]
-    assert ours["jitter_ratio"] < 1.5  # 1.25 to 1.55 by the frame in which the keys of this short walk begin
+    assert ours["jitter_ratio"] < 1.3
     assert ours["foot_skate_cm_s"] < 6.0
 
 
@@ -170,7 +170,7 @@ def test_a_hand_three_metres_from_the_hips_is_stretched_out_to_its_key(truth, so
     worst, *others = sorted(solution.unmet, key=lambda key: -key.distance_m)
     reach_m = Reach(truth.skeleton, ("root", "rhand")).between("root", "rhand")
     assert worst.joint == "rhand"
-    assert worst.distance_m < 3.0 - reach_m + 0.25
+    assert worst.distance_m < 3.0 - reach_m + 0.2
     assert worst.reason == f"it is 3.00 m from root, the body reaches {reach_m:.2f} m"
     assert max((key.distance_m for key in others), default=0.0) < 0.1
     assert_sound(solution, database)
