@@ -199,7 +199,7 @@ class MotionPrior:
         known = [(each, frame) for each, frame in zip(recent, frames, strict=True) if frame]
         if not known:
             return [None] * len(frames)
-        found = iter(self._estimates(*([*each] for each in zip(*known, strict=True))))
+        found = iter(self._estimates([each for each, _ in known], [frame for _, frame in known]))
         return [next(found) if frame else None for frame in frames]
 
     def _frame(self, recent: RecentMarkers, root: RootPose | None) -> RootPose | None:

@@ -49,6 +49,10 @@ def _character(context: bpy.types.Context) -> bpy.types.Object:
     return chosen.armature
 
 
+def _missing_character(context: bpy.types.Context) -> str:
+    return "" if settings(context).armature is not None else "Choose a character"
+
+
 def _missing_controls(context: bpy.types.Context) -> str:
     armature = settings(context).armature
     return "" if armature is not None and controls_of(armature) else "Add controls first"
@@ -84,7 +88,7 @@ class PERFANIM_OT_follow_rig(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if settings(context).armature is not None else "Choose a character"
+        return _missing_character(context)
 
     def run(self, context: bpy.types.Context) -> str:
         armature = settings(context).armature
@@ -148,7 +152,7 @@ class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if settings(context).armature is not None else "Choose a character"
+        return _missing_character(context)
 
     def run(self, context: bpy.types.Context) -> str:
         armature = settings(context).armature
@@ -288,9 +292,8 @@ class PERFANIM_OT_add_behaviour(UndoOperator, bpy.types.Operator):
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
         """Require a character and a database."""
-        if settings(context).armature is None:
-            return "Choose a character"
-        return "Click Solve Sketch once: it builds the starter database" if is_starter_missing(context) else ""
+        starter = "Click Solve Sketch once: it builds the starter database" if is_starter_missing(context) else ""
+        return _missing_character(context) or starter
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         """List the behaviours."""
@@ -316,7 +319,7 @@ class PERFANIM_OT_remove_behaviour(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if settings(context).armature is not None else "Choose a character"
+        return _missing_character(context)
 
     def run(self, context: bpy.types.Context) -> str:
         chosen = settings(context).armature.perfanim_sketch

@@ -1,6 +1,8 @@
 """Sketches of a walk: its keys, solved and played as an animator would."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
@@ -50,6 +52,18 @@ def distances(part: Any, armature: bpy.types.Object, frames: Any) -> dict[str, l
             away = (head - control.evaluated_get(graph).matrix_world.translation).length
             found.setdefault(joint, []).append(away)
     return found
+
+
+@contextmanager
+def played_live(part: Any) -> Iterator[Any]:
+    """Click Live, and give its module; the test is the timer, and it ends with the block."""
+    module = part("sketch.live_sketch")
+    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
+    bpy.app.timers.unregister(module._tick)
+    try:
+        yield module
+    finally:
+        module.end()
 
 
 def play(part: Any) -> None:

@@ -1,6 +1,7 @@
 """A sketch that is solved again at each edit."""
 
 import time
+from contextlib import ExitStack
 from typing import Any
 
 import bpy
@@ -9,15 +10,12 @@ import pytest
 from mathutils import Vector
 from perfanim.core.body.motion import Motion
 from played import curves_of, key_times
-from sketched import MET, PATIENCE_S, distances, drawn_hand, drawn_path, play, sketch_of, solve
+from sketched import MET, PATIENCE_S, distances, drawn_hand, drawn_path, play, played_live, sketch_of, solve
 
 
 def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion) -> None:
     solve(part)
-    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
-    live = part("sketch.live_sketch")
-    bpy.app.timers.unregister(live._tick)  # the test plays it
-    try:
+    with played_live(part) as live:
         play(part)
         scene, hand = bpy.context.scene, part("sketch.controls").controls_of(keyed)["rhand"]
         scene.frame_set(35)
@@ -42,8 +40,6 @@ def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion
         assert key_times(curves_of(keyed))[-1] == last + 8
         stored, _ = part("sketch.write_solution").kept_sketch(keyed.animation_data.action)
         assert stored.frames[-1] == last + 8
-    finally:
-        live.end()
     assert live._note not in bpy.app.handlers.depsgraph_update_post
     assert live.current() is None
 
@@ -62,10 +58,7 @@ def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part
     assert bpy.ops.perfanim.follow_curve() == {"FINISHED"}
     space = part("sketch.write_solution").SketchBody.of(keyed).space
     whole = part("sketch.read_controls").read_controls(bpy.context, keyed, space)
-    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
-    live = part("sketch.live_sketch")
-    bpy.app.timers.unregister(live._tick)  # the test plays it
-    try:
+    with played_live(part) as live:
         for step_m in (0.0, 0.3):
             for point in path.data.splines[0].points[15:]:
                 point.co.z += step_m
@@ -80,17 +73,12 @@ def test_live_follows_edits_of_a_path_and_keeps_what_only_other_frames_tell(part
                 np.testing.assert_array_equal(one.frames, other.frames)
                 np.testing.assert_allclose(one.positions_m, other.positions_m, atol=0.003)
         assert scene.frame_current == 11
-    finally:
-        live.end()
 
 
 def test_a_handle_is_an_edit(part: Any, keyed: bpy.types.Object) -> None:
     hand = drawn_hand(part, keyed)
     solve(part)
-    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
-    live = part("sketch.live_sketch")
-    bpy.app.timers.unregister(live._tick)  # the test plays it
-    try:
+    with played_live(part) as live:
         play(part)
         key = curves_of(hand)[2].keyframe_points[1]
         key.handle_left_type = key.handle_right_type = "FREE"
@@ -103,23 +91,18 @@ def test_a_handle_is_an_edit(part: Any, keyed: bpy.types.Object) -> None:
         control = next(each for each in stored.controls if each.joint == "lhand")
         place = keyed.matrix_world.inverted() @ Vector([curve.evaluate(14) for curve in curves_of(hand)])
         assert control.curve(np.array([14.0]))[0, 1] == pytest.approx(place.z, abs=1e-4)
-    finally:
-        live.end()
 
 
 @pytest.fixture
 def live(part: Any, keyed: bpy.types.Object) -> Any:
     """Live, played by the test."""
-    module = part("sketch.live_sketch")
+    with ExitStack() as stack:
 
-    def begin() -> Any:
-        bpy.context.scene.frame_set(11)  # controls stand where their curves have them
-        assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
-        bpy.app.timers.unregister(module._tick)
-        return module.current()
+        def begin() -> Any:
+            bpy.context.scene.frame_set(11)  # controls stand where their curves have them
+            return stack.enter_context(played_live(part)).current()
 
-    yield begin
-    module.end()
+        yield begin
 
 
 def test_the_first_motion_is_written_in_pieces(

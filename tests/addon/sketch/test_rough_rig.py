@@ -8,7 +8,7 @@ import pytest
 from mathutils import Euler
 from perfanim.core.body.motion import Motion
 from played import curves_of
-from sketched import MET, distances, play, solve
+from sketched import MET, distances, play, played_live, solve
 
 FRAMES = (11, 23, 41)
 
@@ -76,10 +76,7 @@ def test_live_follows_a_bone_that_is_posed_and_keyed(part: Any, rough: bpy.types
     rig = follow(part, rough)
     bpy.context.scene.frame_set(17)
     solve(part)
-    assert bpy.ops.perfanim.live_sketch() == {"FINISHED"}
-    live = part("sketch.live_sketch")
-    bpy.app.timers.unregister(live._tick)  # the test plays it
-    try:
+    with played_live(part) as live:
         play(part)
         bone = rig.pose.bones["lhumerus"]
         bone.rotation_quaternion @= Euler((0.0, 0.0, 0.1)).to_quaternion()
@@ -103,8 +100,6 @@ def test_live_follows_a_bone_that_is_posed_and_keyed(part: Any, rough: bpy.types
         play(part)
         stored, _ = part("sketch.write_solution").kept_sketch(rough.perfanim_sketch.action)
         assert all(FRAMES[1] + 4 in each.frames for each in stored.controls)
-    finally:
-        live.end()
 
 
 def test_a_bone_below_a_constraint_is_known_only_where_it_is_shown(part: Any, rough: bpy.types.Object) -> None:
