@@ -12,10 +12,11 @@ from ..simulate.studio.render import Renderer
 from ..simulate.studio.rig import FPS, default_rig
 from ..simulate.studio.settings import StudioSettings
 from ..simulate.studio.source import simulated_source
+from ..simulate.studio.video import LOSSLESS
 from ..system.progress import Progress
 from .options import add_choice, add_number, add_switch, add_text, seed
 
-_CODECS = {"ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}
+_CODECS = {"huffyuv": LOSSLESS, "ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}
 
 
 def add_parser(subparsers: Any) -> None:
@@ -34,7 +35,7 @@ def add_parser(subparsers: Any) -> None:
     add_text(parser, "--background", "N", "images of the empty room (default 60)", type=int, default=60)
     add_text(parser, "--board-views", "N", "positions of the board (default 24)", type=int, default=24)
     add_choice(
-        parser, "--codec", sorted(_CODECS), "ffv1 keeps every grey level (default); others are smaller", default="ffv1"
+        parser, "--codec", sorted(_CODECS), "huffyuv (default) and ffv1 keep every grey level; others are smaller", default="huffyuv"
     )
     parser.set_defaults(run=run)
 

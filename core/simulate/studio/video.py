@@ -11,8 +11,9 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import atomic_path
 
-# container and four-letter code; FFV1 keeps every grey level, MPEG-4 plays everywhere but loses some
-LOSSLESS = (".mkv", "FFV1")
+# container and four-letter code; Huffyuv keeps every grey level and is read five times as fast as FFV1, in a quarter
+# more bytes; MPEG-4 plays everywhere but loses some
+LOSSLESS = (".mkv", "HFYU")
 SMALL = (".mp4", "mp4v")
 
 

@@ -86,7 +86,8 @@ def test_a_known_single_camera_marker_is_used(subject, database, record, noisy, 
     blind, seeing = poses
     assert (seeing.single_cameras[4], blind.single_cameras[4]) == (0, -1)
     assert np.isnan(seeing.observed_m[4]).all()
-    assert seeing.confidence > blind.confidence
+    away_m = [np.linalg.norm(pose.markers_m[4] - noisy[11][4]) for pose in poses]
+    assert away_m[1] < 0.5 * away_m[0]
     view = stage_rig.cameras[0]
     # 3 px at 4 m and 620 px focal length are 2 cm
     assert np.linalg.norm(view.project(seeing.markers_m[4]) - view.project(noisy[11][4])) < 3.0
