@@ -35,7 +35,11 @@ def add_parser(subparsers: Any) -> None:
     add_text(parser, "--background", "N", "images of the empty room (default 60)", type=int, default=60)
     add_text(parser, "--board-views", "N", "positions of the board (default 24)", type=int, default=24)
     add_choice(
-        parser, "--codec", sorted(_CODECS), "huffyuv (default) and ffv1 keep every grey level; others are smaller", default="huffyuv"
+        parser,
+        "--codec",
+        sorted(_CODECS),
+        "huffyuv (default) and ffv1 keep every grey level; others are smaller",
+        default="huffyuv",
     )
     parser.set_defaults(run=run)
 
