@@ -159,7 +159,7 @@ vmc-flood: export OPENBLAS_NUM_THREADS := 1
 vmc-flood: $(STAMP)
 	$(BIN)/python tools/vmc_flood.py --seconds $(FLOOD_SECONDS)
 
-# One of two cameras fails in seven ways, 20 times each; takes 11 minutes.
+# One of two cameras fails in nine ways, 20 times each; takes a quarter of an hour.
 camera-faults: $(STAMP)
 	$(BIN)/python tools/camera_faults.py --count 20
 

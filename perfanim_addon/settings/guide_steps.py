@@ -181,6 +181,10 @@ def _always(name: str) -> Callable[[Any], str]:
     return lambda settings: name
 
 
+def _live_or_recorded(live: str, recorded: str) -> Callable[[Any], str]:
+    return lambda settings: recorded if settings.source in ("VIDEOS", "IMAGES") else live
+
+
 def _calibrating(settings: Any) -> str:
     return "calibrate_board" if settings.source in ("CAMERAS", "SIMULATED") else "calibrate_cameras"
 
@@ -196,9 +200,15 @@ def _calibrating_text(settings: Any) -> str:
     return "Choose the folders with each camera's pictures of the board, or a calibration under Cameras."
 
 
+_POSES_TEXT = _live_or_recorded(
+    "Leave the view empty, click, then take the three poses of the countdown.",
+    "Needs a recording that begins with the empty view and shows the three poses.",
+)
+
+
 def _measuring_text(settings: Any) -> str:
     if _measuring(settings) == "calibrate_performer":
-        return "Leave the view empty, click, then take the three poses of the countdown."
+        return _POSES_TEXT(settings)
     return "Type your height and click: a body of average proportions is used."
 
 
@@ -220,7 +230,10 @@ STEPS = (
     ),
     GuideStep(
         "Exposure",
-        _always("Leave the view empty, click, then stand before the cameras with the markers on and walk about."),
+        _live_or_recorded(
+            "Leave the view empty, click, then stand before the cameras with the markers on and walk about.",
+            "Click to look through the recording. It should begin with the empty view.",
+        ),
         _always("check_setup"),
         "guide",
         _exposure,
@@ -237,7 +250,10 @@ STEPS = (
     ),
     GuideStep(
         "Floor",
-        _always("Lay the board on the floor where you will stand."),
+        _live_or_recorded(
+            "Lay the board on the floor where you will stand.",
+            "Recorded pictures set no floor. Skip this step: the feet in the T pose give it.",
+        ),
         _always("set_floor"),
         "cameras",
         _floor,
@@ -245,7 +261,10 @@ STEPS = (
     ),
     GuideStep(
         "Markers",
-        _always("Put the markers of the set on. Leave the view empty, click, then hold a T pose and walk about."),
+        _live_or_recorded(
+            "Put the markers of the set on. Leave the view empty, click, then hold a T pose and walk about.",
+            "Choose the set that was worn and click. The recording should show a T pose and a walk.",
+        ),
         _always("check_setup"),
         "guide",
         _worn,
@@ -277,7 +296,10 @@ STEPS = (
     ),
     GuideStep(
         "Capture",
-        _always("All is ready. Walk about for ten seconds as a test, then stop: the guide says how good it will be."),
+        _live_or_recorded(
+            "All is ready. Walk about for ten seconds as a test, then stop: the guide says how good it will be.",
+            "All is ready. Click: after the end of the recording the guide says how good it was.",
+        ),
         _always("start_capture"),
         "capture",
         lambda _: _TODO,

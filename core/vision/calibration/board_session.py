@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Image, Mask
-from .board import Board, find_board, glimpse_board, seen_grid
+from .board import Board, BoardView, find_board, glimpse_board, seen_grid
 from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered, update_reachable
 from .board_guidance import OtherBoardProbe, Target, TargetRegions, is_alike, move_advice, visibility_advice
 from .board_watch import BoardObservation, BoardWatch, placement_of
@@ -156,6 +156,11 @@ class BoardSession:
     def coverage(self) -> tuple[Mask, ...]:
         """Per camera the cells of its image that the board has covered."""
         return tuple(camera.covered for camera in self._cameras)
+
+    @property
+    def board_views(self) -> dict[str, list[BoardView]]:
+        """The board in each camera's views, by the camera's name in sentences."""
+        return {camera.title: list(camera.views.values()) for camera in self._cameras}
 
     @property
     def fraction(self) -> float:

@@ -23,6 +23,7 @@ from ...geometry.rig_file import rig_tables
 from ...simulate.studio.boards import BoardPose, CarriedBoard, board_poses
 from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
+from ...subjects.setup_check.board_faults import board_faults
 from ...vision.calibration.board import Board, parse_board
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from ...vision.calibration.board_session import BoardSession, Guidance
@@ -59,6 +60,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         channel.send_status("calibrating", 1.0)
         result = session.finish()
     summary = calibration_summary(result, board.square_m)
+    summary["advice"] += [finding.text for finding in board_faults(board, session.board_views)]
     channel.send_result({**summary, "rig": rig_tables(result.rig), "pictures": [str(path) for path in folders]})
 
 

@@ -10,35 +10,22 @@ import numpy as np
 import pytest
 from clicked import run_job
 from measured_layout import Context, Layout, cut_off, stand_in
-from perfanim.core.body.motion import resampled
 from perfanim.core.cli.main import main
-from perfanim.core.formats.markers.marker_files import write_take
-from perfanim.core.formats.motion.bvh import write_bvh
-from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.reading import read_take_file
 from perfanim.core.formats.take_file.setup import TakeNotes
 from perfanim.core.formats.take_file.whole import write_whole_take
-from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.subjects.body_change import PARTS, sized
-from perfanim.core.system.assets import MOTION
+from wrong_performer import record_walk_of_a_wrong_performer
 
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """A walk recorded with a performer whose bones are 10 % too long, and a database with it."""
     folder = tmp_path_factory.mktemp("walk")
-    motion = resampled(read_motion(MOTION / "walking-02-energetic.bvh"), 30.0)
-    write_bvh(motion, folder / "walk.bvh")
-    assert main(["database", "build", str(folder / "walk.bvh"), "--fps", "30", "--out", str(folder / "walk.pfdb")]) == 0
-    right = Subject("Anna", motion.skeleton, load_marker_set("locomotion"))
-    wrong = Subject("Anna", sized(right.skeleton, np.full(len(PARTS), 0.1)), right.marker_set)
-    save_subject(wrong, folder / "anna.toml")
-    write_take(simulate_markers(motion, right, 1.0, seed=1)[0], folder / "walk.take.npz")
+    made = record_walk_of_a_wrong_performer(folder)
     given = ["--subject", str(folder / "anna.toml"), "--database", str(folder / "walk.pfdb"), "--out", str(folder)]
     assert main(["take", "import", str(folder / "walk.take.npz"), *given]) == 0
-    return SimpleNamespace(take=folder / "walk.perftake", folder=folder, right=right, wrong=wrong)
+    return SimpleNamespace(take=folder / "walk.perftake", **vars(made))
 
 
 @pytest.fixture

@@ -107,16 +107,33 @@ def test_trackers_need_no_camera_steps(guide: Any, chosen: Any) -> None:
 
 def test_each_sentence_is_about_its_button(guide: Any, chosen: Any) -> None:
     steps = {step.title: step for step in guide.STEPS}
-    for source, calibrating, measuring in (
-        ("CAMERAS", "Hold the board", "three poses"),
-        ("IMAGES", "Choose the folders", "three poses"),
-        ("VMC", "Choose the folders", "Type your height"),
-    ):
+    sentences = {
+        "CAMERAS": (
+            "stand before",
+            "Hold the board",
+            "Lay the board",
+            "Put the markers",
+            "Leave the view",
+            "Walk about",
+        ),
+        "IMAGES": (
+            "the recording",
+            "Choose the folders",
+            "a recording",
+            "that was worn",
+            "the three poses",
+            "after the end",
+        ),
+        "VMC": ("", "Choose the folders", "", "", "Type your height", "Walk about"),
+    }
+    for source, expected in sentences.items():
         chosen.source = source
         if source == "IMAGES":
             chosen.left_folder = chosen.right_folder = "/film"
-        assert calibrating in steps["Calibrate"].text(chosen)
-        assert measuring in steps["Performer"].text(chosen)
+        for name, words in zip(
+            ("Exposure", "Calibrate", "Floor", "Markers", "Performer", "Capture"), expected, strict=True
+        ):
+            assert words in steps[name].text(chosen)
 
 
 def test_every_button_is_an_operator_and_every_setting_exists(guide: Any, chosen: Any) -> None:

@@ -56,6 +56,7 @@ def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
     taken = result["used"]
     assert taken >= 4
     assert taken >= 8 or any(f"{taken} moments" in advice for advice in result["advice"])  # too few to be sure
+    assert not any("too small" in advice for advice in result["advice"])
     found, true = rig_from(result["rig"], "result"), default_rig()
     assert found.baseline_m() == pytest.approx(true.baseline_m(), rel=3 * result["distance_sigma_percent"] / 100.0)
     for side in ("left", "right"):
@@ -67,6 +68,15 @@ def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
     # red, green, blue: what has been covered is green
     greener = [float(np.mean(p[..., 1].astype(float) - p[..., 0])) for p in pictures]
     assert greener[-1] > greener[0] + 2.0
+
+
+def test_a_board_that_is_too_small_is_told_of_each_camera(tmp_path: Path) -> None:
+    spec = "chessboard:9x6:35mm"
+    result = outcome(played(asked({"kind": "simulated"}, tmp_path, board=spec, limit=4))).json()
+    told = [advice for advice in result["advice"] if "the board is too small in" in advice]
+    assert len(told) == 2
+    assert "the left camera" in told[0]
+    assert "the right camera" in told[1]
 
 
 def test_pictures_without_the_board_are_an_error_that_says_so(blank: dict[str, Any], tmp_path: Path) -> None:
