@@ -22,7 +22,7 @@ def board_faults(board: Board, views: Mapping[str, Sequence[BoardView]]) -> list
         sizes = [square_px(board, view) for view in seen]
         size = float(np.percentile(sizes, _NEAREST)) if sizes else float("nan")
         if size < _SMALLEST_SQUARE_PX:
-            text = f"the board is too small in {camera}'s pictures: its squares are {size:.0f} pixels wide"
+            text = f"the board is too small in {camera}'s pictures: its squares are {int(size)} pixels wide"
             text += f", {_SMALLEST_SQUARE_PX:.0f} are needed; hold it nearer, or print a larger one"
             findings.append(Finding(Fault.BOARD_SMALL, camera, text))
     return findings

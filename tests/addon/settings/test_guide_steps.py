@@ -119,7 +119,7 @@ def test_each_sentence_is_about_its_button(guide: Any, chosen: Any) -> None:
         "IMAGES": (
             "the recording",
             "Choose the folders",
-            "a recording",
+            "Skip this step",
             "that was worn",
             "the three poses",
             "after the end",

@@ -71,7 +71,7 @@ def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
 
 
 def test_a_board_that_is_too_small_is_told_of_each_camera(tmp_path: Path) -> None:
-    spec = "chessboard:9x6:35mm"
+    spec = "chessboard:9x6:40mm"
     result = outcome(played(asked({"kind": "simulated"}, tmp_path, board=spec, limit=4))).json()
     told = [advice for advice in result["advice"] if "the board is too small in" in advice]
     assert len(told) == 2
