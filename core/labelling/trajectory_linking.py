@@ -281,10 +281,10 @@ def _gap_cost(where: IntArray, own: Array, marker: int, positions: Array, frames
     axis = _depth_axes([frames[int(where[0])]])[0]
     costs = []
     before, after = known[known < where[0]], known[known > where[-1]]
-    for mine, point, side in ((where[0], own[0], before), (where[-1], own[-1], after)):
-        if len(side) == 0:
+    for mine, point, nearest in ((where[0], own[0], before[-1:]), (where[-1], own[-1], after[:1])):
+        if len(nearest) == 0:
             continue
-        other = int(side[-1] if side[-1] < mine else side[0])
+        other = int(nearest[0])
         gap_s = abs(frames[int(mine)].time_s - frames[other].time_s)
         sigma = _CONTINUITY_M + _CONTINUITY_M_S * gap_s
         squared = _squared_gates(point - positions[other, marker], sigma, axis)

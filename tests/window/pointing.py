@@ -60,6 +60,12 @@ class Hand:
         self._desktop.move(*self._window.from_top(view, view[2] * 0.2, view[3] * 0.75))
         time.sleep(0.4)
 
+    def scroll_to_the_end(self) -> None:
+        """Scroll the sidebar down to its end."""
+        region = self._window.state()["regions"]["UI"]
+        self._desktop.move(*self._window.from_top(region, region[2] * 0.5, region[3] * 0.5))
+        self._desktop.run("xdotool", "click", "--repeat", "30", "--delay", "30", "5")
+
     def menu(self, *words: str) -> None:
         """Click on the entries of a menu, one after the other; again where a busy machine has lost the click."""
         for word, following in zip(words, (*words[1:], ""), strict=True):

@@ -26,6 +26,7 @@ def test_a_performer_is_refined_by_a_take_and_used(desktop: Desktop, window: Ble
     hand.click("Refine Performer", sidebar=True)
     window.wait(lambda s: s["capture"]["activity"], "start of the refinement")
     window.wait(lambda s: s["capture"]["activity"] is None, "end of the refinement")
+    hand.scroll_to_the_end()
     hand.shot("changes")
     hand.click("Use", sidebar=True)
     assert "anna refined.toml is used from now on" in said_of_takes(window, "refined")
