@@ -146,7 +146,8 @@ def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: 
         return
     column = layout.column(align=True)
     for text in (f"{found.subject.name}, refined by this take:", *found.changes):
-        drawing.draw_text(context, column, text, "BLANK1")
+        # no line begins with a sign that belongs to the number before it
+        drawing.draw_text(context, column, text.replace("± ", "±\u00a0").replace(" %", "\u00a0%"), "BLANK1")
     row = column.row(align=True)
     row.operator("perfanim.use_refined_performer", text="Use", icon="CHECKMARK")
     row.operator("perfanim.refuse_refined_performer", text="Keep", icon="X")
