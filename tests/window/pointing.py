@@ -19,6 +19,7 @@ MOVED = 0.003  # of the sidebar's pixels change where a panel opens or closes: a
 TRIES = 4
 OPENED_S = 10.0  # in which a busy machine has opened a menu
 BESIDE_PX, CLEAR_PX, HALF_ROW_PX = 6, 80, 10  # the free part of a heading: from its word, width, half its height
+_EDGE_PX = 4  # from the sidebar's edge: beside the lists, which would scroll themselves
 PATH_PX = 510  # from the word Bookmarks in the file browser to the middle of the path
 
 
@@ -63,7 +64,7 @@ class Hand:
     def scroll_to_the_end(self) -> None:
         """Scroll the sidebar down to its end."""
         region = self._window.state()["regions"]["UI"]
-        self._desktop.move(*self._window.from_top(region, region[2] * 0.5, region[3] * 0.5))
+        self._desktop.move(*self._window.from_top(region, _EDGE_PX, region[3] * 0.5))
         self._desktop.run("xdotool", "click", "--repeat", "30", "--delay", "30", "5")
 
     def menu(self, *words: str) -> None:
