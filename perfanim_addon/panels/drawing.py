@@ -1,5 +1,7 @@
 """Drawing of text, progress and properties in panels of any width."""
 
+import re
+
 import bpy
 
 from ..jobs import activity
@@ -53,9 +55,9 @@ def shortened(text: str, width: int) -> str:
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Return the text in lines of at most `width` characters; long words are cut."""
+    """Return the text in lines of at most `width` characters; long words are cut, no-break spaces kept."""
     lines: list[str] = []
-    for word in text.split():
+    for word in re.findall(r"[^ \n]+", text):
         if lines and len(lines[-1]) + 1 + len(word) <= width:
             lines[-1] += f" {word}"
         else:

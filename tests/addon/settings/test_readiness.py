@@ -133,6 +133,10 @@ def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> 
     lines = panels.wrapped(text, 32)
     assert all(len(line) <= 32 for line in lines)
     assert panels.wrapped("", 32) == []
+    assert panels.wrapped("lower legs 10\u00a0% shorter (±\u00a012\u00a0%)\nagain", 30) == [
+        "lower legs 10\u00a0% shorter",
+        "(±\u00a012\u00a0%) again",
+    ]
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")
 
 
