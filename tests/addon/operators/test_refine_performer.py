@@ -200,10 +200,10 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, wa
     changes = ["arms 4 % longer (± 1 %)", "lower legs 14 % longer (± 10 %)", "marker right shoulder 12 mm (± 10 mm)"]
     offer.keep_refined(take, walk.right, changes)
     drawn = labels(panel, takes.draw_offer)
-    assert {"Use", "Keep", "Anna, refined by this take:", "Arms 4 % longer (± 1 %)"} <= set(drawn)
+    assert {"Use", "Keep", "Anna, refined by this take:", "Arms 4\u00a0% longer (±\u00a01\u00a0%)"} <= set(drawn)
     assert cut_off(takes.draw_offer, panel) == []
     takes._fill()
-    assert "Arms 4 % longer (± 1 %)" in labels(takes.PERFANIM_PT_takes, lambda each, at: each.draw(at))
+    assert "Arms 4\u00a0% longer (±\u00a01\u00a0%)" in labels(takes.PERFANIM_PT_takes, lambda each, at: each.draw(at))
 
 
 def test_the_end_of_a_capture_makes_the_offer(part: Any, anna: Path, take: str) -> None:
