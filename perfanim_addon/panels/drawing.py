@@ -55,7 +55,10 @@ def shortened(text: str, width: int) -> str:
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Return the text in lines of at most `width` characters; long words are cut, no-break spaces kept."""
+    """Return the text in lines of at most `width` characters.
+
+    Long words are cut; no-break spaces hold words together.
+    """
     lines: list[str] = []
     for word in re.findall(r"[^ \n]+", text):
         if lines and len(lines[-1]) + 1 + len(word) <= width:
