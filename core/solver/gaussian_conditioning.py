@@ -87,17 +87,19 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
     return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
 
 
-def widen_apart(prior: Prior, other: Prior, share: float) -> Prior:
-    """Return a prior widened at the joints where another is far away.
+def widen_by_doubts(prior: Prior, other: Prior, doubts: Array, share: float) -> Prior:
+    """Return a prior widened at the joints that are doubted, most where another is far away.
 
-    Variances of a joint are multiplied by this share of the squared distance of the means in units of both priors'
-    variances, where that is over 1. What does not turn still does not, and what turns together still does.
+    Variances of a joint are multiplied by its doubt (J - 1,), and by this share of the doubt times the squared distance
+    of the means in units of both priors' variances, each where it is over 1. What does not turn still does not, and what
+    turns together still does.
     """
     shift, mine, others = (
         np.add.reduce(each.reshape(-1, 3), axis=1)
         for each in (np.square(prior.mean - other.mean), prior.covariance.diagonal(), other.covariance.diagonal())
     )
-    widened = np.repeat(np.sqrt(np.maximum(1.0, share * shift / (mine + others))), 3)
+    apart = np.maximum(1.0, share * doubts * shift / (mine + others))
+    widened = np.repeat(np.sqrt(np.maximum(1.0, doubts) * apart), 3)
     return Prior(prior.mean, prior.covariance * widened * widened[:, None])
 
 

@@ -12,7 +12,7 @@ from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
-from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_apart
+from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_by_doubts
 from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, PriorEstimate, open_network
 from .observation import Observation
@@ -37,6 +37,9 @@ _MOST_DOUBT = 100.0
 # For bodies that the database lacks, neighbours in doubt are doubted joint by joint: most of all where they are further
 # from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
 _DOUBT_OF_JOINTS = 0.3  # share of the doubt
+# A learned prior that leaves much open is close to any markers. For joints whose markers are all hidden it counts as no
+# closer than this: the others' markers do not show that it knows of these.
+_LEAST_OFF = 0.8
 # where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
 # widened by as much: it moves as they do not
 _USUAL_DEVIATION = 0.5
@@ -301,19 +304,15 @@ class BestMethod:
         off, *learned_off = deviations(priors, problem.observation, root, root_sigma, self._subject)
         widening = max(1.0, (off / _USUAL_DEVIATION) ** 2) if known else 1.0
         if learned:
-            # without markers nothing speaks for either
-            trusted = _TRUSTED_KNOWN if known else _TRUSTED
-            ratio = off / (learned_off[0] * trusted) if learned_off[0] else 1.0
-            if not known:  # neighbours that explain the markers within their deviations are hardly doubted
-                ratio *= min(1.0, off)
-            doubt = min(max(ratio**4, 1.0 / _MOST_DOUBT), _MOST_DOUBT)
-            if not known:
-                prior = widen_apart(prior, learned.pose, _DOUBT_OF_JOINTS * doubt)
-            prior = continue_prior(
-                Prior(prior.mean, max(widening, doubt) * prior.covariance),
-                learned.pose.mean,
-                learned.pose.covariance / (settings.prior_share * min(doubt, 1.0)),
-            )
+            doubt = _doubt(off, learned_off[0], known)
+            if known:
+                prior = Prior(prior.mean, max(widening, doubt) * prior.covariance)
+            else:
+                hidden = self._subject.hidden_joints(problem.observation.seen)
+                doubts = np.where(hidden, _doubt(off, max(learned_off[0], _LEAST_OFF)), doubt)
+                prior = widen_by_doubts(prior, learned.pose, doubts, _DOUBT_OF_JOINTS)
+            share = settings.prior_share * min(doubt, 1.0)
+            prior = continue_prior(prior, learned.pose.mean, learned.pose.covariance / share)
         else:
             prior = Prior(prior.mean, widening * prior.covariance)
         if state.pose is not None and state.previous_pose is not None:
@@ -348,3 +347,15 @@ class BestMethod:
         """Return earlier markers and earlier poses of database frames (K,), a row each."""
         count = len(frames)
         return self._markers.of_frames(frames).reshape(count, -1), self._poses.of_frames(frames).reshape(count, -1)
+
+
+def _doubt(off: float, learned_off: float, known: bool = False) -> float:
+    """Return how much the neighbours are doubted, by the markers' distances from both.
+
+    Over 1 they count less, under 1 the learned prior does.
+    """
+    # without markers nothing speaks for either
+    ratio = off / (learned_off * (_TRUSTED_KNOWN if known else _TRUSTED)) if learned_off else 1.0
+    if not known:  # neighbours that explain the markers within their deviations are hardly doubted
+        ratio *= min(1.0, off)
+    return min(max(ratio**4, 1.0 / _MOST_DOUBT), _MOST_DOUBT)

@@ -69,6 +69,11 @@ class Observation:
         return np.asarray(np.logical_and.reduce(np.isfinite(self.points_m), axis=-1))
 
     @cached_property
+    def seen(self) -> Mask:
+        """(M,) markers that one camera or more see."""
+        return self.located | (self.cameras >= 0)
+
+    @cached_property
     def single(self) -> Mask:
         """(M,) markers seen by one camera only."""
         return (self.cameras >= 0) & ~self.located

@@ -11,7 +11,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database, rotations_from_pose
 from ..errors import SubjectError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, FloatArray
+from ..geometry.arrays import Array, FloatArray, Mask
 from ..markers.subject import Subject
 from .posed_markers import markers_at_rest
 
@@ -58,8 +58,14 @@ class SubjectModel:
         self.torso = subject.marker_set.torso
         self._body, self._carrying = self.skeleton.carrying(self.joints)  # other joints move no marker
         self._carriers = np.argmax(self._carrying == self.joints[:, None], axis=1)
+        self._moving = self.skeleton.is_ancestor[self.joints]
         self._columns = np.concatenate(([0], 1 + self._carrying))
         self._mean_matrices = rot.to_matrix(mean_rotations)[self._carrying[1:]]
+
+    def hidden_joints(self, seen: Mask) -> Mask:
+        """Return which joints but the root (J - 1,) move markers, but none of the seen ones (M,)."""
+        moving = self._moving
+        return np.asarray(moving[~seen].any(axis=0) & ~moving[seen].any(axis=0))[1:]
 
     def rotations(self, pose: Array, root: RootPose) -> Array:
         """Return local rotations (J, 4), the root's included."""

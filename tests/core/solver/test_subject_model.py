@@ -59,3 +59,15 @@ def test_another_skeleton_is_refused(subject, database):
     other = Skeleton(names, skeleton.parents, skeleton.offsets_m, skeleton.tips_m)
     with pytest.raises(SubjectError, match="lacks the standard skeleton's joints; calibrate the subject"):
         SubjectModel(Subject("a", other, subject.marker_set), database.mean_rotations)
+
+
+def test_joints_are_hidden_where_no_marker_below_them_is_seen(model):
+    names, markers = model.skeleton.names, model.subject.marker_set.markers
+    arm = {"lclavicle", "lhumerus", "lradius", "lwrist", "lhand"}
+    seen = np.array([marker.joint not in arm for marker in markers])
+    assert not seen.all()
+    hidden = {name for name, is_hidden in zip(names[1:], model.hidden_joints(seen), strict=True) if is_hidden}
+    moved = {names[joint] for marker in markers if marker.joint in arm
+             for joint in np.flatnonzero(model.skeleton.is_ancestor[names.index(marker.joint)])}  # fmt: skip
+    assert hidden == moved & arm
+    assert not model.hidden_joints(np.ones(len(markers), dtype=bool)).any()
