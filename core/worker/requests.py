@@ -141,7 +141,7 @@ _REQUESTS: dict[str, Mapping[str, Kind]] = {
     "capture": _CAPTURE,
     "cameras": _CAMERAS,
     "trackers": _TRACKERS,
-    "command": {"arguments": _TEXTS},
+    "command": {"arguments": _TEXTS, "gently": optional(_FLAG)},
     "record board": {
         **_BOARD,
         "limit": number("a whole number", 1, 10_000, whole=True),

@@ -19,12 +19,12 @@ from ..settings.result_settings import start_frame
 from ..viewport import camera_preview, overlay
 from . import request, sound
 from .capture_run import CaptureRun, Phase
+from .live_refinement import REFINED_AT_S, LiveRefinement
 from .recording import Cue, Recording
 from .scene_driver import SceneDriver
 from .write_take import RecordedPart, TakeMotion, write_take
 
 _JUDGED_POSES = 600  # at the end of a capture: ten seconds at 60 Hz
-_REFINING_S = 20.0  # of motion, from which a body is refined well enough to offer it
 
 
 class LiveCapture:
@@ -49,6 +49,7 @@ class LiveCapture:
         self.take_path = ""
         self.setup: request.Setup | None = None
         self._drawn: overlay.Scene | None = None
+        self._refinement: LiveRefinement | None = None
         self._stop_asked = False
         self._kept: str | None = None
 
@@ -112,6 +113,8 @@ class LiveCapture:
         self._apply(context, self._driver, self.run)
         self._draw(context, self._driver, pose)
         self.run.shown()
+        if self._refinement is not None and self._refinement.tick(pose.time_s - self.run.poses[0].time_s):
+            activity.redraw_sidebars()
         return True
 
     def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
@@ -160,6 +163,8 @@ class LiveCapture:
         self._sounds = chosen.record_sound
         self.setup, self.take_path = setup, setup.request["take"]
         self.run = setup.start(self._python)
+        if not readiness.is_known(chosen):  # a simulated performer's body is
+            self._refinement = LiveRefinement(self.take_path, setup.request["database"], self._python)
         if self._stop_asked:
             self.run.stop()
 
@@ -197,6 +202,8 @@ class LiveCapture:
             bpy.app.handlers.frame_change_post.remove(_after_frame_change)
         if self.job is not None:
             self.job.close()
+        if self._refinement is not None:
+            self._refinement.close()
         if self.run is not None:
             self.run.tick()
             self.run.close()
@@ -232,14 +239,12 @@ class LiveCapture:
 def refining_take(capture: LiveCapture, chosen: Any) -> str:
     """Return the take to refine the first performer by, "" for none.
 
-    It must be long enough; a simulated performer's body is known. The refinement runs when the capture has ended: 20 s
-    of frames take 5 s of one core, which the solver lacks then, and a body that changes within a recording would change
-    its motion there.
+    It must be long enough; a simulated performer's body is known.
     """
     poses = capture.run.poses if capture.run is not None else ()
     if len(poses) < 2 or readiness.is_known(chosen):
         return ""
-    is_long = poses[-1].time_s - poses[0].time_s >= _REFINING_S
+    is_long = poses[-1].time_s - poses[0].time_s >= REFINED_AT_S[0]
     return capture.take_path if is_long and exists(capture.take_path) else ""
 
 

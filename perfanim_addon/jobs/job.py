@@ -8,9 +8,9 @@ from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import Message, MessageKind
 
 
-def command(arguments: Sequence[str]) -> dict[str, Any]:
-    """Return the request for a command of `perfanim`."""
-    return {"job": "command", "arguments": list(arguments)}
+def command(arguments: Sequence[str], gently: bool = False) -> dict[str, Any]:
+    """Return the request for a command of `perfanim`; `gently`, other processes go first."""
+    return {"job": "command", "arguments": list(arguments), "gently": gently}
 
 
 class Job:

@@ -39,14 +39,14 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
         if not known.performers:
             raise TakeError("has no performer yet", where=known.notes.name, advice="click Solve Again")
         # the worker's file is read at once; Blender removes this folder at its end
-        self._result = str(Path(bpy.app.tempdir) / f"refined{performer_refinement.ENDING}")
+        self._result = Path(bpy.app.tempdir) / f"refined{performer_refinement.ENDING}"
         database = str(readiness.database_path(settings(context)))
-        return ["calibrate", "subject", self.path, "--refine", self.path, "--database", database, "--out", self._result]
+        return performer_refinement.command_line(self.path, database, self._result)
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """Offer the refined performer, or say that the body fits."""
         subject, was_capture = load_subject(self._result), performer_refinement.captured() == self.path
-        Path(self._result).unlink()
+        self._result.unlink()
         changes = summary["changes"]
         if changes:
             performer_refinement.keep_refined(self.path, subject, changes)

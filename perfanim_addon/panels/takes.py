@@ -148,6 +148,8 @@ def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: 
     for text in (f"{found.subject.name}, refined by this take:", *found.changes):
         # no line begins with a sign that belongs to the number before it
         drawing.draw_text(context, column, text.replace("± ", "±\u00a0").replace(" %", "\u00a0%"), "BLANK1")
+    if isinstance(activity.current(), LiveCapture):
+        return  # its body stays as it is; the answer waits
     row = column.row(align=True)
     row.operator("perfanim.use_refined_performer", text="Use", icon="CHECKMARK")
     row.operator("perfanim.refuse_refined_performer", text="Keep", icon="X")
@@ -168,11 +170,12 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
     """Draw the offers to recover a take and to refine the performer of the last.
 
-    Nothing while capturing.
+    While capturing, what its performer would be refined by.
     """
-    if isinstance(activity.current(), LiveCapture):
-        return
     captured = performer_refinement.captured()
+    if isinstance(activity.current(), LiveCapture):
+        _draw_refined(context, panel.layout, captured)
+        return
     if captured:
         panel.layout.operator("perfanim.refine_performer", text="Refine Performer by This Capture").path = captured
         _draw_refined(context, panel.layout, captured)

@@ -37,6 +37,11 @@ class _Offer:
 _offer = _Offer()
 
 
+def command_line(take: str, database: str, result: Path) -> list[str]:
+    """Return the command that refines a take's first performer and writes it to `result`."""
+    return ["calibrate", "subject", take, "--refine", take, "--database", database, "--out", str(result)]
+
+
 def offer_capture(take: str) -> None:
     """Offer the refinement by the take of the last capture, "" for none of it."""
     _offer.capture = take

@@ -1,4 +1,7 @@
-"""A command of the command line, run in the worker for Blender."""
+"""A command of the command line, run in the worker for Blender.
+
+Request: "arguments", and "gently" where other processes go first.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,6 +9,7 @@ from typing import Any
 from ...cli.guarded_run import guarded_run
 from ...cli.main import COMMANDS, build_parser
 from ...errors import CaptureError
+from ...system.priority import step_back
 from ..channel import Channel
 
 
@@ -18,6 +22,9 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         options = build_parser(arguments[:1]).parse_args(arguments)
     except SystemExit as error:
         raise CaptureError(f"was asked for wrong options: {' '.join(arguments)}", where="worker") from error
+
+    if request.get("gently"):
+        step_back()
 
     def progress(fraction: float, text: str) -> None:
         if channel.stop_requested.is_set():

@@ -47,6 +47,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
         capture.stop()
         tick_until(capture, lambda: capture.done)
         text = capture.keep(bpy.context)
+        assert capture._refinement is None  # a simulated performer's body is known
     finally:
         capture.close()
     figures, poses = capture.run.statistics, capture.run.poses
@@ -332,7 +333,25 @@ def test_times_that_stand_still_are_spread(part: Any) -> None:
     np.testing.assert_allclose(times, [0.0, 0.1, 0.1, 0.1, 0.2], atol=1e-3)
 
 
-def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path) -> None:
+class Refinement:
+    """Stands for `LiveRefinement`."""
+
+    def __init__(self, take: str, database: str, python: str | None) -> None:
+        self.take, self.database = take, database
+        self.seconds: list[float] = []
+        self.is_closed = False
+
+    def tick(self, seconds: float) -> bool:
+        self.seconds.append(seconds)
+        return False
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def test_image_folders_are_captured_to_their_end(
+    part: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     source = open_simulated({"kind": "simulated", "behaviour": "walking", "seconds": 3.0, "height_m": 1.75})
     count = 60
     for number in range(200, 200 + count):
@@ -350,6 +369,7 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path) -> N
         if part("settings.readiness").starter_database_path().exists()
         else part("operators.database").starter_arguments()
     )
+    monkeypatch.setattr(part("capture.live_capture"), "LiveRefinement", Refinement)
     capture = part("capture.live_capture").LiveCapture(None, prepare)
     try:
         tick_until(capture, lambda: capture.done)
@@ -358,4 +378,9 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path) -> N
         capture.close()
     assert capture.run.error is None
     assert text.startswith(f"{count} frames recorded")
+    refinement = capture._refinement
+    assert refinement.is_closed
+    assert (refinement.take, refinement.database) == (capture.take_path, capture.setup.request["database"])
+    assert refinement.seconds == sorted(refinement.seconds)
+    assert 0.0 <= refinement.seconds[-1] <= capture.run.poses[-1].time_s - capture.run.poses[0].time_s
     assert capture.run.statistics.handed_over == count

@@ -1,6 +1,7 @@
 """A performer is refined by a take of the list, and used or refused."""
 
 import shutil
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from clicked import run_job
+from clicked import PATIENCE_S, run_job
 from measured_layout import Context, Layout, cut_off, stand_in
 from perfanim.core.cli.main import main
 from perfanim.core.formats.take_file.reading import read_take_file
@@ -106,7 +107,7 @@ def test_a_body_that_fits_is_said_to_where_the_button_was(part: Any, walk: Simpl
         offer.offer_capture(captured)
         result = Path(bpy.app.tempdir) / "refined.toml"
         save_subject(walk.right, result)
-        clicked = SimpleNamespace(path=take, _result=str(result))
+        clicked = SimpleNamespace(path=take, _result=result)
         text = operator.PERFANIM_OT_refine_performer.on_result(clicked, bpy.context, {"changes": []})
         assert text == "Anna fits this take: nothing to change"
         assert part("jobs.activity").message("capture")[0] == shown
@@ -217,3 +218,62 @@ def test_the_end_of_a_capture_makes_the_offer(part: Any, anna: Path, take: str) 
         ended = operator._finish(SimpleNamespace(_capture=capture, report=lambda *_: None), bpy.context)
         assert (ended, offer.captured()) == ({"FINISHED"}, offered)
         assert part("jobs.activity").message("capture")[0] == "2 frames recorded"
+
+
+def refined_live(part: Any, take: str, database: Path, seconds: float) -> Any:
+    """Return the refinement of a capture after so many seconds, its work done."""
+    refinement = part("capture.live_refinement").LiveRefinement(take, str(database), None)
+    limit = time.monotonic() + PATIENCE_S
+    is_offered = refinement.tick(seconds)
+    while refinement._job is not None:
+        assert time.monotonic() < limit
+        time.sleep(0.05)
+        is_offered |= refinement.tick(seconds)
+    assert is_offered == (part("settings.performer_refinement").refined() is not None)
+    return refinement
+
+
+def test_a_wrong_body_is_refined_while_the_capture_goes_on(
+    part: Any, walk: SimpleNamespace, anna: Path, take: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path(take).write_bytes(Path(take).read_bytes()[:-400])  # as a file that is still being written
+    offer, before = part("settings.performer_refinement"), anna.read_bytes()
+    refinement = part("capture.live_refinement").LiveRefinement(take, str(walk.folder / "walk.pfdb"), None)
+    assert not refinement.tick(19.9)
+    assert refinement._job is None
+    refined_live(part, take, walk.folder / "walk.pfdb", 20.0)
+    assert offer.captured() == offer.refined().take == take
+    assert bones_off(offer.refined().subject, walk.right) < 0.6 * bones_off(walk.wrong, walk.right)
+    assert (anna.read_bytes(), bpy.context.scene.perfanim.subject) == (before, str(anna))
+    assert [file.name for file in Path(bpy.app.tempdir).glob("refined*")] == []
+    takes, panel = part("panels.takes"), part("panels.capture").PERFANIM_PT_capture
+    drawn = labels(panel, takes.draw_offer)
+    assert {"Use", "Keep", "Anna, refined by this take:"} <= set(drawn)
+    monkeypatch.setattr(takes.activity, "current", lambda: object.__new__(takes.LiveCapture))
+    while_capturing = labels(panel, takes.draw_offer)
+    assert "Anna, refined by this take:" in while_capturing
+    assert not {"Use", "Keep", "Refine Performer by This Capture"} & set(while_capturing)
+
+
+def test_a_capture_that_refines_nothing_goes_on(part: Any, walk: SimpleNamespace, take: str, tmp_path: Path) -> None:
+    (tmp_path / "words.perftake").write_text("no take")
+    for file, database in (
+        (tmp_path / "words.perftake", walk.folder / "walk.pfdb"),
+        (take, tmp_path / "gone.pfdb"),
+    ):
+        refinement = refined_live(part, str(file), database, 25.0)
+        assert not refinement.tick(59.0)
+        assert refinement._job is None
+    nothing = part("capture.live_refinement").LiveRefinement(f"{take}.gone", str(walk.folder / "walk.pfdb"), None)
+    assert not nothing.tick(30.0)
+    assert nothing._job is None
+
+
+def test_the_end_of_a_capture_ends_its_refinement(part: Any, walk: SimpleNamespace, take: str) -> None:
+    refinement = part("capture.live_refinement").LiveRefinement(take, str(walk.folder / "walk.pfdb"), None)
+    refinement.tick(20.0)
+    process = refinement._job._client._process
+    assert process.status is None
+    refinement.close()
+    assert process.status is not None
+    assert part("settings.performer_refinement").refined() is None
