@@ -99,7 +99,7 @@ class ScenePose:
     """Solved poses of all performers and props of a capture at one moment.
 
     Args:
-        performers: one pose for each performer of the capture, in their order; at least one.
+        performers: one pose for each performer of the capture, in their order; without any there is no number.
         props: one pose for each prop, in their order.
         notes: problems of all of them in plain words.
     """

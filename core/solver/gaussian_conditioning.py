@@ -91,8 +91,8 @@ def widen_by_doubts(prior: Prior, other: Prior, doubts: Array, share: float) -> 
     """Return a prior widened at the joints that are doubted, most where another is far away.
 
     Variances of a joint are multiplied by its doubt (J - 1,), and by this share of the doubt times the squared distance
-    of the means in units of both priors' variances, each where it is over 1. What does not turn still does not, and what
-    turns together still does.
+    of the means in units of both priors' variances, each where it is over 1. What does not turn still does not, and
+    what turns together still does.
     """
     shift, mine, others = (
         np.add.reduce(each.reshape(-1, 3), axis=1)

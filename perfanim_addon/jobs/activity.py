@@ -52,10 +52,11 @@ def end() -> None:
     _state.activity = _state.timer = None
     if timer is not None:
         bpy.context.window_manager.event_timer_remove(timer)
-    camera_preview.hide()  # the last picture of a job may stay until the next
+    camera_preview.hide()  # the last picture of a job may stay until the next,
     if activity is not None:
         activity.close()
-        overlay.hide()
+    overlay.hide()  # and so may the space that it found
+    if activity is not None:
         redraw_sidebars()
 
 

@@ -8,9 +8,10 @@ from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
 from ..capture import request
 from ..jobs import activity
+from ..preferences.paths import absolute
 from ..settings import camera_choice, guide_steps, ignored_places, readiness
 from ..settings.capture_settings import settings
-from ..viewport import camera_preview
+from ..viewport import camera_preview, overlay
 from .common import PanelOperator
 from .jobs import JobOperator
 
@@ -85,16 +86,20 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         space = guide_steps.space(chosen)
         if space:
             self.keep_picture(space)
+            overlay.show_space(readiness.good(readiness.rig(absolute(chosen.calibration))))
         return "; ".join(filter(None, ("no fault was found", space)))
 
 
 class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
-    """Take nothing at the ringed places for a marker from now on,
+    """Take nothing at the ringed places, or at the one of this number, for a marker from now on,
     live and in films tracked with this calibration. The price: a marker that passes through such a place is not seen
     there. Covering what reflects is better"""
 
     bl_label = "Ignore These Places"
     panel = PANEL
+    number: bpy.props.IntProperty(
+        name="Number", description="Of the ring; 0 for all of them", min=0, options={"HIDDEN", "SKIP_SAVE"}
+    )
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
@@ -102,9 +107,11 @@ class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> str:
         chosen = settings(context)
-        ignored_places.keep(chosen, [*ignored_places.ignored(chosen), *guide_steps.reflections(chosen)])
-        guide_steps.forgive_reflections()
-        camera_preview.hide()
+        found = guide_steps.reflections(chosen)
+        places = {number: place for number, place in found.items() if self.number in (0, number)}
+        ignored_places.keep(chosen, [*ignored_places.ignored(chosen), *places.values()])
+        if guide_steps.forgive_reflections(places):
+            camera_preview.hide()
         return ""
 
 

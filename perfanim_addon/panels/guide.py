@@ -15,6 +15,7 @@ from ..settings.capture_settings import settings
 from .drawing import draw_job, draw_text, header_status
 from .steps import PERFANIM_PT_camera_controls, draw_ignored, draw_source
 
+_IN_A_ROW = 3  # buttons of ringed places
 _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_left", "board_right")
 
 
@@ -47,8 +48,7 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         problem = "" if state.text == readiness.NOT_CALIBRATED else state.problem  # the step itself says so
         for line in problem.splitlines():
             draw_text(context, layout, line, "ERROR")
-        if guide_steps.reflections(chosen):
-            layout.operator("perfanim.ignore_reflections", icon="HIDE_ON")
+        _draw_reflections(layout, chosen)
         draw_ignored(context, layout, chosen)
         name = step.operator(chosen)
         if name:
@@ -63,6 +63,19 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         draw_text(context, layout, guide_steps.space(chosen), "ARROW_LEFTRIGHT")
         if step is guide_steps.STEPS[-1]:
             draw_text(context, layout, guide_steps.walk(), "ARMATURE_DATA")
+
+
+def _draw_reflections(layout: bpy.types.UILayout, chosen: Any) -> None:
+    """Draw the button that ignores all ringed places, and one for each."""
+    numbers = guide_steps.reflections(chosen)
+    if not numbers:
+        return
+    column = layout.column(align=True)
+    column.operator("perfanim.ignore_reflections", icon="HIDE_ON").number = 0
+    if len(numbers) > 1:
+        grid = column.grid_flow(columns=_IN_A_ROW, even_columns=True, align=True, row_major=True)
+        for number in numbers:
+            grid.operator("perfanim.ignore_reflections", text=f"Only {number}").number = number
 
 
 def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.GuideStep) -> None:

@@ -3,7 +3,7 @@
 Each is judged by `readiness` or by the last check of the pictures.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,7 +58,7 @@ class _Seen:
     pictures: tuple[Any, ...] = ()
     setup: tuple[Any, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()
-    reflections: tuple[Place, ...] = ()
+    reflections: dict[int, Place] = field(default_factory=dict)  # by the number beside the ring
     walk: str = ""
     space: str = ""
     skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
@@ -75,9 +75,8 @@ def keep_check(settings: Any, summary: Mapping[str, Any]) -> None:
     """Keep the RESULT of the job `check setup`, made with these settings."""
     _seen.pictures, _seen.setup = _pictures(settings), _setup(settings)
     _seen.findings = tuple((str(row["fault"]), str(row["text"])) for row in summary["findings"])
-    _seen.reflections = tuple(
-        place for row in summary["findings"] if row["fault"] == Fault.REFLECTION for place in row.get("places", ())
-    )
+    found = [row.get("places", ()) for row in summary["findings"] if row["fault"] == Fault.REFLECTION]
+    _seen.reflections = dict(enumerate((place for places in found for place in places), 1))
     _seen.space = str(summary["space"])
 
 
@@ -91,18 +90,22 @@ def walk() -> str:
     return _seen.walk
 
 
-def reflections(settings: Any) -> tuple[Place, ...]:
-    """Return the places that the last check has ringed in these pictures."""
-    return _seen.reflections if _seen.pictures == _pictures(settings) else ()
+def reflections(settings: Any) -> dict[int, Place]:
+    """Return the places that the last check has ringed in these pictures, by number."""
+    return dict(_seen.reflections) if _seen.pictures == _pictures(settings) else {}
 
 
-def forgive_reflections() -> None:
-    """Go on without the reflections of the last check.
+def forgive_reflections(numbers: Iterable[int]) -> bool:
+    """Go on without these reflections of the last check; return whether none is left.
 
     The faults that they hid are looked for in the next one.
     """
-    _seen.findings = tuple(row for row in _seen.findings if row[0] != Fault.REFLECTION)
-    _seen.reflections, _seen.setup = (), ()
+    for number in numbers:
+        _seen.reflections.pop(number, None)
+    _seen.setup = ()
+    if not _seen.reflections:
+        _seen.findings = tuple(row for row in _seen.findings if row[0] != Fault.REFLECTION)
+    return not _seen.reflections
 
 
 def forget() -> None:

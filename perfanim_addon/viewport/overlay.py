@@ -1,4 +1,4 @@
-"""Overlay of markers and solved skeleton in the 3D viewports while live.
+"""Overlay of markers, solved skeleton and space in the 3D viewports.
 
 It costs nothing while it is off, and leaves nothing once it is hidden.
 """
@@ -20,6 +20,7 @@ from ...core.geometry.rig_file import rig_from
 from ...core.markers.subject import Subject
 from ...core.simulate.studio.rig import default_rig
 from ...core.vision.common_space import CommonSpace, common_space
+from ..character.axes import points_to_blender
 from . import drawing
 from .name_layout import PlacedName, place_names
 
@@ -98,6 +99,13 @@ def show(scene: Scene | None, pose: ScenePose, parts: frozenset[str]) -> None:
         _state.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
 
 
+def show_space(rig: CameraRig) -> None:
+    """Show the floor that all cameras see until `hide`, where a new character would stand."""
+    if "floor" in rig.metadata:
+        show(Scene((), np.empty((0, 3)), points_to_blender, rig), ScenePose(()), frozenset({"SPACE"}))
+        drawing.redraw("VIEW_3D")
+
+
 def hide() -> None:
     """Take it away. Safe to call at any time."""
     if _state.handler is None:
@@ -122,9 +130,10 @@ def _draw() -> None:
     shapes.draw()
     for name, place in placed:
         drawing.text(name, place.start, _NAME * scale, _NAME_COLOUR)
-    text = f"Confidence {pose.performers[0].confidence:.0%}"
-    right = drawing.free(area, region)[1] - drawing.text_width(text, _TEXT * scale)
-    drawing.text(text, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(pose.performers[0]))
+    for performer in pose.performers[:1]:
+        text = f"Confidence {performer.confidence:.0%}"
+        right = drawing.free(area, region)[1] - drawing.text_width(text, _TEXT * scale)
+        drawing.text(text, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(performer))
 
 
 def _placed(shapes: "Shapes", names: list[tuple[str, Array]], scale: float) -> list[tuple[str, PlacedName]]:

@@ -111,6 +111,10 @@ class Layout:
             name_px = (text_px(shown) + LABEL_PAD_PX) / NAMES_SHARE
             self._leaf(max(name_px, longest / (1.0 - NAMES_SHARE)), f"{shown}: {max(items, key=text_px, default='')}")
 
+    def texts(self) -> list[str]:
+        """Return all texts, from the top down."""
+        return [self.facts.get("text") or "", *(text for child in self.children for text in child.texts())]
+
     def problems(self, width_px: float) -> Iterator[Problem]:
         """Yield the texts that are cut off in this width."""
         width_px -= self.facts.get("less_px", 0)
@@ -120,7 +124,7 @@ class Layout:
         elif self.kind == "row":
             need_px = sum(child.need_px() for child in self.children)
             if need_px > width_px:  # all shrink
-                yield " | ".join(child.texts() for child in self.children), round(need_px), round(width_px)
+                yield " | ".join(filter(None, self.texts())), round(need_px), round(width_px)
         else:
             for number, child in enumerate(self.children):
                 yield from child.problems(width_px * self._share(number))
@@ -140,10 +144,6 @@ class Layout:
         needs = [child.need_px() / self._share(number) for number, child in enumerate(self.children)]
         total = sum(needs) if self.kind == "row" else max(needs, default=0.0)
         return float(total + self.facts.get("less_px", 0))
-
-    def texts(self) -> str:
-        """All texts."""
-        return self.facts["text"] if self.kind == "leaf" else " | ".join(child.texts() for child in self.children)
 
 
 def stand_in(panel: type, layout: Layout) -> Any:

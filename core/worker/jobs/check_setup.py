@@ -6,7 +6,8 @@ T pose), "fault" (of `Fault`: pictures of a studio with it, and its calibration,
 
 Without "rig" only what single pictures show is judged. The RESULT has "findings" (tables with "fault", "text" and
 "places") and "space" (where all cameras see a performer; "" without a calibration that knows the floor). A last PREVIEW
-has rings around the places of the findings, crosses on ignored ones, and that space on the floor.
+has rings around the places of the findings, reflections numbered from 1 in the RESULT's order, crosses on ignored ones,
+and that space on the floor.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -42,6 +43,7 @@ _POSE_S = 2.0
 _SEED = 18  # of the studio with a fault
 _RING = (60, 170, 255)  # blue, green, red
 _RING_PX = 9
+_TEXT = 1.2  # size of its number
 _SPACE = (80, 255, 80)
 
 
@@ -146,8 +148,23 @@ def _outline(camera: Camera, space: CommonSpace, picture: Image, image_width: in
 
 
 def _ring(findings: Sequence[Finding], camera: int, picture: Image, image_width: int) -> None:
+    number = 0
     for finding in findings:
         for index, x, y in finding.places:
+            is_reflection = finding.fault is Fault.REFLECTION
+            number += is_reflection
             if index == camera:
                 centre = reduced((x, y), picture, image_width)
                 cv2.circle(picture, centre, _RING_PX, _RING, 2, cv2.LINE_AA)
+                if is_reflection:
+                    _write_beside(picture, centre, str(number))
+
+
+def _write_beside(picture: Image, centre: tuple[int, int], text: str) -> None:
+    """Write a text beside a ring, where the picture has room for it."""
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_PLAIN, _TEXT, 1)
+    x = centre[0] + _RING_PX + 3
+    if x + width > picture.shape[1]:
+        x = centre[0] - _RING_PX - 3 - width
+    y = min(max(centre[1] + height // 2, height), picture.shape[0] - 1)
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_PLAIN, _TEXT, _RING, 1, cv2.LINE_AA)

@@ -349,9 +349,7 @@ class Refinement:
         self.is_closed = True
 
 
-def test_image_folders_are_captured_to_their_end(
-    part: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = open_simulated({"kind": "simulated", "behaviour": "walking", "seconds": 3.0, "height_m": 1.75})
     count = 60
     for number in range(200, 200 + count):

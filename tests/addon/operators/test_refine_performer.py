@@ -167,12 +167,7 @@ def labels(panel: Any, draw: Any) -> list[str]:
     """Texts that a panel draws."""
     root = Layout("column")
     draw(stand_in(panel, root), Context())
-    waiting, texts = [root], []
-    while waiting:
-        each = waiting.pop(0)
-        texts.append(each.facts.get("text") or "")
-        waiting = each.children + waiting
-    return texts
+    return root.texts()
 
 
 def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, walk: SimpleNamespace, take: str) -> None:

@@ -9,11 +9,13 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
+from measured_layout import Layout
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry.rig_file import load_rig, rig_tables, save_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.vision.common_space import common_space
 
 GOOD: dict[str, Any] = {"findings": [], "space": ""}
 DARK = {"findings": [{"fault": "too dark", "text": "the left camera is too dark: expose longer"}], "space": ""}
@@ -158,6 +160,28 @@ def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, ch
     assert title(guide, chosen) == "Calibrate"
 
 
+def test_the_space_of_a_good_check_is_drawn_until_the_next_job(
+    part: Any, guide: Any, chosen: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overlay, activity = part("viewport.overlay"), part("jobs.activity")
+    chosen.source = "CAMERAS"
+    calibrate(chosen, tmp_path / "cameras.toml", floor=True)
+    space = common_space(default_rig())
+    clicked = SimpleNamespace(keep_picture=lambda line: None)
+    check = part("operators.guide").PERFANIM_OT_check_setup
+    for summary in (BUMPED | {"space": space.text}, GOOD):
+        check.on_result(clicked, bpy.context, summary)
+        assert overlay._state.handler is None
+    assert check.on_result(clicked, bpy.context, GOOD | {"space": space.text}).endswith(space.text)
+    drawn = overlay._state
+    shapes, names = overlay.shapes_of(drawn.scene, drawn.pose, drawn.parts, lambda points_m: points_m[:, :2], 1.0)
+    assert [text for text, _ in names] == [space.text]
+    assert all(np.isfinite(corners).all() for corners in shapes.corners) and shapes.corners
+    assert np.abs(drawn.scene.placed(space.outline_m)[:, 2]).max() == 0.0  # flat in Blender's axes
+    activity.end()
+    assert overlay._state.handler is None
+
+
 def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     part: Any, guide: Any, chosen: Any, tmp_path: Path
 ) -> None:
@@ -171,7 +195,7 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     found = guide.reflections(chosen)
     assert ignore() == {"FINISHED"}
     assert title(guide, chosen) == "Calibrate" and not ignore.poll()
-    assert places.ignored(chosen) == [tuple(place) for place in found]
+    assert places.ignored(chosen) == [tuple(place) for place in found.values()]
     assert run_job(part, check, clicked) == "no fault was found"
     chosen.source = "CAMERAS"
     assert places.ignored(chosen) == []  # other cameras
@@ -181,7 +205,7 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     part("operators.cameras")._use_rig(chosen, summary, "cameras.toml")
     assert len(load_rig(chosen.calibration).ignored) == len(found)
     first = places.sentences(chosen)[0]
-    assert f"{sum(place[0] == first[0] for place in found)} place" in first[1]
+    assert f"{sum(place[0] == first[0] for place in found.values())} place" in first[1]
     assert first[1].endswith(f"ignored in the {('left', 'right')[first[0]]} camera")
     assert part("capture.request").calibration(chosen)[f"cam_{first[0]}"]["ignored_px"].shape[1] == 2
     for camera, _ in places.sentences(chosen):
@@ -189,6 +213,35 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     assert places.sentences(chosen) == []
     assert len(load_rig(chosen.calibration).ignored) == 0
     assert run_job(part, check, clicked) == "mend first: reflection"  # it is there as before
+
+
+def test_each_reflection_is_ignored_by_its_number(part: Any, guide: Any, chosen: Any) -> None:
+    preview, places = part("viewport.camera_preview"), part("settings.ignored_places")
+    chosen.source, chosen.practise = "SIMULATED", True
+    rows = [
+        {"fault": "reflection", "text": "the left camera sees 2", "places": ((0, 5.0, 6.0), (0, 7.0, 8.0))},
+        {"fault": "too dark", "text": "dark", "places": ((0, 1.0, 1.0),)},
+        {"fault": "reflection", "text": "the right camera sees 1", "places": ((1, 9.0, 9.0),)},
+    ]
+    guide.keep_check(chosen, {"findings": rows, "space": ""})
+    preview.show(np.zeros((4, 8, 3), dtype=np.uint8), "reflection")
+
+    def buttons() -> list[str]:
+        drawn = Layout("column")
+        part("panels.guide")._draw_reflections(drawn, chosen)
+        return list(filter(None, drawn.texts()))
+
+    assert buttons() == ["Ignore These Places", "Only 1", "Only 2", "Only 3"]
+    assert bpy.ops.perfanim.ignore_reflections(number=2) == {"FINISHED"}
+    assert places.ignored(chosen) == [(0, 7.0, 8.0)]
+    assert buttons() == ["Ignore These Places", "Only 1", "Only 3"]
+    assert "the left camera sees 2" in guide.next_step(chosen)[2].problem
+    assert preview.NAME in bpy.data.images  # its numbers still stand for the rest
+    assert bpy.ops.perfanim.ignore_reflections() == {"FINISHED"}
+    assert places.ignored(chosen) == [(0, 7.0, 8.0), (0, 5.0, 6.0), (1, 9.0, 9.0)]
+    assert buttons() == []
+    assert guide.next_step(chosen)[2].problem == "dark"
+    assert preview.NAME not in bpy.data.images
 
 
 @pytest.mark.parametrize(
