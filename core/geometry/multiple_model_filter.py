@@ -92,6 +92,15 @@ class MultipleModelFilter:
         )
         self._rows = rows
 
+    @property
+    def followed(self) -> Mask:
+        """Points (N,) that were seen a moment ago."""
+        return np.asarray(self._time_s - self._seen_s < _PAUSE_S)
+
+    def forget(self, points: Mask) -> None:
+        """Let these points (N,) start over."""
+        self._seen_s[points] = -np.inf
+
     def predict(self, time_s: float) -> None:
         """Move to a later time."""
         self._move(min(max(time_s - self._time_s, 0.0), _PAUSE_S))
@@ -110,7 +119,7 @@ class MultipleModelFilter:
         squares = np.add.reduce(innovations * innovations, axis=-1)
         unlikely = squares / variances
         far = (squares > self._squared_jump) & (unlikely > _JUMP_SIGMAS**2)
-        known = (self._time_s - self._seen_s < _PAUSE_S) & ~np.logical_and.reduce(far, axis=1)
+        known = self.followed & ~np.logical_and.reduce(far, axis=1)
         known &= located
         # of all points, as it usually is, no part has to be picked
         self._update(slice(None) if known.all() else known, innovations, variances, unlikely)

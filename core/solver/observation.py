@@ -34,7 +34,11 @@ class Observation:
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
 
     def smoothed(self, points_m: Array, noise_m: Array) -> "Observation":
-        """Return the observation with other positions (M, 3) and their noise (M,)."""
+        """Return the observation with other positions (M, 3) and their noise (M,).
+
+        Markers that one camera sees keep to its ray.
+        """
+        points_m = np.where(self.single[:, None], np.nan, points_m)
         return Observation(points_m, self.cameras, self.image_points, self.rig, noise_m)
 
     def back_projected(self, markers_m: Array) -> "Observation":

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from perfanim.core.body.motion import Motion, resampled
+from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.store import Database
 from perfanim.core.geometry.camera import CameraRig
@@ -19,7 +19,7 @@ from .feet import feet_errors
 from .figure6 import true_subject
 from .paired import geometric_mean
 from .report import Rows
-from .solved_takes import LIVE, OFFLINE, Way, solve_both_ways
+from .solved_takes import LIVE, OFFLINE, Way, first_pose, solve_both_ways
 
 SEEDS = (0, 1, 2)
 _FARTHER, _PIXELS = 2.0, 0.2  # of one camera's views: the studio's distance times so much, noise of a centre
@@ -37,6 +37,7 @@ MEASURES = (
     "foot_skate_cm_s",
 )
 _SKATE, _DEEPEST = "skate_beyond_cm_s", "toes_below_mm"  # see feet_errors
+_WAITED = "waited_s"  # until the first live pose
 _RATIOS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "main_bone_direction_deg", "jitter_ratio")
 
 
@@ -134,7 +135,8 @@ def solve_disturbed(
 ) -> DisturbedTake:
     """Solve a take live and offline with each disturbance, the clean one first.
 
-    What has no chance in it is solved once.
+    What has no chance in it is solved once. Errors are those from the first live pose on: before it too few markers show
+    where the body is, and the T pose that stands for it tells nothing.
     """
     subject = true_subject(truth)
     rows: list[dict[str, Any]] = []
@@ -147,9 +149,12 @@ def solve_disturbed(
             take, moved = disturbance.take_of(truth, seed)
             ways = solve_both_ways(take, subject, database, settings)
             clean = clean or ways
+            first, last = first_pose(ways[LIVE].poses), moved.frames
+            seen = sliced(moved, first, last)
             for way, solved in ways.items():
-                found[way].append(evaluate(solved.motion, moved) | feet_errors(solved.motion, moved))
-                expected.setdefault((disturbance.name, way), []).append(expected_of(solved.poses, moved))
+                motion = sliced(solved.motion, first, last)
+                found[way].append(evaluate(motion, seen) | feet_errors(motion, seen) | {_WAITED: first / moved.fps})
+                expected.setdefault((disturbance.name, way), []).append(expected_of(solved.poses[first:], seen))
         for way, errors in found.items():
             of = {"disturbance": disturbance.name, "way": way}
             rows.append(of | _means_of(errors))
@@ -161,7 +166,7 @@ def solve_disturbed(
 
 def _means_of(errors: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Return the means of errors over seeds; of toes below the floor the deepest."""
-    means = {unit: round(float(np.mean([error[unit] for error in errors])), 4) for unit in (*MEASURES, _SKATE)}
+    means = {unit: round(float(np.mean([error[unit] for error in errors])), 4) for unit in (*MEASURES, _SKATE, _WAITED)}
     return means | {_DEEPEST: max(error[_DEEPEST] for error in errors)}
 
 

@@ -1,5 +1,6 @@
 """Takes solved by the default method and by `nearest`, with noise or without."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +75,11 @@ def solve_both_ways(take: MarkerTake, subject: Subject, database: Database, sett
     offline = session.solve_two_ways(live.poses, lambda share: None)
     columns = {LIVE: live.poses_of(), OFFLINE: [pose.performers[0] for pose in offline]}
     return {way: Way(motion_of(poses, subject, take.name, take.fps), poses) for way, poses in columns.items()}
+
+
+def first_pose(poses: Sequence[PerformerPose]) -> int:
+    """Return the frame of the first pose that was solved; 0 if none was."""
+    return next((frame for frame, pose in enumerate(poses) if np.isfinite(pose.marker_rms_m)), 0)
 
 
 def solve_twice(

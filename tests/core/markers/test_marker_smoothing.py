@@ -66,11 +66,44 @@ def test_a_marker_that_jumps_or_comes_back_is_where_it_is_seen():
     points[100:, STILL] += [0.4, 0.0, 0.0]
     points[60:120, ARM] = np.nan
     for found in (smoothed(points)[0], smooth_markers(TIMES_S, points)[0]):
-        np.testing.assert_array_equal(np.isnan(found), np.isnan(points))
+        assert not np.isnan(found[~np.isnan(points)]).any()
+        assert np.isnan(found[75:105, ARM]).all()
         assert np.nanmax(np.abs(found[98:103, STILL] - points[98:103, STILL])) < 0.005
         assert np.abs(found[120:125, ARM] - points[120:125, ARM]).max() < 0.01
         away = np.linalg.norm(found - points, axis=-1)
         assert np.nanmax(away) < 0.02
+
+
+def test_a_marker_that_is_hidden_for_a_moment_goes_on_as_it_moved():
+    points = noisy(0.001)
+    points[60:66, [STILL, ARM]] = np.nan
+    (live, sigmas), (both, closer) = smoothed(points), smooth_markers(TIMES_S, points)
+    hidden = np.s_[60:66, [STILL, ARM]]
+    for found, deviations in ((live, sigmas), (both, closer)):
+        away = np.linalg.norm(found - moving(), axis=-1) / np.sqrt(3.0)
+        assert np.all(away[hidden] < 3.0 * deviations[hidden])
+        assert deviations[59, ARM] < deviations[61, ARM]
+    assert np.all(np.diff(sigmas[59:66, ARM]) > 0.0)
+    assert np.all(closer[hidden] < sigmas[hidden])
+    off_live, off_both = (np.linalg.norm(found - moving(), axis=-1)[hidden].max() for found in (live, both))
+    assert off_both < 0.7 * off_live
+    points[60:90, ARM] = np.nan
+    for found, deviations in (smoothed(points), smooth_markers(TIMES_S, points)):
+        known = np.isfinite(found[60:90, ARM, 0])
+        assert known[0] and not known[15]
+        assert deviations[60:90, ARM][known].max() < 0.1
+
+
+def test_after_a_cut_hidden_markers_are_elsewhere_too():
+    points = noisy(0.001)
+    points[60:] += 1.0
+    points[60:64, ARM] = np.nan
+    live, (both, deviations) = smoothed(points)[0], smooth_markers(TIMES_S, points)
+    assert np.isnan(live[60:64, ARM]).all()
+    away = np.linalg.norm(both - moving() - 1.0, axis=-1) / np.sqrt(3.0)  # it is known by what follows
+    assert np.all(away[60:64, ARM] < 3.0 * deviations[60:64, ARM])
+    for found in (live, both):
+        np.testing.assert_allclose(found[60:64, STILL], points[60:64, STILL], atol=0.005)
 
 
 def test_times_far_apart_and_no_markers_are_no_harm():
