@@ -77,7 +77,7 @@ def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
 
 
 def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> Mask:
-    """Correct the prediction; return which markers (M,) go on from where they were.
+    """Correct the prediction; return the markers (M,) that go on from where they were.
 
     After a cut, hidden ones do not: they are elsewhere, too.
     """
@@ -90,7 +90,7 @@ def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> 
 
 
 def _known(points_m: Array, means_m: Array, deviations_m: Array, goes_on: Mask) -> tuple[Array, Array]:
-    """Return the means of located markers and of hidden ones that are known, and their deviations."""
+    """Return the means and deviations of located markers and of known hidden ones."""
     located = np.isfinite(points_m[:, 0])
     deviations_m = np.where(located, 1.0, _SUDDEN) * deviations_m
     known = located | (goes_on & (deviations_m < _KNOWN_M))

@@ -88,7 +88,7 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
 
 
 def widen_by_doubts(prior: Prior, other: Prior, doubts: Array, share: float) -> Prior:
-    """Return a prior widened at the joints that are doubted, most where another is far away.
+    """Return a prior widened at doubted joints, most where another is far away.
 
     Variances of a joint are multiplied by its doubt (J - 1,), and by this share of the doubt times the squared distance
     of the means in units of both priors' variances, each where it is over 1. What does not turn still does not, and

@@ -37,8 +37,8 @@ _MOST_DOUBT = 100.0
 # For bodies that the database lacks, neighbours in doubt are doubted joint by joint: most of all where they are further
 # from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
 _DOUBT_OF_JOINTS = 0.3  # share of the doubt
-# A learned prior that leaves much open is close to any markers. For joints whose markers are all hidden it counts as no
-# closer than this: the others' markers do not show that it knows of these.
+# A learned prior that leaves much open is close to any markers. For joints with all their markers hidden it counts as
+# no closer than this: the others' markers do not show that it knows of these.
 _LEAST_OFF = 0.8
 # where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
 # widened by as much: it moves as they do not
@@ -286,7 +286,7 @@ class BestMethod:
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""
         # by a single camera's rays alone, even a known body is held less closely: its depth is a guess
-        state, known = problem.state, self._known and problem.observation.located.any()
+        state, known = problem.state, self._known and bool(problem.observation.located.any())
         settings = self._settings if known else self._settings_without_depth
         prior, neighbours = self._prior(problem)
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)

@@ -63,7 +63,11 @@ class SubjectModel:
         self._mean_matrices = rot.to_matrix(mean_rotations)[self._carrying[1:]]
 
     def hidden_joints(self, seen: Mask) -> Mask:
-        """Return which joints but the root (J - 1,) move markers, but none of the seen ones (M,)."""
+        """Return the joints but the root (J - 1,) that move hidden markers alone.
+
+        Args:
+            seen: (M,) markers that are not hidden.
+        """
         moving = self._moving
         return np.asarray(moving[~seen].any(axis=0) & ~moving[seen].any(axis=0))[1:]
 

@@ -70,13 +70,6 @@ class LiveCapture:
         """The recording that goes on, or its countdown."""
         return self.recordings[-1] if self.recordings and not self.recordings[-1].over else None
 
-    @property
-    def further_performers(self) -> list[tuple[str, float]]:
-        """Name of each performer after the first, and the confidence of the newest pose."""
-        newest = self.run.poses[-1].performers[1:] if self.run is not None and self.run.poses else ()
-        targets = self._driver.targets[1:] if self._driver is not None else ()
-        return [(target.subject.name, pose.confidence) for target, pose in zip(targets, newest, strict=False)]
-
     def record(self, chosen: Any) -> None:
         """Begin a recording as the settings have it, or end the one that goes on."""
         going = self.recording
@@ -234,6 +227,13 @@ class LiveCapture:
             take_library.mark_captured(self.take_path, request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
+
+
+def further_performers(capture: LiveCapture) -> list[tuple[str, float]]:
+    """Return the name of each performer after the first, with its newest confidence."""
+    newest = capture.run.poses[-1].performers[1:] if capture.run is not None and capture.run.poses else ()
+    performers = capture.setup.performers[1:] if capture.setup is not None else ()
+    return [(subject.name, pose.confidence) for subject, pose in zip(performers, newest, strict=False)]
 
 
 def refining_take(capture: LiveCapture, chosen: Any) -> str:

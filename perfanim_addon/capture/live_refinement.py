@@ -1,4 +1,4 @@
-"""Refinement of the first performer while the capture goes on, by what is recorded so far."""
+"""Refinement of the first performer during a capture, by its recording so far."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ REFINED_AT_S = (20.0, 60.0)
 
 
 class LiveRefinement:
-    """Refines in a process of its own, which leaves solver and Blender their time.
+    """Refines in a process of its own, after solver and Blender.
 
     The captured body stays as it is: one that changed within a recording would change its motion there.
 
@@ -32,7 +32,7 @@ class LiveRefinement:
         self._job: Job | None = None
 
     def tick(self, seconds: float) -> bool:
-        """Begin after so many seconds of motion, or look for a result; return whether there is a new offer.
+        """Go on after so many seconds of motion; return whether there is a new offer.
 
         It never waits. Where nothing can be refined, nothing is offered, and the capture goes on.
         """
@@ -61,7 +61,7 @@ class LiveRefinement:
         return bool(changes)
 
     def close(self) -> None:
-        """End the process; what was found stays an offer."""
+        """End the process; an offer stays."""
         if self._job is not None:
             self._job.close()
             self._job = None

@@ -9,7 +9,10 @@ from ...core.worker.protocol import Message, MessageKind
 
 
 def command(arguments: Sequence[str], gently: bool = False) -> dict[str, Any]:
-    """Return the request for a command of `perfanim`; `gently`, other processes go first."""
+    """Return the request for a command of `perfanim`.
+
+    `gently`, other processes go first.
+    """
     return {"job": "command", "arguments": list(arguments), "gently": gently}
 
 

@@ -91,7 +91,7 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
 
 
 class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
-    """Take nothing at the ringed places, or at the one of this number, for a marker from now on,
+    """Take nothing at the ringed places, or at one of them, for a marker from now on,
     live and in films tracked with this calibration. The price: a marker that passes through such a place is not seen
     there. Covering what reflects is better"""
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..capture.live_capture import LiveCapture
+from ..capture.live_capture import LiveCapture, further_performers
 from ..jobs import activity
 from ..preferences.sidebar_tab import SidebarPanel
+from ..settings import performer_refinement
 
 _Content = tuple[object, ...]
 
@@ -32,7 +33,9 @@ def content() -> _Content:
     run = running.run if isinstance(running, LiveCapture) else None
     if run is None:
         return type(running), activity.messages()
-    return type(running), run.statistics.waiting > 1, len(running.further_performers), run.notice
+    refined = performer_refinement.refined()
+    changes = refined.changes if refined is not None else ()
+    return type(running), run.statistics.waiting > 1, len(further_performers(running)), run.notice, changes
 
 
 class _Empty(SidebarPanel):

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..capture.capture_run import Statistics
-from ..capture.live_capture import LiveCapture
+from ..capture.live_capture import LiveCapture, further_performers
 from ..character.body_parts import PARTS
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
@@ -69,7 +69,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
             draw_progress(layout, run.fraction or 0.0, run.activity)
         else:
             draw_progress(layout, figures.confidence, f"Confidence {figures.confidence:.0%}")
-        for name, confidence in capture.further_performers:
+        for name, confidence in further_performers(capture):
             draw_progress(layout, confidence, f"{name} {confidence:.0%}")
         if figures.waiting > 1:
             layout.label(text=f"Solver {figures.waiting} frames behind", icon="SORTTIME")

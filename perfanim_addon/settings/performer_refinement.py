@@ -38,7 +38,7 @@ _offer = _Offer()
 
 
 def command_line(take: str, database: str, result: Path) -> list[str]:
-    """Return the command that refines a take's first performer and writes it to `result`."""
+    """Return the command that writes a take's refined first performer to `result`."""
     return ["calibrate", "subject", take, "--refine", take, "--database", database, "--out", str(result)]
 
 

@@ -100,7 +100,7 @@ def show(scene: Scene | None, pose: ScenePose, parts: frozenset[str]) -> None:
 
 
 def show_space(rig: CameraRig) -> None:
-    """Show the floor that all cameras see until `hide`, where a new character would stand."""
+    """Show the floor that all cameras see until `hide`, where a new character stands."""
     if "floor" in rig.metadata:
         show(Scene((), np.empty((0, 3)), points_to_blender, rig), ScenePose(()), frozenset({"SPACE"}))
         drawing.redraw("VIEW_3D")

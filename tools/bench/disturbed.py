@@ -135,8 +135,8 @@ def solve_disturbed(
 ) -> DisturbedTake:
     """Solve a take live and offline with each disturbance, the clean one first.
 
-    What has no chance in it is solved once. Errors are those from the first live pose on: before it too few markers show
-    where the body is, and the T pose that stands for it tells nothing.
+    What has no chance in it is solved once. Errors are those from the first live pose on: before it too few markers
+    show where the body is.
     """
     subject = true_subject(truth)
     rows: list[dict[str, Any]] = []

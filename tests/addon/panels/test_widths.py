@@ -94,8 +94,12 @@ def test_a_running_capture(part: Any, panels: list[type]) -> None:
     for name, value in {"received": 123456, "lost": 12345, "blind": 12345, "waiting": 120, "not_shown": 12345}.items():
         assert hasattr(figures, name)
         object.__setattr__(figures, name, value)
-    run = SimpleNamespace(statistics=figures, notice="camera 1 gives nothing for 0.3 s", fraction=0.5, activity="")
-    capture = SimpleNamespace(run=run, further_performers=[("Ben", 0.5)], job=None, line="")
+    pose = SimpleNamespace(performers=[SimpleNamespace(confidence=0.5)] * 2)
+    notice = "camera 1 gives nothing for 0.3 s"
+    run = SimpleNamespace(statistics=figures, notice=notice, fraction=0.5, activity="", poses=[pose])
+    setup = SimpleNamespace(performers=[SimpleNamespace(name=name) for name in ("Anna", "Ben")])
+    capture = SimpleNamespace(run=run, setup=setup, job=None, line="")
+    assert part("capture.live_capture").further_performers(capture) == [("Ben", 0.5)]
     texts = cut_off(lambda drawn, context: drawn._draw_statistics(context, drawn.layout, capture), panel)
     assert texts == []
 
