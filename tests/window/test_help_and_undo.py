@@ -43,7 +43,7 @@ def test_f1_opens_the_page_and_undo_has_the_names_of_the_buttons(
     hand.click("Add Character", sidebar=True)
     window.wait(lambda s: s["armature"], "a character")
     hand.menu("Edit", "Undo History")
-    assert hand.find("Add Character", sidebar=False).likeness > 0.0
+    hand.find("Add Character", sidebar=False)  # or it fails
     desktop.screenshot("help-undo-history")
     hand.escape()
     hand.away()

@@ -1,5 +1,6 @@
 """A performer is refined by a take of the list, and used or refused."""
 
+import os
 import shutil
 import time
 from pathlib import Path
@@ -268,6 +269,12 @@ def test_the_end_of_a_capture_ends_its_refinement(part: Any, walk: SimpleNamespa
     refinement = part("capture.live_refinement").LiveRefinement(take, str(walk.folder / "walk.pfdb"), None)
     refinement.tick(20.0)
     process = refinement._job._client._process
+    if hasattr(os, "getpriority"):
+        own, limit = os.getpriority(os.PRIO_PROCESS, 0), time.monotonic() + PATIENCE_S
+        while os.getpriority(os.PRIO_PROCESS, process.id) <= own:  # it lets solver and Blender go first
+            assert process.status is None and time.monotonic() < limit
+            refinement.tick(20.0)
+            time.sleep(0.02)
     assert process.status is None
     refinement.close()
     assert process.status is not None
