@@ -196,7 +196,7 @@ def _killed(
     solver = int(_line(blender))
     _line(blender)
     time.sleep(after_s)
-    (cameras,) = _children(solver)
+    (cameras,) = children(solver)
     who, how = victim
     os.kill({"solver": solver, "cameras": cameras, "Blender": blender.pid}[who], how)
     killed_s = time.perf_counter()
@@ -254,7 +254,8 @@ def _line(process: "subprocess.Popen[str]") -> str:
     return text
 
 
-def _children(process_id: int) -> list[int]:
+def children(process_id: int) -> list[int]:
+    """Return the processes that a process has started and that live."""
     found = []
     for status in Path("/proc").glob("[0-9]*/status"):
         try:
@@ -266,7 +267,7 @@ def _children(process_id: int) -> list[int]:
 
 
 def _descendants(process_id: int) -> list[int]:
-    return [found for child in _children(process_id) for found in (child, *_descendants(child))]
+    return [found for child in children(process_id) for found in (child, *_descendants(child))]
 
 
 def _left(processes: list[int]) -> list[int]:

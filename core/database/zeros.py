@@ -7,7 +7,9 @@ one subject differ among themselves (random effects, Laird and Ware 1982): what 
 zero. Where nothing shows them (fewer than three subjects, or none with two clips) all keep the common zero.
 """
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,8 @@ _FARTHEST_CLIP_RAD = 1.0  # a clip further from its subject's zero counts as thi
 _IMPOSSIBLE_RAD = np.radians(100.0)  # from its zero no end of a limb turns so far: it is flipped in the recording
 _CHUNK = 4096  # frames computed at once
 _MEDIAN_STEPS, _MEDIAN_RAD = 30, 0.01  # Weiszfeld's, and the distance that he divides by at least
+_TOGETHER = 32  # clips whose medians are computed at once, as many as a processor's cache holds
+_TINY = 1e-12
 
 
 def _joints(middle: Sequence[str], of_sides: Sequence[str]) -> list[int]:
@@ -52,12 +56,17 @@ def poses_from_zeros(
     common, zeros = find_zeros(rotations, clips)
     own = {_person(zero): zero.rotations for zero in zeros}
     poses = np.empty((len(rotations), len(JOINT_NAMES) - 1, 3), dtype=np.float32)
-    for clip in clips:
+
+    def fill(clip: Clip) -> None:
         for start in range(clip.start, clip.stop, _CHUNK):
             part = slice(start, min(start + _CHUNK, clip.stop))
             poses[part] = pose_from_rotations(rotations[part], own.get(_person(clip), common))
         if _person(clip) in own:
             _hold_flipped(poses[clip.start : clip.stop])
+
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
+        for _ in threads.map(fill, clips):
+            pass
     return common, zeros, poses
 
 
@@ -95,21 +104,32 @@ def zeros_report(database: Database) -> dict[str, dict[str, float]]:
 
 
 def _median(rotations: Array) -> Array:
-    """Return the geometric median (J, 4) of rotations (N, J, 4) (Weiszfeld 1937)."""
-    median = rot.mean(rotations)
+    """Return the geometric median (J, 4) of rotations (N, J, 4)."""
+    return _medians(rotations[:, None])[0]
+
+
+def _medians(rotations: Array) -> Array:
+    """Return the geometric medians (C, J, 4) of rotations (N, C, J, 4) (Weiszfeld 1937)."""
+    medians, parts = rot.mean(rotations), np.ascontiguousarray(np.moveaxis(rotations, -1, 0))
     for _ in range(_MEDIAN_STEPS):
-        away = rot.to_rotation_vector(rot.multiply(rot.conjugate(median), rotations))
-        weights = 1.0 / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), _MEDIAN_RAD)
-        shift = np.sum(weights * away, axis=0) / np.sum(weights, axis=0)
-        median = rot.multiply(median, rot.from_rotation_vector(shift))
-    return np.asarray(median)
+        w, *axis = rot.multiply_parts(np.moveaxis(rot.conjugate(medians), -1, 0), parts)
+        sines = np.maximum(np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2), _TINY)
+        angles = 2.0 * np.arctan2(sines, np.abs(w))
+        weights = 1.0 / np.maximum(angles, _MEDIAN_RAD)
+        factors = weights * np.where(w < 0.0, -angles, angles) / sines
+        shifts = np.stack([np.sum(factors * part, axis=0) for part in axis], axis=-1)
+        shifts /= np.sum(weights, axis=0)[..., None]
+        medians = rot.multiply(medians, rot.from_rotation_vector(shifts))
+    return np.asarray(medians)
 
 
 def _clip_variance(persons: Sequence[Array]) -> Array:
     """Return the variance (J,) of clips about their subject, over (C, N, J, 4) each."""
     variances = []
     for parts in persons:
-        medians = np.array([_median(part) for part in parts])
+        medians = np.concatenate(
+            [_medians(parts[first : first + _TOGETHER].swapaxes(0, 1)) for first in range(0, len(parts), _TOGETHER)]
+        )
         away = np.minimum(rot.angle_between(_median(medians), medians), _FARTHEST_CLIP_RAD)
         variances.append(np.sum(away**2, axis=0) / (len(parts) - 1))
     return np.mean(variances, axis=0)

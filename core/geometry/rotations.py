@@ -3,7 +3,7 @@
 A quaternion `a_from_b` turns vectors: v_a = rotate(a_from_b, v_b). Angles are radians.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,14 +65,24 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
     b = np.asarray(right, dtype=np.float64)
     if max(a.size, b.size) <= _FEW:
         return np.asarray((b[..., None, :] @ (a @ _LEFT).reshape(*a.shape, 4))[..., 0, :])
-    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    result[..., 0] = aw * bw - ax * bx - ay * by - az * bz
-    result[..., 1] = aw * bx + ax * bw + ay * bz - az * by
-    result[..., 2] = aw * by - ax * bz + ay * bw + az * bx
-    result[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    for place, values in enumerate(multiply_parts(*([each[..., part] for part in range(4)] for each in (a, b)))):
+        result[..., place] = values
     return result
+
+
+def multiply_parts(left: Iterable[Array], right: Iterable[Array]) -> tuple[Array, Array, Array, Array]:
+    """Return the parts w, x, y, z of the Hamilton product, from the parts of both.
+
+    For many: arrays of their own are several times as fast as columns of one.
+    """
+    (aw, ax, ay, az), (bw, bx, by, bz) = left, right
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
 
 
 def conjugate(quaternions: ArrayLike) -> Array:

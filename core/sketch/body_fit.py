@@ -7,6 +7,7 @@ frame, here all share one, so its inverse is at hand and a step solves a system 
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..body.body_parts import PARTS
 from ..body.skeleton import Skeleton
 from ..database.store import Database, pose_from_rotations
 from ..geometry import rotations as rot
@@ -30,6 +31,11 @@ _LIMIT_PERCENTILES, _LIMIT_MARGIN_RAD = (0.5, 99.5), 0.05  # of the database's j
 _MOST_BEYOND_RAD = 0.35
 _HINGES = ("lradius", "rradius", "ltibia", "rtibia")
 _SAMPLES = 4000  # frames that these are taken over
+_LIMBS = [
+    (*PARTS[f"{side} {upper}"], *PARTS[f"{side} {lower}"])
+    for side in ("left", "right")
+    for upper, lower in (("arm", "hand"), ("leg", "foot"))
+]
 
 
 class BodyFit:
@@ -48,6 +54,9 @@ class BodyFit:
         poses = np.asarray(database.poses[frames], dtype=np.float64).reshape(len(frames), -1)
         covariance = _CHANGE_SHARE * np.atleast_2d(np.cov(poses.T, ddof=0))
         covariance[np.diag_indices_from(covariance)] += _CHANGE_RAD**2
+        # a limb without a target stays as the database moves it: feet keyed wide apart, as in no clip, raised the arms
+        for own in (np.repeat(np.isin(skeleton.names[1:], limb), 3) for limb in _LIMBS if not set(limb) & set(joints)):
+            covariance[np.ix_(own, ~own)] = covariance[np.ix_(~own, own)] = 0.0
         # of the change of root and pose
         self._covariance = block_diag(np.diag(np.repeat(np.array(_ROOT_SIGMA), 3) ** 2.0), covariance)
         self._precision = np.linalg.inv(self._covariance)

@@ -10,12 +10,35 @@ from test_first_hour import keep
 
 FRAMES = 36  # between the keys
 WAY_M = 1.2
+TYPED_WAY = ("minus", *(c if c.isdigit() else "period" for c in str(WAY_M)))
 PANEL = (slice(90, 700), slice(330, 1035))  # pixels of the screen with the sidebar and the character
 PATH_PX = 220  # down the screen, about two metres ahead of a new character
 
 
 def with_controls(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
     """Delete the cube of a new file, and add a character with controls."""
+    hand = emptied(desktop, window, name)
+    hand.toggle("Sketch Motion")
+    hand.shot("empty")
+    hand.click("Add Controls", sidebar=True)
+    window.wait(lambda state: state["armature"], "a character")
+    hand.shot("controls")
+    return hand
+
+
+def with_character(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
+    """Delete the cube of a new file, and add a character."""
+    hand = emptied(desktop, window, name)
+    hand.toggle("Character")
+    hand.click("Add Character", sidebar=True)
+    window.wait(lambda state: state["armature"], "a character")
+    hand.toggle("Character")
+    hand.toggle("Sketch Motion")
+    return hand
+
+
+def emptied(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
+    """Delete the cube of a new file, and open the sidebar."""
     window.open_tab("Perfanim")
     hand = Hand(desktop, window, name)
     hand.away()
@@ -23,11 +46,6 @@ def with_controls(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
         desktop.key(key)
         time.sleep(0.7)
     hand.toggle("Capture")
-    hand.toggle("Sketch Motion")
-    hand.shot("empty")
-    hand.click("Add Controls", sidebar=True)
-    window.wait(lambda state: state["armature"], "a character")
-    hand.shot("controls")
     return hand
 
 
@@ -38,7 +56,7 @@ def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
     for _ in range(FRAMES):
         desktop.key("Right")
         time.sleep(0.05)
-    press(hand, desktop, "g", "y", "minus", *(c if c.isdigit() else "period" for c in str(WAY_M)), "Return")
+    press(hand, desktop, "g", "y", *TYPED_WAY, "Return")
     press(hand, desktop, "i")
     hand.shot("keyed")
     hand.click("Solve Sketch", sidebar=True)
@@ -86,6 +104,30 @@ def test_a_walk_along_a_drawn_path(desktop: Desktop, window: BlenderWindow) -> N
         hand.shot(f"walk-{step}")
         for _ in range(last // 6):
             desktop.key("Right")
+            time.sleep(0.05)
+
+
+def test_a_rough_rig_becomes_a_walk(desktop: Desktop, window: BlenderWindow) -> None:
+    hand = with_character(desktop, window, "sketch-rig")
+    press(hand, desktop, "ctrl+Tab", "a", "i")  # the whole pose, moved as one: a character that glides
+    for _ in range(FRAMES):
+        desktop.key("Right")
+        time.sleep(0.05)
+    press(hand, desktop, "g", "y", *TYPED_WAY, "Return")
+    press(hand, desktop, "i")
+    hand.shot("rough")
+    press(hand, desktop, "ctrl+Tab")
+    hand.click("Follow Rough Rig", sidebar=True)
+    window.wait(lambda state: "controls follow Rough" in state["capture"]["messages"].get("sketch", ""), "a copy")
+    hand.shot("copied")
+    hand.click("Solve Sketch", sidebar=True)
+    solved = window.wait(lambda state: "keys are met" in state["capture"]["messages"].get("sketch", ""), "a motion")
+    (action,) = (facts for name, facts in solved["actions"].items() if "sketch" in name and "Performer" in name)
+    assert action["keys_min"] == action["keys_max"] == FRAMES + 1
+    for step in range(6):
+        hand.shot(f"walk-{step}")
+        for _ in range(FRAMES // 6):
+            desktop.key("Left")
             time.sleep(0.05)
 
 

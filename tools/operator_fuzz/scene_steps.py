@@ -171,8 +171,11 @@ def change_windows(chance: random.Random, folder: Path) -> str:
     if len(windows) == 1:
         bpy.ops.wm.window_new()
         return "opened"
-    # not the first one: Blender ends with it, as it should
-    with bpy.context.temp_override(window=chance.choice([window for window in windows if window.parent])):
+    # not a main one: Blender ends with the last of them, as it should
+    children = [window for window in windows if window.parent]
+    if not children:
+        return "none"
+    with bpy.context.temp_override(window=chance.choice(children)):
         bpy.ops.wm.window_close()
     return "closed"
 

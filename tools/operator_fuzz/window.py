@@ -19,6 +19,7 @@ from desktop import BlenderWindow, Desktop, blender_python, build_archive, insta
 from .errors import errors_in
 
 _BETWEEN_S = 0.1  # steps, in which the capture goes on
+_POINTER_PX = 300  # from the screen's left and top, over the 3D view
 _START_S = 30.0  # until the first pose; another step may have ended the capture before
 
 
@@ -55,7 +56,7 @@ def run_in(desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: f
         for number in numbers:
             if time.time() > until_s:
                 return
-            result = {"number": number, **_sequence(window, folder, seed, number)}
+            result = {"number": number, **_sequence(desktop, window, folder, seed, number)}
             yield result
             if result["ended"]:
                 return
@@ -63,8 +64,12 @@ def run_in(desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: f
         window.close()
 
 
-def _sequence(window: BlenderWindow, folder: Path, seed: int, number: int) -> dict[str, Any]:
-    """Start a capture, take the steps of a sequence, and end it."""
+def _sequence(desktop: Desktop, window: BlenderWindow, folder: Path, seed: int, number: int) -> dict[str, Any]:
+    """Start a capture, take the steps of a sequence, and end it.
+
+    The pointer moves before each step, as it does before a click. Blender 4.3 ends where an operator begins to run
+    without any event since a running one's class was removed.
+    """
     said, ended = len(window.log()), False
     lines: list[str] = []
     faults: list[str] = []
@@ -75,7 +80,8 @@ def _sequence(window: BlenderWindow, folder: Path, seed: int, number: int) -> di
         limit_s = time.monotonic() + _START_S
         while time.monotonic() < limit_s and _is_starting(window.state()):
             time.sleep(0.05)
-        for _ in range(begun.get("steps", 0)):
+        for step in range(begun.get("steps", 0)):
+            desktop.move(_POINTER_PX + step % 2, _POINTER_PX)
             lines.append(_order(window, "fuzz_step", faults).get("line", ""))
             time.sleep(_BETWEEN_S)
         left = _order(window, "fuzz_end", faults).get("left", [])

@@ -62,3 +62,18 @@ def test_a_drawn_curve_leads_as_far_as_it_is_followed(truth, database):
         root = positions_of(solution.motion)[:, truth.skeleton.index("root")]
         strays.append(np.linalg.norm(root - drawn_m, axis=1).max())
     assert strays[1] < 0.01 < 0.02 < strays[0]
+
+
+def test_hands_without_keys_stay_low_over_feet_wide_apart(truth, database):
+    """No clip stands so: what legs and arms do together in the database must not raise the arms."""
+    places_m = {"root": (0.0, HIPS_M), "lfoot": (0.38, 0.06), "rfoot": (-0.38, 0.06)}
+    controls = tuple(
+        Control(joint, np.array([0.0, 36.0]), np.array([(*place_m, 0.0), (*place_m, 1.2)]))
+        for joint, place_m in places_m.items()
+    )
+    solution = solve_sketch(Sketch("wide", 24.0, controls), truth.skeleton, database)
+    positions = positions_of(solution.motion)
+    elbows, hands = (
+        positions[:, [truth.skeleton.index(side + joint) for side in "lr"], 1] for joint in ("radius", "hand")
+    )
+    assert np.all(hands < elbows)
