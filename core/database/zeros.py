@@ -28,7 +28,7 @@ _FARTHEST_CLIP_RAD = 1.0  # a clip further from its subject's zero counts as thi
 _IMPOSSIBLE_RAD = np.radians(100.0)  # from its zero no end of a limb turns so far: it is flipped in the recording
 _CHUNK = 4096  # frames computed at once
 _MEDIAN_STEPS, _MEDIAN_RAD = 30, 0.01  # Weiszfeld's, and the distance that he divides by at least
-_TOGETHER = 32  # clips whose medians are computed at once, as many as a processor's cache holds
+_TOGETHER = 32  # clips that medians are computed of at once: they fit into a processor's cache
 _TINY = 1e-12
 
 
@@ -109,7 +109,7 @@ def _median(rotations: Array) -> Array:
 
 
 def _medians(rotations: Array) -> Array:
-    """Return the geometric medians (C, J, 4) of rotations (N, C, J, 4) (Weiszfeld 1937)."""
+    """Return the medians (C, J, 4) of rotations (N, C, J, 4) (Weiszfeld 1937)."""
     medians, parts = rot.mean(rotations), np.ascontiguousarray(np.moveaxis(rotations, -1, 0))
     for _ in range(_MEDIAN_STEPS):
         w, *axis = rot.multiply_parts(np.moveaxis(rot.conjugate(medians), -1, 0), parts)

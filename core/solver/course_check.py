@@ -30,13 +30,13 @@ class CourseCheck:
 
     Args:
         markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
-        lags_s: ascending times looked back.
+        earlier: markers before these.
     """
 
-    def __init__(self, database: Database, markers_m: FloatArray, lags_s: tuple[float, ...]) -> None:
+    def __init__(self, database: Database, markers_m: FloatArray, earlier: LaggedMarkers) -> None:
         self._markers = markers_m
         self._sample = SampleSearch(markers_m, database.poses.reshape(database.frames, -1))
-        self._earlier = LaggedMarkers(database, markers_m, lags_s)
+        self._earlier = earlier
 
     def backwards(self) -> "CourseCheck":
         """Return the same for time that runs backwards."""

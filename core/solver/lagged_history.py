@@ -61,9 +61,14 @@ class LaggedHistory:
 
 
 class LaggedFrames:
-    """Frames of the same clip before frames of a database; if backwards, after."""
+    """Frames of the same clip before frames of a database; if backwards, after.
+
+    Args:
+        lags_s: ascending times looked back.
+    """
 
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
+        self.lags_s = lags_s
         self._lags = np.array([max(1, round(lag * database.fps)) for lag in lags_s], dtype=np.int64)
         ends = np.array([(clip.start, clip.stop - 1) for clip in database.clips])
         self._ends = np.ascontiguousarray(ends[database.clip_of_frame].T)  # else each `take` copies all of it
@@ -85,14 +90,13 @@ class LaggedMarkers:
 
     Args:
         markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
-        lags_s: ascending times looked back.
+        earlier: of the database.
     """
 
-    def __init__(self, database: Database, markers_m: FloatArray, lags_s: tuple[float, ...]) -> None:
-        self._markers, self._lags_s = markers_m, lags_s
+    def __init__(self, database: Database, markers_m: FloatArray, earlier: LaggedFrames) -> None:
+        self._markers, self._earlier = markers_m, earlier
         self._root_matrices = rot.to_matrix(database.root_rotations).astype(np.float32)
         self._root_positions_m = np.asarray(database.root_positions_m)
-        self._earlier = LaggedFrames(database, lags_s)
 
     def backwards(self) -> "LaggedMarkers":
         """Return the same for time that runs backwards."""
@@ -103,7 +107,7 @@ class LaggedMarkers:
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
         """Return earlier observed markers (L, M, 3) in the root's frame, NaN if unknown."""
         unknown = np.full(self._markers.shape[1:], np.nan)
-        earlier = history.before(time_s, self._lags_s)
+        earlier = history.before(time_s, self._earlier.lags_s)
         return root.to_root_frame(np.array([unknown if each is None else each for each in earlier]))
 
     def of_frames(self, frames: IntArray) -> FloatArray:
@@ -125,15 +129,14 @@ class LaggedPoses:
 
     Args:
         components: (D, C) orthonormal columns.
-        lags_s: ascending times looked back.
+        earlier: of the database.
     """
 
-    def __init__(self, database: Database, components: Array, lags_s: tuple[float, ...]) -> None:
-        self._components, self._lags_s = components.astype(np.float32), lags_s
+    def __init__(self, database: Database, components: Array, earlier: LaggedFrames) -> None:
+        self._components, self._earlier = components.astype(np.float32), earlier
         # by SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed, which copies nothing
         poses = database.poses.reshape(database.frames, -1)
         self._projected = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
-        self._earlier = LaggedFrames(database, lags_s)
 
     def backwards(self) -> "LaggedPoses":
         """Return the same for time that runs backwards."""
@@ -144,7 +147,7 @@ class LaggedPoses:
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
         """Return the components (L, C) of earlier solved poses, NaN if unknown."""
         unknown = np.full(len(self._components), np.nan)
-        earlier = history.before(time_s, self._lags_s)
+        earlier = history.before(time_s, self._earlier.lags_s)
         return np.array([unknown if each is None else each for each in earlier]) @ self._components
 
     def of_frames(self, frames: IntArray) -> FloatArray:

@@ -13,7 +13,7 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
 from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_by_doubts
-from .lagged_history import LaggedHistory, LaggedMarkers, LaggedPoses
+from .lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, PriorEstimate, open_network
 from .observation import Observation
 from .principal_components import principal_components
@@ -194,7 +194,11 @@ class LocalPcaMethod:
 
 
 class BestMethod:
-    """Gaussian of the neighbours conditioned on the past and fitted to the markers."""
+    """Gaussian of the neighbours conditioned on the past and fitted to the markers.
+
+    Attributes:
+        earlier_markers: of the database's frames.
+    """
 
     fits_markers = True
 
@@ -220,8 +224,9 @@ class BestMethod:
         poses = database.poses.reshape(database.frames, -1)
         self._broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
         self._broad_poses = poses[self._broad_frames].astype(np.float64)
-        self._markers = LaggedMarkers(database, markers_m, settings.history_s)
-        self._poses = LaggedPoses(database, principal_components(self._broad_poses, _COMPONENTS), settings.history_s)
+        earlier = LaggedFrames(database, settings.history_s)
+        self.earlier_markers = LaggedMarkers(database, markers_m, earlier)
+        self._poses = LaggedPoses(database, principal_components(self._broad_poses, _COMPONENTS), earlier)
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
         self._limits = np.percentile(self._broad_poses, _LIMIT_PERCENTILES, axis=0) + margin
         self._grant_covariances()
@@ -242,7 +247,7 @@ class BestMethod:
     def backwards(self) -> "BestMethod":
         """Return the same for time that runs backwards."""
         found = copy(self)
-        found._markers, found._poses = self._markers.backwards(), self._poses.backwards()
+        found.earlier_markers, found._poses = self.earlier_markers.backwards(), self._poses.backwards()
         found._grant_covariances()
         return found
 
@@ -329,7 +334,7 @@ class BestMethod:
         """Return the Gaussian of the pose given the past, and the number of examples."""
         settings, state, examples = self._settings, problem.state, problem.examples
         history, pose_history = self._history_of(examples.frames)
-        observed = self._markers.observed(state.observed, state.time_s, problem.root).ravel()
+        observed = self.earlier_markers.observed(state.observed, state.time_s, problem.root).ravel()
         solved = self._poses.observed(state.solved, state.time_s).ravel()
         known = np.isfinite(observed)
         away = history - observed if known.all() else history[:, known] - observed[known]
@@ -346,7 +351,8 @@ class BestMethod:
     def _history_of(self, frames: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return earlier markers and earlier poses of database frames (K,), a row each."""
         count = len(frames)
-        return self._markers.of_frames(frames).reshape(count, -1), self._poses.of_frames(frames).reshape(count, -1)
+        markers, poses = self.earlier_markers.of_frames(frames), self._poses.of_frames(frames)
+        return markers.reshape(count, -1), poses.reshape(count, -1)
 
 
 def _doubt(off: float, learned_off: float, known: bool = False) -> float:

@@ -48,7 +48,7 @@ class PoseSolver:
         self._locator = Locator(subject, database, markers, search, self._method, alpha, others)
         self._course: CourseCheck | None = None
         if settings.method == "best":
-            self._course = CourseCheck(database, markers, settings.best.history_s)
+            self._course = CourseCheck(database, markers, self.best.earlier_markers)
         self._frame_s = 1.0 / database.fps
         history = LaggedHistory(self._method.longest_s)
         self.initial_state = SolverState(observed=history, solved=history)

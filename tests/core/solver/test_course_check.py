@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from perfanim.core.database.store import Database
 from perfanim.core.solver.course_check import INTERVAL_S, PROVEN, CourseCheck
-from perfanim.core.solver.lagged_history import LaggedHistory
+from perfanim.core.solver.lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.root import root_from_torso
 from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query
@@ -24,7 +24,7 @@ def follow(model: SubjectModel, database: Database, true_markers: np.ndarray) ->
     markers_m = model.database_markers(database)
     poses = database.poses.reshape(database.frames, -1)
     everything = ExhaustiveSearch(markers_m, poses)
-    check = CourseCheck(database, markers_m, LAGS_S)
+    check = CourseCheck(database, markers_m, LaggedMarkers(database, markers_m, LaggedFrames(database, LAGS_S)))
 
     def evidence(allowed: np.ndarray) -> list[float]:
         state, result = SolverState(observed=LaggedHistory(LAGS_S[-1])), []
