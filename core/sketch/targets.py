@@ -30,6 +30,8 @@ _LOOSENED_S = 0.3  # in which a control becomes loose before its first key and a
 # distances of the controls from the database's motion at which a body begins to be turned to them, and is fully
 _TURNED_M = 0.25, 0.5
 _LIMBS_M = 0.15  # way to targets that limbs go without the body
+_BENT_M = 0.15  # distance of a key from the database's motion, from which it says little of the way between keys
+_LOWEST_HIPS_M = 0.2  # of a body that crouches; lower ones stand on something lower
 
 
 @dataclass(frozen=True)
@@ -73,13 +75,17 @@ def targets_of(
     for column, name in enumerate(joints[: len(controls)]):
         keyed_in[(controls[name].frames - frames[0]).astype(np.int64), column] = True
     points[:, : len(controls)] = reach.yielding(points[:, : len(controls)], keyed_in)
-    # without a key of its own a foot goes with the hips
+    # without a key of its own a foot goes with the hips, but stays on the floor where they sink to a crouch
     carried = points[:, 0] - base_m[:, 0] if "root" in controls else np.zeros((len(frames), 3))
+    on_floor = "root" in controls and bool(points[:, 0, 1].min() > _LOWEST_HIPS_M)
     standing = gaussian_filter1d(standing, _STEADIED_S * sketch.fps, axis=0, mode="nearest")
     for side, pair in enumerate(zip(_ANKLES, TOES, strict=True)):
         columns = [joints.index(name) for name in pair]
         leader = next((name for name in pair if name in controls), None)
         wanted, keyed = carried, np.zeros(0, dtype=np.int64)
+        if on_floor:
+            sinks_m = np.minimum(standing_toes_m(skeleton) - base_m[:, columns[1], 1], 0.0)
+            wanted = np.column_stack((carried[:, 0], np.maximum(carried[:, 1], sinks_m), carried[:, 2]))
         if leader:
             wanted = points[:, joints.index(leader)] - base_m[:, joints.index(leader)]
             keyed = np.flatnonzero(keyed_in[:, joints.index(leader)])
@@ -138,11 +144,14 @@ def _control_targets(control: Control, frames: Array, base_m: Array, follow: flo
         follow: 0 keeps the database's motion between keys, 1 follows the curve; its square is the curve's share.
     """
     keyed, positions_m = control.distinct_keys()
-    at = (keyed - frames[0]).astype(np.int64)
     binds = np.array([1.0, 0.0 if control.height_is_free else 1.0, 1.0])
-    bent = base_m + curve_positions(keyed, binds * (positions_m - base_m[at]), frames)
+    away_m = binds * (positions_m - base_m[(keyed - frames[0]).astype(np.int64)])
+    bent = base_m + curve_positions(keyed, away_m, frames)
+    # motion that is far from the keys does not say how to go from one to the next: it may stand up between two crouches
+    kept = np.interp(frames, keyed, 1.0 / (1.0 + (np.sum(away_m**2, axis=1) / _BENT_M**2) ** 2))[:, None]
     between = (frames >= keyed[0]) & (frames <= keyed[-1])
-    return np.where(between[:, None], bent + follow**2 * binds * (control.curve(frames) - bent), bent)
+    share = 1.0 - (1.0 - follow**2) * kept
+    return np.where(between[:, None], bent + share * binds * (control.curve(frames) - bent), bent)
 
 
 def _control_sigmas(control: Control, frames: Array, fps: float) -> Array:

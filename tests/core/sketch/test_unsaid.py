@@ -77,3 +77,22 @@ def test_hands_without_keys_stay_low_over_feet_wide_apart(truth, database):
         positions[:, [truth.skeleton.index(side + joint) for side in "lr"], 1] for joint in ("radius", "hand")
     )
     assert np.all(hands < elbows)
+
+
+def test_hips_that_two_keys_hold_low_stay_low(truth, database):
+    """The database's motion is far from these keys: it must not stand up between them."""
+    places_m = np.array([(0.0, HIPS_M, 0.0), (0.0, 0.55, -0.3), (0.0, 0.55, -0.3)])
+    feet_m = {side: np.repeat([(x, 0.06, 0.04)], 2, axis=0) for side, x in (("lfoot", 0.09), ("rfoot", -0.09))}
+    controls = [Control("root", np.array([0.0, 30.0, 60.0]), places_m)]
+    controls += [Control(joint, np.array([0.0, 60.0]), place_m) for joint, place_m in feet_m.items()]
+    solution = solve_sketch(Sketch("sit", FPS, tuple(controls)), truth.skeleton, database)
+    heights = positions_of(solution.motion)[30:, truth.skeleton.index("root"), 1]
+    assert heights.max() - 0.55 < 0.2 * (HIPS_M - 0.55)
+
+
+def test_feet_without_keys_stay_on_the_floor_below_hips_that_sink(truth, database):
+    keys_m = np.array([(0.0, 0.9, 0.0), (0.0, 0.45, 0.0), (0.0, 0.9, 0.0)])
+    sketch = Sketch("crouch", FPS, (Control("root", np.array([0.0, 30.0, 60.0]), keys_m),))
+    solution = solve_sketch(sketch, truth.skeleton, database)
+    toes = positions_of(solution.motion)[:, [truth.skeleton.index(side + "toes") for side in "lr"], 1]
+    assert toes.min() > -0.01
