@@ -14,10 +14,10 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NoReturn, TextIO
 
 from .. import __version__
-from ..errors import PerfanimError
+from ..errors import MOST_TEXT, PerfanimError, shorten
 from .guarded_run import guarded_run
 from .partial_result import PartialResult
 
@@ -63,11 +63,17 @@ class Progress:
             sys.stderr.flush()
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser, also of each command, with short messages on one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """End with exit status 2 and a message of limited length."""
+        super().error(shorten(message, MOST_TEXT - len(f"{self.prog}: error: ")))
+
+
 def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     """Return the parser of the named commands, without importing the others."""
-    parser = argparse.ArgumentParser(
-        prog="perfanim", description="Full-body performance animation from a few markers and two cameras."
-    )
+    parser = _Parser(prog="perfanim", description="Full-body performance animation from a few markers and two cameras.")
     parser.add_argument("--version", action="version", version=f"perfanim {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for name in commands:

@@ -3,15 +3,15 @@
 import gzip
 import re
 import tarfile
-import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
 from ..errors import DownloadError, FormatError, PerfanimError, SettingsError, shorten
-from ..formats.motion.motion_sources import check_unpacked_size
+from ..formats.motion.motion_sources import check_count, check_unpacked_size, counted_headers
+from ..geometry.npz import open_zip
 from ..system.assets import COLLECTIONS
 from ..system.download import check_address, download
 from ..system.files import read_toml, reading
@@ -126,7 +126,7 @@ def _check(archive: Path) -> None:
 
 
 def _check_zip(archive: Path) -> None:
-    with zipfile.ZipFile(archive) as opened:
+    with archive.open("rb") as file, open_zip(file, partial(check_count, archive)) as opened:
         _check_names(archive, opened.namelist())
         check_unpacked_size(archive, sum(member.file_size for member in opened.infolist()))
         bad = opened.testzip()
@@ -138,7 +138,7 @@ def _check_tar(archive: Path) -> None:
     # opened here, as tarfile itself leaves out the checksum at the end
     with archive.open("rb") if archive.suffix == ".tar" else gzip.open(archive) as stream:
         size = 0
-        with tarfile.open(fileobj=stream, mode="r|") as opened:
+        with tarfile.open(fileobj=stream, mode="r|", tarinfo=counted_headers(archive)) as opened:
             for member in opened:
                 size += member.size
                 check_unpacked_size(archive, size)

@@ -1,4 +1,4 @@
-"""Arrays in .npz files: each header is checked before any memory is taken.
+"""Arrays in .npz files: all that is declared is checked before memory is taken.
 
 NumPy's own reader evaluates headers and trusts the sizes that they declare. On a full disk its writer leaves a file
 that closes itself some time later, with a traceback.
@@ -6,9 +6,9 @@ that closes itself some time later, with a traceback.
 
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from ..errors import FormatError, PerfanimError
 from ..system.files import SLACK_BYTES, atomic_path, open_foreign, reading
 
 _MOST_MEMBERS = 200
+_ENTRY = b"PK\x01\x02"  # a member of a zip archive begins with it in the list at the end
+_PIECE = 1 << 16  # bytes
 _MOST_TIMES = 4  # the arrays' bytes by the file's
 _HEADER = re.compile(
     rb"\x93NUMPY(?:\x01\x00..|[\x02\x03]\x00....)\{'descr': '([<>|][biufU?]\d{1,6})', 'fortran_order': (False|True), "
@@ -35,13 +37,60 @@ def read_arrays(
     """
     with open_foreign(path, kind) as file, reading(path, kind, what=what):
         most = _MOST_TIMES * file.seek(0, 2) + SLACK_BYTES
-        with zipfile.ZipFile(file) as archive:
+        excess = kind("declares far more than it holds", where=str(path), advice="export it again")
+
+        def check_count(members: int) -> None:
+            if members > _MOST_MEMBERS:
+                raise excess
+
+        with open_zip(file, check_count) as archive:
             members = archive.infolist()
-            if len(members) > _MOST_MEMBERS or sum(member.file_size for member in members) > most:
-                raise kind("declares far more than it holds", where=str(path), advice="export it again")
+            if sum(member.file_size for member in members) > most:
+                raise excess
             if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members):
                 raise ValueError("packed in an unknown way")
             return {member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members}
+
+
+def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipFile:
+    """Open a zip archive with its members counted before they are listed.
+
+    Python's reader takes a third of a kilobyte for each, and follows the list itself, not the number declared after it.
+
+    Args:
+        check_count: is called with the members counted so far, and raises its own error for too many.
+    """
+    counted = _CountedList(file, check_count)
+    archive = zipfile.ZipFile(cast(BinaryIO, counted))
+    counted.is_listed = True
+    return archive
+
+
+class _CountedList:
+    """A file with the members of each part counted before zipfile gets it."""
+
+    def __init__(self, file: BinaryIO, check_count: Callable[[int], None]) -> None:
+        self.is_listed = False
+        self._file = file
+        self._check_count = check_count
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def read(self, size: int = -1) -> bytes:
+        """Read as from the file; the list of members is asked for by its size."""
+        if size > 0 and not self.is_listed:
+            self._count(size)
+        return self._file.read(size)
+
+    def _count(self, size: int) -> None:
+        start, count, rest = self._file.tell(), 0, b""
+        while size > 0 and (piece := self._file.read(min(size, _PIECE))):
+            size -= len(piece)
+            count += (rest + piece).count(_ENTRY)
+            self._check_count(count)
+            rest = (rest + piece)[1 - len(_ENTRY) :]
+        self._file.seek(start)
 
 
 def write_arrays(path: Path | str, arrays: Mapping[str, Any], packed: bool = True) -> None:

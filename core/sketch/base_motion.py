@@ -176,10 +176,11 @@ def _foot_weights(library: MotionLibrary, near: Looks, stretch: Stretch, windows
 
 
 def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
-    """Return the outputs expected at a goal, by weighted ridge regression."""
+    """Return outputs at a goal by weighted ridge regression, within the examples'."""
     middle, mean = weights @ inputs, weights @ outputs
     roots = np.sqrt(weights)[:, None]
     x, y = roots * (inputs - middle), roots * (outputs - mean)
     gram = x @ x.T + np.eye(len(x))
     away = np.clip(goal - middle, -_FARTHEST, _FARTHEST)
-    return np.asarray(mean + (x @ away) @ np.linalg.solve(gram, y))
+    expected = mean + (x @ away) @ np.linalg.solve(gram, y)
+    return np.asarray(np.clip(expected, outputs.min(axis=0), outputs.max(axis=0)))

@@ -5,6 +5,7 @@ Checksums and lengths are made right again, so that readers go on to the content
 
 import hashlib
 import io
+import json
 import random
 import struct
 import tarfile
@@ -12,6 +13,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator
+from typing import Any
 
 from .mutations import LARGEST, change_bytes, change_json, change_text
 
@@ -19,8 +21,14 @@ _CHUNK = struct.Struct("<4sHHIII")  # of a take file: magic, kind, 0, sequence n
 _CHUNK_MAGIC = b"\x89PFC"
 _TAKE_PREAMBLE = 20
 _DATABASE = struct.Struct("<12sIQQ32s")  # magic, version, bytes of header and file, SHA-256 of the header
-_JSON_CHUNKS = (1, 4, 5)  # set-up, event, notes
-
+_JSON_CHUNKS: dict[int, dict[str, Any]] = {  # set-up, event, notes; with facts that few takes have
+    1: {},
+    4: {"gap": {"after": 3, "seconds": 0.5}},
+    5: {"recorded": [1, 4], "filters": {"smoothing_s": 0.1}},
+}
+_END = 6  # bytes of its facts, these as JSON, rows of the index, trailer
+_ROW = struct.Struct("<HHIQ")  # kind, 0, sequence number, offset of each chunk
+_TRAILER = struct.Struct("<Q8s")  # offset of the last chunk, magic
 
 _FEW = 100
 _Files = list[tuple[str, bytes]]  # names and contents of an archive
@@ -97,11 +105,47 @@ def change_take(chance: random.Random, data: bytes) -> bytes:
         chunks[at], chunks[other] = chunks[other], chunks[at]
     elif kind == 2:
         chunks[at] = (chance.randrange(9), chance.choice((sequence, 0, 0xFFFFFFFF)), payload)
+    elif number == _END:
+        chunks[at] = (number, sequence, change_end(chance, payload))
+    elif number in _JSON_CHUNKS:
+        chunks[at] = (number, sequence, change_json(chance, _filled_up(chance, payload, _JSON_CHUNKS[number])))
     else:
-        change = change_json if number in _JSON_CHUNKS else change_bytes
-        chunks[at] = (number, sequence, change(chance, payload))
-    rest = b"".join(_chunk(*chunk) for chunk in chunks)
+        chunks[at] = (number, sequence, change_bytes(chance, payload))
+    rest = _joined(chunks) if chance.random() < 0.8 else b"".join(_chunk(*chunk) for chunk in chunks)
     return (data[:_TAKE_PREAMBLE] + rest)[:LARGEST]
+
+
+def _filled_up(chance: random.Random, payload: bytes, rare: dict[str, Any]) -> bytes:
+    """Return a JSON object, half of the time with facts that few takes have."""
+    try:
+        facts = json.loads(payload)
+    except (ValueError, RecursionError):  # a corpus may hold other text
+        return payload
+    if not isinstance(facts, dict) or not rare or chance.random() < 0.5:
+        return payload
+    return json.dumps(facts | rare).encode()
+
+
+def change_end(chance: random.Random, payload: bytes) -> bytes:
+    """Change the facts of a take's end mark; sometimes its bytes."""
+    if chance.random() < 0.2:
+        return change_bytes(chance, payload)
+    stop = 4 + int.from_bytes(payload[:4], "little")
+    facts = change_json(chance, payload[4:stop])
+    return len(facts).to_bytes(4, "little") + facts + payload[stop:]
+
+
+def _joined(chunks: list[tuple[int, int, bytes]]) -> bytes:
+    """Return chunks as bytes; an end mark has the places of those before it."""
+    rows, rest = b"", b""
+    for number, sequence, payload in chunks:
+        at = _TAKE_PREAMBLE + len(rest)
+        rows += _ROW.pack(number, 0, sequence, at)
+        stop = 4 + int.from_bytes(payload[:4], "little")
+        if number == _END and stop + _TRAILER.size <= len(payload):
+            payload = payload[:stop] + rows + _TRAILER.pack(at, payload[-8:])
+        rest += _chunk(number, sequence, payload)
+    return rest
 
 
 def _chunks(data: bytes) -> Iterator[tuple[int, int, bytes]]:

@@ -14,7 +14,7 @@ from perfanim.core.cli.batch.plan import read_plan
 from perfanim.core.cli.main import build_parser
 from perfanim.core.cli.main import main as command_line
 from perfanim.core.database.store import check_arrays, open_database
-from perfanim.core.errors import CaptureError
+from perfanim.core.errors import CaptureError, PerfanimError
 from perfanim.core.formats.markers.marker_files import declared_frames, read_take
 from perfanim.core.formats.motion.amc import amc_motion, parse_amc_values
 from perfanim.core.formats.motion.asf import parse_asf, read_asf
@@ -96,11 +96,6 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
     def read_amc(path: Path) -> None:
         amc_motion(parse_amc_values(read_bytes(path), str(path), skeleton), skeleton, 120.0, "")
 
-    def read_recorded(path: Path) -> None:
-        summarise(path)
-        take = read_take_file(path)
-        _ = take.problems, take.frames, take.recorded_poses, take.setup.subjects(), take.setup.camera_rig()
-
     def read_markers(path: Path) -> None:
         declared_frames(path)
         read_take(path)
@@ -122,7 +117,7 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         ("Qualisys TSV", "*.tsv", ".tsv", change_text, read_markers),
         ("C3D", "*.c3d", ".c3d", change_bytes, read_markers),
         ("marker take", "*.take.npz", ".take.npz", change_zip, read_markers),
-        ("recorded take", "written-live.perftake", ".perftake", change_take, read_recorded),
+        ("recorded take", "written-live.perftake", ".perftake", change_take, _read_recorded),
         ("database", "*.p*fdb", ".pfdb", change_database, lambda path: check_arrays(open_database(path))),
         ("calibration", "camera*.*", ".toml", change_toml, load_rig),
         ("subject", "anna*.toml", ".toml", change_toml, load_subject),
@@ -145,6 +140,31 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         )
         for name, pattern, ending, change, read in rows
     ]
+
+
+def _read_recorded(path: Path) -> None:
+    """Read all parts of a recorded take."""
+    take = read_take_file(path)
+    _read_each(
+        lambda: summarise(path),
+        lambda: (take.problems, take.notes, take.events, take.gaps),
+        lambda: take.frames,
+        lambda: take.recorded_poses,
+        lambda: (take.setup.subjects(), take.setup.camera_rig(), take.setup.carried_props()),
+        lambda: (take.setup.to_json(), take.notes.to_json()),
+    )
+
+
+def _read_each(*reads: Callable[[], object]) -> None:
+    """Read all parts though some are refused, and raise the longest refusal."""
+    refused = []
+    for read in reads:
+        try:
+            read()
+        except PerfanimError as error:
+            refused.append(error)
+    if refused:
+        raise max(refused, key=lambda error: len(str(error)))
 
 
 def _share(name: str) -> float:

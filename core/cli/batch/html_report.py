@@ -6,7 +6,9 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
+from ...errors import FormatError
 from ...system.assets import BATCH_STYLE
+from ...system.files import read_bytes
 from .quality import LEAST_CONFIDENCE, LIMITS
 from .take_record import BAD, DOUBTFUL, GOOD, Record
 
@@ -20,6 +22,7 @@ _COLUMNS = (
     ("longest_gap_s", "longest gap, s", "{:.2f}"),
     ("foot_skate_cm_s", "foot skate, cm/s", "{:.0f}"),
 )
+_MOST_BYTES = 4 << 20  # of a picture
 _STYLE = "\n" + BATCH_STYLE.read_text(encoding="utf-8")
 
 
@@ -64,5 +67,8 @@ def _cell(record: Record, figure: str, pattern: str) -> str:
 def _picture(record: Record, out: Path) -> str:
     if "picture" not in record.outputs:
         return ""
-    data = base64.b64encode((out / record.outputs["picture"]).read_bytes()).decode()
+    try:
+        data = base64.b64encode(read_bytes(out / record.outputs["picture"], _MOST_BYTES)).decode()
+    except FormatError:  # another program has changed it since: the page goes without
+        return ""
     return f'<img loading="lazy" alt="poses of {escape(record.name, quote=True)}" src="data:image/jpeg;base64,{data}">'

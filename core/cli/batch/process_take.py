@@ -14,7 +14,7 @@ from ...session.solve_take import SolvedTake
 from .content_hash import file_digest
 from .plan import ALSO, TakePlan
 from .quality import quality_figures, why_bad, why_doubtful
-from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed_record, record_path
+from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed_record, record_path, unwritten_record
 from .thumbnail_strip import write_strip
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def run_task(task: Task, commands: "CommandLine") -> Record:
         if record.is_kept:
             _move_outputs(record, work, out)
     except OSError as error:
-        return failed_record(take, f"cannot be written ({error.strerror or error})")
+        return unwritten_record(take, error)
     except Exception as error:  # the last resort: the other takes go on
         return failed_record(take, f"failed unexpectedly: {type(error).__name__}: {error}")
     finally:

@@ -16,7 +16,7 @@ from ...system.progress import Progress
 from .content_hash import ContentDigests, take_digest
 from .plan import TakePlan
 from .summary import write_summary
-from .take_record import BAD, REPORT, Record, Task, finished_record, remove_old
+from .take_record import BAD, REPORT, Record, Task, finished_record, remove_old, unwritten_record
 
 DoTasks = Callable[[Sequence[Task]], Generator[Record, None, None]]
 
@@ -55,20 +55,24 @@ def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress:
         takes = sorted((replace(take, digest=take_digest(take, contents)) for take in takes), key=lambda t: t.name)
         done: dict[str, Record] = {}
         left: list[TakePlan] = []
+        finished_before = set[str]()
         for take in takes:
             record = finished_record(take, out)
-            if record is None:
+            if record is not None:
+                done[take.name] = replace(record, source=take.source)
+                finished_before.add(take.name)
+                continue
+            try:
                 remove_old(take, out)
                 left.append(take)
-            else:
-                done[take.name] = replace(record, source=take.source)
-        finished_before = frozenset(done)
+            except OSError as error:  # the other takes go on
+                done[take.name] = unwritten_record(take, error)
         if left:
             _do(left, out, work, do_tasks, done, progress)
         records = tuple(done[take.name] for take in takes)
         progress(1.0, "writing the summary")
         page = write_summary(records, out, work)
-        return BatchResult(records, finished_before, page)
+        return BatchResult(records, frozenset(finished_before), page)
 
 
 def _do(

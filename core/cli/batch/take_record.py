@@ -3,17 +3,45 @@
 Nothing here solves or draws, so the process that hands out takes loads fast.
 """
 
+import errno
 import json
+import os
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from ...errors import FormatError
+from ...system.files import read_bytes, reading
+from ...system.schema import Key, Schema
 from .content_hash import file_digest
-from .plan import TakePlan
+from .plan import ALSO, SAVED_AS, TakePlan
 
 REPORT = "report"  # folder of records and pictures below that of the results
 
 GOOD, DOUBTFUL, BAD = "good", "doubtful", "bad"
+
+RECORD = Schema(
+    "Record of a take",
+    "That `perfanim batch` keeps beside a take's results, JSON.",
+    (
+        Key("name", "of the take", str, least=1),
+        Key("source", "the take as its plan names it", str),
+        Key("digest", "of all that the results depend on", str),
+        Key("status", "what came of it", str, choices=(GOOD, DOUBTFUL, BAD)),
+        Key("reasons", "why it is doubtful or bad", str, (None,)),
+        Key("warnings", "of its commands", str, (None,)),
+        Key("figures", "of its quality", float, named=True),
+        Key("outputs", "kind and file of each result", str, named=True),
+        Key("sha256", "file and digest of each result", str, named=True, least=1),
+        Key("is_kept", "whether a later run takes it as done", bool),
+    ),
+    FormatError,
+    closed=True,
+)
+_MOST_BYTES = 1 << 20  # of a record
+_ENDINGS = ("bvh", "take.npz", *ALSO, *SAVED_AS)
+_TEMPORARY = ".{}.angles.12345678.csv"  # the longest name that a file of a take has, while it is written
 
 
 @dataclass(frozen=True)
@@ -41,8 +69,11 @@ class Record:
 
     @classmethod
     def of_text(cls, text: str) -> "Record":
-        """Return the record of a JSON object; ValueError or TypeError when it is none."""
-        table = json.loads(text)
+        """Return the record of a JSON object; FormatError when it is none."""
+        with reading("record"):
+            table = json.loads(text)
+            figures = {name: value for name, value in table["figures"].items() if value is not None}
+            RECORD.check({**table, "figures": figures}, "record")
         return cls(**{**table, "reasons": tuple(table["reasons"]), "warnings": tuple(table["warnings"])})
 
     def text(self) -> str:
@@ -81,7 +112,7 @@ def record_path(out: Path, name: str) -> Path:
 def finished_record(take: TakePlan, out: Path) -> Record | None:
     """Return the record of an earlier run, if inputs and outputs are unchanged."""
     record = stored_record(take.name, out)
-    if record is None or record.digest != take.digest:
+    if record is None or not record.is_kept or record.digest != take.digest:
         return None
     if any(file_digest(out / file) != digest for file, digest in record.sha256.items()):
         return None
@@ -89,11 +120,24 @@ def finished_record(take: TakePlan, out: Path) -> Record | None:
 
 
 def stored_record(name: str, out: Path) -> Record | None:
-    """Return an earlier run's record of a take, None if none can be read."""
+    """Return an earlier run's record of a take, None if none can be read.
+
+    Anybody may have written it: one that names files other than the take's own, or files elsewhere, is none.
+    """
     try:
-        return Record.of_text(record_path(out, name).read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError, KeyError):
+        record = Record.of_text(read_bytes(record_path(out, name), _MOST_BYTES).decode("utf-8"))
+    except (FormatError, ValueError):
         return None
+    files = set(record.outputs.values())
+    is_own = record.name == name and files == set(record.sha256) and _are_own(name, files, out)
+    return record if is_own else None
+
+
+def _are_own(name: str, files: Iterable[str], out: Path) -> bool:
+    """Return whether files are a take's, below `out` even where links lead."""
+    own = {f"{REPORT}/{name}.jpg", *(f"{name}.{ending}" for ending in _ENDINGS)}
+    root = os.path.realpath(out)
+    return own.issuperset(files) and all(Path(os.path.realpath(out / file)).is_relative_to(root) for file in files)
 
 
 def failed_record(take: TakePlan, reason: str) -> Record:
@@ -101,11 +145,21 @@ def failed_record(take: TakePlan, reason: str) -> Record:
     return Record(take.name, take.source, take.digest, BAD, (reason,), is_kept=False)
 
 
+def unwritten_record(take: TakePlan, error: OSError) -> Record:
+    """Return the record of a take with files that the system cannot write."""
+    is_long = error.errno == errno.ENAMETOOLONG
+    advice = 'give the take a shorter name (name = "...")' if is_long else "choose a folder you may write to"
+    return failed_record(take, f"cannot be written ({error.strerror or error}); {advice}")
+
+
 def remove_old(take: TakePlan, out: Path) -> None:
-    """Remove the record and the outputs of an earlier run with other inputs."""
+    """Remove the record and the outputs of an earlier run with other inputs.
+
+    OSError: they cannot be removed, or the take's name is too long for new ones.
+    """
+    with suppress(FileNotFoundError):
+        (out / _TEMPORARY.format(take.name)).lstat()
     record = stored_record(take.name, out)
     for file in record.outputs.values() if record else ():
-        if Path(file).name.startswith(take.name):
-            (out / file).unlink(missing_ok=True)
-    with suppress(FileNotFoundError):
-        record_path(out, take.name).unlink()
+        (out / file).unlink(missing_ok=True)
+    record_path(out, take.name).unlink(missing_ok=True)

@@ -3,14 +3,15 @@
 import shutil
 import tarfile
 import tempfile
-import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from pathlib import Path, PurePosixPath
 
 from ...errors import FormatError
+from ...geometry.npz import open_zip
 from ...system.files import SLACK_BYTES, is_file, is_folder, read_bytes, reading
 
 MOTION_SUFFIXES = frozenset((".bvh", ".amc"))
@@ -93,8 +94,7 @@ def _is_used(name: str) -> bool:
 
 def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
-    with zipfile.ZipFile(source) as archive:
-        _check_count(source, len(archive.infolist()))
+    with source.open("rb") as file, open_zip(file, partial(check_count, source)) as archive:
         check_unpacked_size(source, sum(member.file_size for member in archive.infolist()))
         for member in archive.infolist():
             if not member.is_dir() and _is_used(member.filename):
@@ -108,7 +108,7 @@ def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
 def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     # as a stream: compressed archives cannot go back
-    with tarfile.open(source, mode="r|*", tarinfo=_counted_headers(source)) as archive:
+    with tarfile.open(source, mode="r|*", tarinfo=counted_headers(source)) as archive:
         size = 0
         for member in archive:
             size += member.size
@@ -122,14 +122,14 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     return found
 
 
-def _counted_headers(source: Path) -> type[tarfile.TarInfo]:
+def counted_headers(source: Path) -> type[tarfile.TarInfo]:
     """Return a class of tar headers that refuses too many, and endless names."""
     numbers = count(1)
 
     class Header(tarfile.TarInfo):
         @classmethod
         def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> "Header":
-            _check_count(source, next(numbers))
+            check_count(source, next(numbers))
             header = super().frombuf(buf, encoding, errors)
             if header.type in _NAME_TYPES and header.size > _MOST_NAME:  # read whole at once
                 raise ValueError(f"a file's name of {header.size} bytes")
@@ -138,7 +138,8 @@ def _counted_headers(source: Path) -> type[tarfile.TarInfo]:
     return Header
 
 
-def _check_count(source: Path, members: int) -> None:
+def check_count(source: Path, members: int) -> None:
+    """Raise FormatError where an archive holds far too many files for its size."""
     if members > _FEW_MEMBERS + source.stat().st_size // _MEMBER_BYTES:
         raise FormatError("holds far more files than its own size", where=str(source), advice="give them in a folder")
 

@@ -1,6 +1,7 @@
 """Footer of a complete take: facts, and the index of its chunks."""
 
 import json
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,12 +9,28 @@ from io import FileIO
 from typing import Any, BinaryIO
 
 from ...errors import TakeError
+from ...system.files import reading
+from ...system.schema import Key, Schema
 from .chunks import HEADER_BYTES, ChunkKind, read_chunk
+from .setup import json_object
 
 _MAGIC = b"PFTAKEND"
 _FACTS = struct.Struct("<I")  # bytes of the facts, which follow as JSON
 _ROW = struct.Struct("<HHIQ")  # kind, 0, sequence number, offset
 _TRAILER = struct.Struct("<Q8s")  # offset of the END chunk, magic
+_LONGEST_S = 1e15
+_SCHEMA = Schema(
+    "End mark of a take",
+    "Facts of the recording, written with its last chunk.",
+    (
+        Key("frames", "marker frames", int, least=0, most=1e15, optional=True),
+        Key("poses", "solved poses", int, least=0, most=1e15, optional=True),
+        Key("duration_s", "between first and last frame", float, (), "s", -_LONGEST_S, _LONGEST_S, optional=True),
+        Key("orphaned", "whether the recording outlived Blender", bool, optional=True),
+    ),
+    TakeError,
+    "check the file",
+)
 
 
 @dataclass(frozen=True)
@@ -35,20 +52,25 @@ class Footer:
         return _FACTS.pack(len(text)) + text + rows + _TRAILER.pack(self.index[-1][1], _MAGIC)
 
     @staticmethod
-    def unpack(payload: memoryview | bytes) -> "Footer":
+    def unpack(payload: memoryview | bytes, where: str) -> "Footer":
         """Return the footer of `pack`; TakeError for other bytes."""
-        try:
+        with reading(where, TakeError, what="has an end mark that is not understood"):
             (size,) = _FACTS.unpack_from(payload)
             start, stop = _FACTS.size + size, len(payload) - _TRAILER.size
-            facts = json.loads(bytes(payload[_FACTS.size : start]))
+            facts = json_object(bytes(payload[_FACTS.size : start]), f"{where}, end mark")
             rows = tuple((kind, offset) for kind, _, _, offset in _ROW.iter_unpack(payload[start:stop]))
-            return Footer(dict(facts), rows)
-        except (struct.error, ValueError, TypeError) as error:
-            raise TakeError(f"has an end mark that is not understood ({error})") from error
+        _SCHEMA.check(facts, f"{where}, end mark")
+        return Footer(facts, rows)
+
+
+def duration_s(first_s: float, last_s: float) -> float:
+    """Return a duration for the facts, 0 where damaged times give none."""
+    passed_s = last_s - first_s
+    return passed_s if math.isfinite(passed_s) and abs(passed_s) <= _LONGEST_S else 0.0
 
 
 def find_footer(file: BinaryIO | FileIO) -> Footer | None:
-    """Return the footer of an open file, None where the take was cut off."""
+    """Return the footer of an open file, None where it was cut off or damaged."""
     size = file.seek(0, 2)
     if size < _TRAILER.size + HEADER_BYTES:
         return None
@@ -57,4 +79,9 @@ def find_footer(file: BinaryIO | FileIO) -> Footer | None:
     if magic != _MAGIC or offset > size - HEADER_BYTES:
         return None
     chunk = read_chunk(file, offset)
-    return Footer.unpack(chunk.payload) if chunk is not None and chunk.kind == ChunkKind.END else None
+    if chunk is None or chunk.kind != ChunkKind.END:
+        return None
+    try:
+        return Footer.unpack(chunk.payload, "")
+    except TakeError:  # a reader of the whole file says so
+        return None

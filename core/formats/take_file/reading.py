@@ -1,6 +1,7 @@
 """Reading of recorded takes, also of cut or damaged ones."""
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path, PurePath
@@ -24,10 +25,16 @@ from .chunks import (
 )
 from .footer import Footer, find_footer
 from .pose_codec import TimedPose, unpack_solved
-from .setup import TakeNotes, TakeSetup, json_object
+from .setup import TakeNotes, TakeSetup, event_facts
 
 ENDING = ".perftake"
 
+# Readers of chunks that a take can do without; of the set-up there is another, and without frames there is no take.
+_SPARE: Mapping[int, Callable[[bytes, str], object]] = {
+    ChunkKind.NOTES: TakeNotes.from_json,
+    ChunkKind.EVENT: event_facts,
+    ChunkKind.END: Footer.unpack,
+}
 _LONGEST_STEM = 200  # bytes of a file's name without its ending, which may have some more
 _RECOVER = "perfanim take recover writes the intact part as a complete take"
 
@@ -80,17 +87,19 @@ class TakeFile:
     @property
     def events(self) -> tuple[str, ...]:
         """Messages about incidents while recording."""
-        return tuple(str(row.get("text", "")) for row in self._event_rows)
+        return tuple(row.get("text") or "" for row in self._event_rows)
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
         """Where a process of the capture was replaced."""
-        found = [(row["gap"], str(row.get("text", ""))) for row in self._event_rows if isinstance(row.get("gap"), dict)]
-        return tuple(Gap(int(gap.get("after", -1)), float(gap.get("seconds", 0.0)), text) for gap, text in found)
+        found = [(row["gap"], row.get("text") or "") for row in self._event_rows if row.get("gap") is not None]
+        return tuple(
+            Gap(int(_number(gap, "after", -1)), float(_number(gap, "seconds", 0)), text) for gap, text in found
+        )
 
     @cached_property
     def _event_rows(self) -> tuple[dict[str, Any], ...]:
-        return tuple(json_object(bytes(chunk.payload), str(self.path)) for chunk in self._of(ChunkKind.EVENT))
+        return tuple(event_facts(bytes(chunk.payload), str(self.path)) for chunk in self._of(ChunkKind.EVENT))
 
     @cached_property
     def stamped_frames(self) -> tuple[tuple[float, MarkerFrame], ...]:
@@ -132,7 +141,9 @@ class TakeFile:
     def declared_frames(self) -> int:
         """Number of frames by the end mark, of readable ones without it."""
         ends = self._of(ChunkKind.END)
-        return int(Footer.unpack(ends[0].payload).facts.get("frames", 0)) if ends else self.frame_count
+        if not ends:
+            return self.frame_count
+        return int(_number(Footer.unpack(ends[0].payload, str(self.path)).facts, "frames", 0))
 
     @property
     def problems(self) -> list[str]:
@@ -164,14 +175,41 @@ class TakeFile:
 def read_take_file(path: Path | str) -> TakeFile:
     """Return the intact part of a recorded take, even while it is being written.
 
+    Notes, events and end marks that are not understood count as damaged.
+
     Raises:
         TakeError: the file is no take, of another version, or nothing of it is intact.
         FormatError: the file cannot be read.
     """
     chunks, faults = scan(read_bytes(path), str(path))
-    known = [chunk for chunk in chunks if chunk.kind in ChunkKind._value2member_map_]
+    known: list[Chunk] = []
+    for chunk in chunks:
+        fault = _misunderstood(chunk, str(path))
+        if fault is not None:
+            faults.append(fault)
+        elif chunk.kind in ChunkKind._value2member_map_:
+            known.append(chunk)
     ended = any(chunk.kind == ChunkKind.END for chunk in known)
     return TakeFile(Path(path), tuple(known), tuple(faults), ended)
+
+
+def _misunderstood(chunk: Chunk, where: str) -> Fault | None:
+    """Return the fault of a chunk with damaged facts despite a right checksum."""
+    read = _SPARE.get(chunk.kind)
+    try:
+        if read is not None:
+            read(bytes(chunk.payload), where)
+    except TakeError as error:
+        name = ChunkKind(chunk.kind).name.lower()
+        what = f"chunk {chunk.sequence} ({name}) is not understood: {error.what}"
+        return Fault(chunk.offset, HEADER_BYTES + len(chunk.payload), what)
+    return None
+
+
+def _number(facts: Mapping[str, Any], name: str, default: float) -> float:
+    """Return a number of checked facts; null is as good as none."""
+    value = facts.get(name)
+    return default if value is None else value
 
 
 def take_name(path: Path | str) -> str:
@@ -249,9 +287,10 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
         if chunk is not None and kind == ChunkKind.SETUP:
             known = _known(TakeSetup.from_json(bytes(chunk.payload), str(path)))
         elif chunk is not None:
-            notes = TakeNotes.from_json(bytes(chunk.payload), str(path))
+            with suppress(TakeError):
+                notes = TakeNotes.from_json(bytes(chunk.payload), str(path))
     notes = notes if notes.name else replace(notes, name=take_name(path))
-    frames, duration_s = int(footer.facts.get("frames", 0)), float(footer.facts.get("duration_s", 0.0))
+    frames, duration_s = int(_number(footer.facts, "frames", 0)), float(_number(footer.facts, "duration_s", 0))
     orphaned = bool(footer.facts.get("orphaned", False))
     return TakeSummary(path, True, frames, duration_s, notes=notes, orphaned=orphaned, **known)
 

@@ -13,8 +13,41 @@ from ...geometry.rig_file import rig_from, rig_tables
 from ...markers.prop import Prop, prop_from, prop_tables
 from ...markers.subject import Subject, subject_from, subject_tables
 from ...system.files import reading
+from ...system.schema import Key, Schema
 
 MOST_STARS = 5
+_DEEPEST = 64  # of nested JSON: far below what Python can copy
+_MOST = 1e15  # of frame numbers and seconds
+_NOTES = Schema(
+    "Notes of a take",
+    "What the user wrote about a take.",
+    (
+        Key("name", "of the take", str, optional=True),
+        Key("notes", "of the user", str, optional=True),
+        Key("character", "that was animated live", str, optional=True),
+        Key("recorded", "first and last wanted frame", int, (2,), "", -_MOST, _MOST, optional=True),
+    ),
+    TakeError,
+    "check the file",
+)
+_EVENT = Schema(
+    "Event of a take",
+    "An incident while it was recorded.",
+    (
+        Key("text", "message", str, optional=True),
+        Key(
+            "gap",
+            "frames that are missing",
+            (
+                Key("after", "number of the last frame before them", int, (), "", -_MOST, _MOST, optional=True),
+                Key("seconds", "that are missing", float, (), "s", 0.0, _MOST, optional=True),
+            ),
+            optional=True,
+        ),
+    ),
+    TakeError,
+    "check the file",
+)
 
 
 @dataclass(frozen=True)
@@ -127,25 +160,42 @@ class TakeNotes:
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeNotes":
-        """Return the notes of `to_json`, without parts of later versions."""
+        """Return the notes of `to_json`, without later parts; TakeError for damaged ones."""
         facts = json_object(data, where)
-        texts = {name: str(facts.get(name, "")) for name in ("name", "notes", "character")}
+        _NOTES.check(facts, f"{where}, notes")
+        texts = {name: facts.get(name) or "" for name in ("name", "notes", "character")}
         rating = facts.get("rating", 0)
         stars = min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0
         span = facts.get("recorded")
-        recorded = (int(span[0]), int(span[1])) if isinstance(span, list) and len(span) == 2 else None
+        recorded = (int(span[0]), int(span[1])) if span is not None else None
         table, played = facts.get("filters"), bool(facts.get("played", False))
         filters = table if isinstance(table, dict) else None
         return TakeNotes(**texts, rating=stars, played=played, recorded=recorded, filters=filters)
 
 
+def event_facts(data: bytes, where: str) -> dict[str, Any]:
+    """Return the facts of an event; TakeError for damaged ones."""
+    facts = json_object(data, where)
+    _EVENT.check(facts, f"{where}, event")
+    return facts
+
+
 def json_object(data: bytes, where: str) -> dict[str, Any]:
-    """Return a JSON object; TakeError for other bytes."""
+    """Return a JSON object; TakeError for other bytes, or if nested too deeply."""
     with reading(where, TakeError, what="holds no JSON where some was expected"):
         value = json.loads(data)
     if not isinstance(value, dict):
-        raise TakeError("holds no JSON object where one was expected", where=where)
+        raise TakeError("holds no JSON object where one was expected", where=where, advice="check the file")
+    if _is_deeper(value, _DEEPEST):
+        raise TakeError(f"holds JSON nested more than {_DEEPEST} deep", where=where, advice="check the file")
     return value
+
+
+def _is_deeper(value: Any, levels: int) -> bool:
+    if not isinstance(value, dict | list):
+        return False
+    items = value.values() if isinstance(value, dict) else value
+    return levels == 0 or any(_is_deeper(item, levels - 1) for item in items)
 
 
 def _made(what: str, make: Any) -> Any:

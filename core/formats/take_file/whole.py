@@ -8,7 +8,7 @@ from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack_stamped
 from ...system.files import atomic_path
 from .chunks import ChunkKind, encode_chunk, join_records, preamble
-from .footer import Footer
+from .footer import Footer, duration_s
 from .pose_codec import TimedPose, pack_solved
 from .setup import TakeNotes, TakeSetup
 
@@ -43,8 +43,8 @@ def write_whole_take(
 
 def take_facts(frames: Sequence[MarkerFrame], poses: int) -> dict[str, Any]:
     """Return the end mark's facts about frames and a number of poses."""
-    duration_s = frames[-1].time_s - frames[0].time_s if frames else 0.0
-    return {"frames": len(frames), "poses": poses, "duration_s": duration_s, "orphaned": False}
+    passed_s = duration_s(frames[0].time_s, frames[-1].time_s) if frames else 0.0
+    return {"frames": len(frames), "poses": poses, "duration_s": passed_s, "orphaned": False}
 
 
 def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: Mapping[str, Any]) -> None:

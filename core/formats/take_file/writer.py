@@ -22,7 +22,7 @@ from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...system.files import atomic_path
 from ...system.lock import lock
 from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
-from .footer import Footer
+from .footer import Footer, duration_s
 from .reading import take_name, unused_path
 from .setup import TakeNotes, TakeSetup
 
@@ -208,7 +208,7 @@ class TakeWriter:
     def _duration_s(self) -> float:
         if not self._last_frame:
             return 0.0
-        return unpack_stamped(self._last_frame)[1].time_s - unpack_stamped(self._first_frame)[1].time_s
+        return duration_s(unpack_stamped(self._first_frame)[1].time_s, unpack_stamped(self._last_frame)[1].time_s)
 
     def _write(self) -> None:
         """Write the encoded chunks; keep them if the disk does not take them."""

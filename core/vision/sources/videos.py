@@ -1,5 +1,7 @@
 """Video files as a source."""
 
+import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,7 +12,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
-from ...system.files import is_file
+from ...system.files import is_file, open_foreign, reading
 from .addresses import is_address
 from .camera_watch import is_repeated
 from .files import open_address
@@ -19,6 +21,13 @@ from .image_set import ClosableSource, ImageSet, next_number
 
 _SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
 _NO_ANSWER_MS = 10000  # after which a film behind an address is given up
+_HEAD_BYTES = 1024
+_CONTAINER = re.compile(
+    rb"RIFF....AVI |\x1aE\xdf\xa3|....(?:ftyp|moov|mdat|wide|free|skip|pnot)|\x00\x00\x01[\xba\xb3]"
+    rb"|\x30\x26\xb2\x75\x8e\x66\xcf\x11|FLV\x01|OggS|\x06\x0e\x2b\x34",
+    re.DOTALL,
+)  # AVI, Matroska and WebM, MP4 and MOV, MPEG, WMV, Flash, Ogg, MXF
+_TRANSPORT = ((0, 188), (4, 192))  # MPEG-TS, and that of camcorders: the first mark of a packet, and bytes to the next
 
 
 class VideoSource(ClosableSource):
@@ -166,7 +175,9 @@ def _open(path: str) -> Any:
     if is_address(path):
         capture = open_address(path, _NO_ANSWER_MS, _NO_ANSWER_MS)
     elif is_file(path):
-        capture = cv2.VideoCapture(path)
+        _check_container(path)
+        # a name like "concat:a.avi" would open another file
+        capture = cv2.VideoCapture(os.path.join(os.curdir, path))  # noqa: PTH118 - pathlib drops the "./"
     else:
         raise CaptureError("there is no such video", where=path, advice="check the path")
     if not capture.isOpened():
@@ -175,6 +186,22 @@ def _open(path: str) -> Any:
     size = (int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
     check_image_size(size, 0 if is_address(path) else Path(path).stat().st_size, path)
     return capture
+
+
+def _check_container(path: str) -> None:
+    """Raise CaptureError for a file that does not begin like a video.
+
+    OpenCV's reader goes by the content: a playlist makes it open other files and addresses, and wait for them.
+    """
+    with open_foreign(path, CaptureError) as file, reading(path, CaptureError, what="cannot be read"):
+        head = file.read(_HEAD_BYTES)
+    is_transport = any(len(head) > 2 * step and set(head[at::step]) == {0x47} for at, step in _TRANSPORT)
+    if not is_transport and not _CONTAINER.match(head):
+        raise CaptureError(
+            "cannot be opened as a video (it does not begin like one)",
+            where=path,
+            advice="give the film's own file, no playlist: MP4 (H.264) or AVI (MJPEG)",
+        )
 
 
 def _bgr(image: Any) -> Image:

@@ -167,6 +167,27 @@ def test_wrong_usage_exits_with_2(capsys, line):
     assert "usage: perfanim" in printed.err
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["x" * 20_000],
+        ["database", "get", "a", *["\x1b[31m\n\udcff"] * 5000],
+        ["database", "y" * 20_000],
+        ["solve", "a.csv", "--database", "b", "--subject", "c", "--out", "d", "--method", "z" * 20_000],
+        ["database", "build", "a", "--out", "b", "--fps", "9" * 20_000 + "x"],
+    ],
+)
+def test_messages_of_wrong_usage_are_short_and_of_one_line(capsys, line):
+    with pytest.raises(SystemExit) as caught:
+        main(line)
+    assert caught.value.code == 2
+    *usage, message = capsys.readouterr().err.splitlines()
+    assert message.startswith("perfanim") and ": error: " in message
+    assert len(message) <= 300
+    assert "\x1b" not in message
+    assert all(len(row) <= 300 for row in usage)
+
+
 def test_version_and_help_exit_with_0(capsys):
     for line in (["--version"], ["--help"], ["solve", "--help"]):
         with pytest.raises(SystemExit) as caught:

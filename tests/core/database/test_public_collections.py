@@ -1,9 +1,11 @@
 """Collections of motion from the network, and the database made of one."""
 
 import io
+import struct
 import tarfile
+import tracemalloc
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.database import public_collections as public_collections_module
 from perfanim.core.database.public_collections import file_name, get_collection, public_collections
 from perfanim.core.database.store import open_database
-from perfanim.core.errors import DownloadError, FormatError, SettingsError
+from perfanim.core.errors import DownloadError, FormatError, PerfanimError, SettingsError
 from perfanim.core.system.files import write_toml
 from perfanim.core.system.progress import no_progress
 
@@ -132,6 +134,44 @@ def test_an_archive_that_holds_far_more_than_its_size_is_refused(
     packed(folder / f"a.{kind}", "a.bvh", 200_000_000)
     with pytest.raises(FormatError, match="far more than its own size"):
         get_collection(f"{address}/a.{kind}", tmp_path / "got", no_progress)
+    assert list((tmp_path / "got").iterdir()) == []
+
+
+def _endless_name(path: Path) -> None:
+    with tarfile.open(path, "w:gz", format=tarfile.GNU_FORMAT) as archive:
+        archive.addfile(tarfile.TarInfo("x" * 50_000_000 + ".bvh"))
+
+
+def _many_empty(path: Path) -> None:
+    with tarfile.open(path, "w:gz") as archive:
+        for number in range(4000):
+            archive.addfile(tarfile.TarInfo(f"{number}.bvh"))
+
+
+def _long_list(path: Path) -> None:
+    listed = (b"PK\x01\x02" + bytes(24) + b"\x01" + bytes(17) + b"a") * 50_000
+    path.write_bytes(listed + b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, 1, 1, len(listed), 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "message"),
+    [
+        ("a.tar.gz", _endless_name, r"is damaged \(a file's name of 50000005 bytes\)"),
+        ("a.tar.gz", _many_empty, "holds far more files than its own size"),
+        ("a.zip", _long_list, "holds far more files than its own size"),
+    ],
+)
+def test_names_and_lists_without_end_take_no_memory(
+    site: tuple[str, Path], tmp_path: Path, name: str, write: Callable[[Path], None], message: str
+) -> None:
+    address, folder = site
+    write(folder / name)
+    tracemalloc.start()
+    with pytest.raises(PerfanimError, match=message):
+        get_collection(f"{address}/{name}", tmp_path / "got", no_progress)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 10 << 20
     assert list((tmp_path / "got").iterdir()) == []
 
 

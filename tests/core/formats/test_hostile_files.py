@@ -232,6 +232,18 @@ def test_an_archive_of_more_files_than_its_size_allows(tmp_path: Path, ending: s
         assert len(files) == (900 if ending == "bvh" else 0)
 
 
+def test_a_long_list_in_a_zip_archive_takes_no_memory(tmp_path: Path) -> None:
+    listed = (b"PK\x01\x02" + bytes(24) + b"\x01" + bytes(17) + b"a") * 50_000
+    end = b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, 1, 1, len(listed), 0, 0)
+    (tmp_path / "a.zip").write_bytes(listed + end)
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=r"a\.zip: holds far more files than its own size"):
+        _list(tmp_path / "a.zip")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 1 << 20
+
+
 def test_a_name_in_a_tar_archive_that_is_larger_than_the_archive(tmp_path: Path) -> None:
     _tar(tmp_path / "a.tar.gz", ["x" * 50_000_000 + ".bvh"], format=tarfile.GNU_FORMAT)
     assert (tmp_path / "a.tar.gz").stat().st_size < 100_000

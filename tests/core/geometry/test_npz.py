@@ -1,15 +1,17 @@
 """Archives of arrays from anywhere: nothing hostile reaches NumPy's parser or memory."""
 
 import io
+import struct
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError, TakeError
-from perfanim.core.geometry.npz import read_arrays, write_arrays
+from perfanim.core.geometry.npz import open_zip, read_arrays, write_arrays
 from perfanim.core.markers.marker_take import MarkerTake, load_take, save_take
 
 ARRAYS = {
@@ -121,6 +123,50 @@ def test_a_small_file_that_unpacks_to_much_takes_no_memory(tmp_path: Path) -> No
     with pytest.raises(FormatError, match="declares far more than it holds"):
         read_arrays(tmp_path / "a.npz")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 8 << 10
+
+
+def _list_only(path: Path, members: int, declared: int, is_large: bool = False) -> None:
+    """Write a zip archive that is only a list of members of one byte's name, with any number declared."""
+    listed = (b"PK\x01\x02" + bytes(24) + b"\x01" + bytes(17) + b"a") * members
+    size, place = len(listed), 0
+    end = b""
+    if is_large:
+        end = b"PK\x06\x06" + struct.pack("<QHHIIQQQQ", 44, 45, 45, 0, 0, declared, declared, size, place)
+        end += b"PK\x06\x07" + struct.pack("<IQI", 0, size, 1)
+        declared, size, place = 0xFFFF, 0xFFFFFFFF, 0xFFFFFFFF
+    path.write_bytes(listed + end + b"PK\x05\x06" + struct.pack("<HHHHIIH", 0, 0, declared, declared, size, place, 0))
+
+
+@pytest.mark.parametrize(("declared", "is_large"), [(1, False), (0xFFFF, False), (200_000, True), (1, True)])
+def test_a_list_of_many_members_takes_no_memory(tmp_path: Path, declared: int, is_large: bool) -> None:
+    _list_only(tmp_path / "a.npz", 200_000, declared, is_large)
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=r"a\.npz: declares far more than it holds; export it again"):
+        read_arrays(tmp_path / "a.npz")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 1 << 20
+
+
+@pytest.mark.parametrize("members", [1, 199, 200, 201])
+def test_members_are_counted_as_zipfile_lists_them(tmp_path: Path, members: int) -> None:
+    _list_only(tmp_path / "a.npz", members, members)
+    counts: list[int] = []
+    with (tmp_path / "a.npz").open("rb") as file, open_zip(file, counts.append) as archive:
+        assert len(archive.infolist()) == members == counts[-1]
+    np.savez(tmp_path / "b.npz", **{str(number): np.zeros(1) for number in range(members)})
+    if members > 200:
+        with pytest.raises(FormatError, match="far more"):
+            read_arrays(tmp_path / "b.npz")
+    else:
+        assert len(read_arrays(tmp_path / "b.npz")) == members
+
+
+def test_an_archive_in_an_archive_is_not_counted(tmp_path: Path) -> None:
+    _list_only(tmp_path / "a.zip", 5000, 5000)
+    held = np.frombuffer((tmp_path / "a.zip").read_bytes(), np.uint8)
+    np.savez(tmp_path / "b.npz", held=held)
+    np.testing.assert_array_equal(read_arrays(tmp_path / "b.npz")["held"], held)
 
 
 @pytest.mark.parametrize(

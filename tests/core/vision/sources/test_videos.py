@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -47,6 +50,63 @@ def test_missing_and_broken_videos_are_named(tmp_path):
     (tmp_path / "text.avi").write_text("no video")
     with pytest.raises(CaptureError, match=r"text\.avi.*cannot be opened"):
         VideoSource([good, tmp_path / "text.avi"])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no pipes among its files")
+@pytest.mark.parametrize(("name", "text"), [("x.mp4", "ffconcat version 1.0\nfile p.mp4\n"), ("concat:p.mp4", None)])
+def test_a_file_that_leads_to_a_pipe_is_not_waited_for(tmp_path, name, text):
+    os.mkfifo(tmp_path / "p.mp4")
+    if text is None:  # a good video, under a name that means another file to the reader
+        (tmp_path / name).write_bytes(video(tmp_path / "a.avi", 3).read_bytes())
+    else:
+        (tmp_path / name).write_text(text)
+    code = "import sys\nfrom perfanim.core.vision.sources.videos import VideoSource\nVideoSource([sys.argv[1]])"
+    done = subprocess.run(
+        [sys.executable, "-c", code, name], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    last = (done.stderr.splitlines() or [""])[-1]
+    assert (done.returncode, last) == (0, "") if text is None else "x.mp4: cannot be opened as a video" in last
+
+
+LISTS = {
+    "a.ffconcat": b"ffconcat version 1.0\nfile left.avi\n",
+    "a.m3u8": b"#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nleft.avi\n#EXT-X-ENDLIST\n",
+    "a.sdp": b"v=0\no=- 0 0 IN IP4 127.0.0.1\nc=IN IP4 127.0.0.1\nm=video 9 RTP/AVP 96\n",
+    "a.mpd": b"<?xml version='1.0'?><MPD><BaseURL>left.avi</BaseURL></MPD>",
+    "a.ts": b"G" * 188,
+    "a.avi": b"RIFF\x10\0\0\0WAVEfmt ",
+    "a.mp4": b"",
+    "img%03d.png": b"\x89PNG\r\n\x1a\n",
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_what_does_not_begin_like_a_video_never_gets_to_the_reader(tmp_path, monkeypatch, name):
+    video(tmp_path / "left.avi", 3)
+    (tmp_path / name).write_bytes(LISTS[name])
+    monkeypatch.setattr(cv2, "VideoCapture", None)
+    with pytest.raises(CaptureError, match=r"it does not begin like one.*no playlist") as caught:
+        VideoSource([tmp_path / name])
+    assert str(caught.value).startswith(f"{tmp_path / name}: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        ("a.mp4", "mp4v"), ("a.mov", "mp4v"), ("a.avi", "HFYU"), ("a.mkv", "HFYU"), ("a.webm", "VP80"),
+        ("a.ts", "mp4v"), ("a.m2ts", "mp4v"), ("a.mpg", "MPG2"), ("a.wmv", "WMV2"), ("a.flv", "FLV1"),
+        ("a.mxf", "MPG2"),
+    ],
+)  # fmt: skip
+def test_videos_of_all_containers_are_read(tmp_path, monkeypatch, name, code):
+    writer = cv2.VideoWriter(str(tmp_path / name), cv2.VideoWriter.fourcc(*code), 25.0, (64, 48))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV does not write it")
+    for number in range(5):
+        writer.write(np.random.default_rng(number).integers(255, size=(48, 64, 3), dtype=np.uint8))
+    writer.release()
+    monkeypatch.chdir(tmp_path)  # names without a folder, too
+    assert len(list(VideoSource([name, tmp_path / name]))) == 5
 
 
 def test_a_source_that_is_closed_ends(tmp_path):
