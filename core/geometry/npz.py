@@ -78,7 +78,7 @@ class _CountedList:
         return getattr(self._file, name)
 
     def read(self, size: int = -1) -> bytes:
-        """Read as from the file; the list of members is asked for by its size."""
+        """Read as from the file; a read of a given size is that of the list."""
         if size > 0 and not self.is_listed:
             self._count(size)
         return self._file.read(size)
