@@ -53,11 +53,7 @@ def emptied(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
 def test_a_walk_from_six_keys(desktop: Desktop, window: BlenderWindow) -> None:
     hand = with_controls(desktop, window, "sketch")
     press(hand, desktop, "i")
-    for _ in range(FRAMES):
-        desktop.key("Right")
-        time.sleep(0.05)
-    press(hand, desktop, "g", "y", *TYPED_WAY, "Return")
-    press(hand, desktop, "i")
+    key_further_on(hand, desktop)
     hand.shot("keyed")
     hand.click("Solve Sketch", sidebar=True)
     solved = window.wait(lambda state: "keys are met" in state["capture"]["messages"].get("sketch", ""), "a motion")
@@ -110,11 +106,7 @@ def test_a_walk_along_a_drawn_path(desktop: Desktop, window: BlenderWindow) -> N
 def test_a_rough_rig_becomes_a_walk(desktop: Desktop, window: BlenderWindow) -> None:
     hand = with_character(desktop, window, "sketch-rig")
     press(hand, desktop, "ctrl+Tab", "a", "i")  # the whole pose, moved as one: a character that glides
-    for _ in range(FRAMES):
-        desktop.key("Right")
-        time.sleep(0.05)
-    press(hand, desktop, "g", "y", *TYPED_WAY, "Return")
-    press(hand, desktop, "i")
+    key_further_on(hand, desktop)
     hand.shot("rough")
     press(hand, desktop, "ctrl+Tab")
     hand.click("Follow Rough Rig", sidebar=True)
@@ -129,6 +121,15 @@ def test_a_rough_rig_becomes_a_walk(desktop: Desktop, window: BlenderWindow) -> 
         for _ in range(FRAMES // 6):
             desktop.key("Left")
             time.sleep(0.05)
+
+
+def key_further_on(hand: Hand, desktop: Desktop) -> None:
+    """Key all that is selected `WAY_M` ahead, `FRAMES` later."""
+    for _ in range(FRAMES):
+        desktop.key("Right")
+        time.sleep(0.05)
+    press(hand, desktop, "g", "y", *TYPED_WAY, "Return")
+    press(hand, desktop, "i")
 
 
 def press(hand: Hand, desktop: Desktop, *keys: str) -> None:
