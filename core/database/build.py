@@ -21,7 +21,6 @@ from ..system.files import remove_left_behind, writing
 from ..system.progress import Progress, no_progress
 from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
-from .graph import LARGE_DATABASE, GraphSettings
 from .labels import behaviour_of, select_files, subject_of
 from .reading import ReadClip, read_files
 from .store import Clip, Database, same_bones, save_database
@@ -113,8 +112,8 @@ def build_database(
 
     Every clip is mapped onto the standard skeleton, resampled on the shortest arcs, and keeps its subject's bone
     lengths. A file that cannot be read is skipped with the reason; defects of the motion are handled as
-    `body.motion_cleaning` says, and named. A large database is stored with its neighbour graph. While files are read,
-    their frames wait in a file beside `out`: memory holds the poses (336 bytes a frame) and the graph's needs.
+    `body.motion_cleaning` says, and named. A large database is stored with the cells of its search. While files are
+    read, their frames wait in a file beside `out`: memory holds the poses (336 bytes a frame) and the cells' needs.
 
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
@@ -145,8 +144,8 @@ def build_database(
     if settings.cull_deg > 0.0:
         step(_READ, "looking for near-duplicates")
         database = _drop_duplicates(database, settings.cull_deg)
-    step(_CULLED, "joining neighbours and writing")
-    save_database(database, GraphSettings() if database.frames >= LARGE_DATABASE else None)
+    step(_CULLED, "grouping like frames and writing")
+    save_database(database)
     return _report(database, collected, started)
 
 

@@ -8,7 +8,6 @@ the search compares those (Eq. 2).
 """
 
 import os
-from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -18,23 +17,19 @@ from numpy.typing import NDArray
 
 from ..body.standard_skeleton import default_skeleton
 from ..geometry.arrays import FloatArray
+from .k_means import centres_of, nearest_centres
 
 IntArray = NDArray[np.int32]
-
-LARGE_DATABASE = 30_000  # frames from which a graph is worth storing: below, looking at all frames costs little
 
 _ONE_CLUSTER = 2048  # frames up to which all pairs are compared
 _MOST_COMPARED = 4096  # frames that a cluster's are compared with; of more, every second or third ... is taken
 _CLUSTERS_PER_ROOT = 2.0  # clusters per square root of the number of frames
-_SAMPLES_PER_CLUSTER = 24  # frames that a cluster's centre is learned from
-_ROUNDS = 4  # of k-means
 _BESIDE = 3  # clusters that are searched beside a frame's own
 _STRETCH = 4  # frames of a pass of which the closest one is a candidate
 _STRETCHES_PER_NEIGHBOUR = 4  # at least, or every frame is a candidate
 _SAME_PASS = np.float32(1e6)  # squared radians added where a pass comes closer before or after
 _NEVER = np.float32(1e30)  # squared distance of frames that are no candidates; inf would make matrix products NaN
 _BLOCK = 1 << 20  # distances held at once by each thread
-_CHUNK = 8192  # frames
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
 _OWN_WEIGHT = 0.1  # m^2 per rad^2 that a joint's turn counts beside what it moves
 
@@ -93,7 +88,7 @@ def build_graph(
     _join_consecutive(neighbours, clip_of_frame)
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
         centres = _centres(scaled, threads)
-        used, clusters = np.unique(_nearest_centres(scaled, centres, threads.map), return_inverse=True)
+        used, clusters = np.unique(nearest_centres(scaled, centres, threads.map), return_inverse=True)
         clusters = clusters.reshape(-1)
         members = np.split(np.argsort(clusters, kind="stable"), np.cumsum(np.bincount(clusters))[:-1])
         beside = _clusters_beside(centres[used])
@@ -114,46 +109,10 @@ def build_graph(
 
 
 def _centres(poses: FloatArray, threads: Executor) -> FloatArray:
-    """Return the centres (C, D) of coarse clusters, from a sample of the frames."""
+    """Return the centres (C, D) of coarse clusters."""
     if len(poses) <= _ONE_CLUSTER:
         return np.mean(poses, axis=0, keepdims=True)
-    count = int(_CLUSTERS_PER_ROOT * np.sqrt(len(poses)))
-    random = np.random.default_rng(0)  # the same database every time
-    sample = poses[np.sort(random.choice(len(poses), min(len(poses), count * _SAMPLES_PER_CLUSTER), replace=False))]
-    return k_means(sample, count, threads.map)[0]
-
-
-def k_means(
-    poses: FloatArray, count: int, mapped: Callable[..., Iterable[Any]] = map
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return cluster centres (C, D) and the index (F,) of the closest to each pose.
-
-    Args:
-        count: of centres to begin with; empty ones are dropped.
-        mapped: `map`, or that of an executor.
-    """
-    random = np.random.default_rng(0)  # the same every time
-    centres = poses[random.choice(len(poses), count, replace=False)]
-    for _ in range(_ROUNDS):
-        nearest = _nearest_centres(poses, centres, mapped)
-        order = np.argsort(nearest, kind="stable")
-        filled, starts = np.unique(nearest[order], return_index=True)
-        counts = np.diff(np.append(starts, len(poses)))
-        centres[filled] = np.add.reduceat(poses[order], starts, axis=0) / counts[:, None]
-    used, nearest = np.unique(_nearest_centres(poses, centres, mapped), return_inverse=True)
-    return centres[used], nearest.reshape(-1)
-
-
-def _nearest_centres(poses: FloatArray, centres: FloatArray, mapped: Callable[..., Iterable[Any]]) -> NDArray[np.int64]:
-    """Return the index (F,) of the centre closest to each pose."""
-    norms = np.einsum("cd,cd->c", centres, centres)
-
-    def nearest(start: int) -> NDArray[np.int64]:
-        distances = poses[start : start + _CHUNK] @ (-2.0 * centres.T)
-        distances += norms
-        return np.argmin(distances, axis=1)
-
-    return np.concatenate(list(mapped(nearest, range(0, len(poses), _CHUNK))))
+    return centres_of(poses, int(_CLUSTERS_PER_ROOT * np.sqrt(len(poses))), threads.map)
 
 
 def _clusters_beside(centres: FloatArray) -> NDArray[np.int64]:

@@ -24,7 +24,8 @@ from ..errors import DatabaseError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path, is_file, open_foreign, reading
-from .graph import GraphSettings, NeighbourGraph, build_graph
+from .cells import LARGE_DATABASE, build_cells
+from .graph import NeighbourGraph
 from .header_facts import CLIP, FASTEST, REBUILD, SLOWEST, ZERO, read_facts
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
@@ -93,7 +94,8 @@ class Database:
         poses: (F, J - 1, 3) float32 rotation vectors of all joints but the root: local = zero * exp(pose).
         root_rotations: (F, 4) float32 world-from-root.
         root_positions_m: (F, 3) float32.
-        graph: which frames are near each other (Eq. 4); None in a database stored without.
+        cells: (F,) of frames that are alike, see `build_cells`; None in a small database.
+        graph: which frames are near each other (Eq. 4); only large databases of earlier versions have it.
         culled_frames: near-duplicates that were left out when it was built.
         zeros: of subjects that have their own (see `zeros`); the others have the common one.
     """
@@ -106,6 +108,7 @@ class Database:
     poses: FloatArray
     root_rotations: FloatArray
     root_positions_m: FloatArray
+    cells: NDArray[np.int32] | None = None
     graph: NeighbourGraph | None = None
     culled_frames: int = 0
     zeros: tuple[Zero, ...] = ()
@@ -186,11 +189,8 @@ def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     return rot.to_rotation_vector(rot.multiply(rot.conjugate(mean_rotations[1:]), local))
 
 
-def save_database(database: Database, graph: GraphSettings | None = None) -> None:
-    """Write a database to its path.
-
-    Args:
-        graph: how frames are joined in the neighbour graph that is stored with them; None stores none.
+def save_database(database: Database) -> None:
+    """Write a database to its path, a large one with its cells.
 
     Raises:
         DatabaseError: the parts do not fit together.
@@ -202,10 +202,8 @@ def save_database(database: Database, graph: GraphSettings | None = None) -> Non
         "root_rotations": np.asarray(database.root_rotations, dtype=np.float32),
         "root_positions_m": np.asarray(database.root_positions_m, dtype=np.float32),
     }
-    if graph is not None:
-        poses = database.poses.reshape(database.frames, -1)
-        built = build_graph(poses, database.clip_of_frame, graph)
-        arrays |= {"neighbours": built.neighbours, "clusters": built.clusters}
+    if database.frames >= LARGE_DATABASE:
+        arrays["cells"] = build_cells(database.poses, database.mean_rotations)
     if database.zeros:
         arrays["zeros"] = np.array([zero.rotations for zero in database.zeros])
     facts = {
@@ -318,6 +316,7 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         "zeros": ("<f8", (len(zeros), joints, 4)),
         "neighbours": ("<i4", (frames, arrays["neighbours"].shape[-1] if "neighbours" in arrays else 0)),
         "clusters": ("<i4", (frames,)),
+        "cells": ("<i4", (frames,)),
     }
     for name, array in arrays.items():
         if (array.dtype.str, array.shape) != expected[name]:
@@ -337,6 +336,7 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         poses=arrays["poses"],
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
+        cells=arrays.get("cells"),
         graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
         culled_frames=facts.get("culled_frames") or 0,
         zeros=tuple(own),
@@ -367,9 +367,11 @@ def check_arrays(database: Database) -> None:
         largest = max(np.max(np.abs(database.poses[part])), np.max(np.abs(database.root_positions_m[part])))
         fine = bool(np.all(np.abs(lengths - 1.0) < _UNIT) and largest < _FARTHEST)
         if database.graph is not None:
-            joined, clusters = database.graph.neighbours[part], database.graph.clusters[part]
-            fine &= bool(np.all((joined >= -1) & (joined < database.frames)) and np.all(clusters >= 0))
-            fine &= bool(np.all(clusters < database.frames))
+            joined = database.graph.neighbours[part]
+            fine &= bool(np.all((joined >= -1) & (joined < database.frames)))
+        for numbers in (database.cells, database.graph.clusters if database.graph else None):
+            if numbers is not None:
+                fine &= bool(np.all((numbers[part] >= 0) & (numbers[part] < database.frames)))
         if not fine:
             where, advice = f"{database.path}, frames from {frames}", "build the database again"
             raise DatabaseError("holds numbers that are no poses", where=where, advice=advice)

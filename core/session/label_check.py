@@ -8,7 +8,7 @@ import numpy as np
 from ..body.scene_pose import PerformerPose
 from ..geometry.arrays import Array, IntArray, Mask
 from ..labelling.initial_labelling import InitialLabeller, InitialLabels
-from ..labelling.label_search import LabelSearch
+from ..labelling.label_search import WORK, WORK_UNHURRIED, LabelSearch
 from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 
@@ -111,7 +111,9 @@ class LabelCheck:
             self._present_m, self._is_sure = pose.observed_m, is_sure
             ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
             self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
-        if self._search is None or busy or not self._search.advance():
+        unhurried = self._is_certain(doubtful) and not _strays(frame, pose.observed_m)
+        work = WORK_UNHURRIED if unhurried else WORK
+        if self._search is None or busy or not self._search.advance(work):
             return None
         search, self._search = self._search, None
         return self._judge(search, doubtful, pose.time_s)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter, minimum_filter1d
 
 from ..body.calibration_poses import hanging
+from ..body.posed_markers import markers_at_rest
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Clip, Database, check_arrays
 from ..errors import SettingsError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
-from ..solver.posed_markers import markers_at_rest
 
 Planar = NDArray[np.complex64]
 

@@ -9,8 +9,8 @@ from copy import copy
 
 import numpy as np
 
-from ..database.store import Database
-from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.arrays import Array, IntArray
+from .database_markers import DatabaseMarkers
 from .lagged_history import LaggedMarkers
 from .observation import Observation
 from .search.exhaustive import Query
@@ -21,7 +21,9 @@ from .subject_model import RootPose
 INTERVAL_S = 0.1  # between two comparisons
 PROVEN = 0.5  # evidence above which another course is the right one
 _USUAL = 0.85  # distance of the nearest frame of all, as a share of the nearest example's, on a right course
-_NEAREST = 24  # frames of the sample that are compared with their neighbours in time
+_NEAREST = 24  # frames of the sample that are compared with their neighbours in time,
+_PER_SAMPLE = 16  # with so many of each at first, and with all that are beside
+_BESIDE = 8  # of the nearest
 _EXAMPLES = 64
 
 
@@ -29,14 +31,14 @@ class CourseCheck:
     """Compares the present examples with the whole database.
 
     Args:
-        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
+        sample: of the database.
         earlier: markers before these.
     """
 
-    def __init__(self, database: Database, markers_m: FloatArray, earlier: LaggedMarkers) -> None:
-        self._markers = markers_m
-        self._sample = SampleSearch(markers_m, database.poses.reshape(database.frames, -1))
-        self._earlier = earlier
+    def __init__(self, sample: SampleSearch, markers: DatabaseMarkers, earlier: LaggedMarkers) -> None:
+        self._sample, self._markers, self._earlier = sample, markers, earlier
+        # frames that follow each other are alike: those between some are looked at only where these are near
+        self._apart = max(1, sample.step // _PER_SAMPLE)
 
     def backwards(self) -> "CourseCheck":
         """Return the same for time that runs backwards."""
@@ -53,10 +55,15 @@ class CourseCheck:
             examples: (K,) frames near the motion so far, nearest first.
         """
         query = Query(root.to_root_frame(observation.points_m), None, 1.0, 0.0)
-        free = self._sample.around(self._sample.nearest(query, _NEAREST))
+        free = self._sample.around(self._sample.nearest(query, _NEAREST), apart=self._apart)
         distances = self._distances(state, observation, root, np.concatenate((free, examples[:_EXAMPLES])))
-        nearest = [part.min(axis=1) for part in (distances[:, : len(free)], distances[:, len(free) :])]
-        share = np.prod(nearest[0] / nearest[1]) ** 0.25
+        nearest, of_examples = (part.min(axis=1) for part in (distances[:, : len(free)], distances[:, len(free) :]))
+        if self._apart > 1 and len(free) > _BESIDE:
+            best = np.unique(np.argpartition(distances[:, : len(free)], _BESIDE, axis=1)[:, :_BESIDE])
+            beside = free[best, None] + np.concatenate((np.arange(1 - self._apart, 0), np.arange(1, self._apart)))
+            beside = np.clip(beside.ravel(), 0, len(self._markers) - 1)
+            nearest = np.minimum(nearest, self._distances(state, observation, root, beside).min(axis=1))
+        share = np.prod(nearest / of_examples) ** 0.25
         return max(state.evidence + float(np.log(_USUAL / share)), 0.0)
 
     def _distances(self, state: SolverState, observation: Observation, root: RootPose, frames: IntArray) -> Array:
@@ -66,7 +73,7 @@ class CourseCheck:
         """
         seen = observation.located
         now = root.to_root_frame(observation.points_m[seen])
-        away = np.tile(_squares(self._markers.take(frames, axis=0)[:, seen] - now), (2, 1))
+        away = np.tile(_squares(self._markers.take(frames)[:, seen] - now), (2, 1))
         earlier = self._earlier.observed(state.observed, state.time_s, root)
         for observed, known in zip(earlier, np.moveaxis(self._earlier.of_frames(frames), 1, 0), strict=True):
             seen = np.isfinite(observed[:, 0])

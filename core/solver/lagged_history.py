@@ -16,6 +16,7 @@ from scipy.linalg.blas import sgemm
 from ..database.store import Database
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray
+from .database_markers import DatabaseMarkers
 from .subject_model import RootPose
 
 _TOLERANCE = 0.3  # of the lag: how far off a remembered moment may be and still stand for it
@@ -70,8 +71,8 @@ class LaggedFrames:
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
         self.lags_s = lags_s
         self._lags = np.array([max(1, round(lag * database.fps)) for lag in lags_s], dtype=np.int64)
-        ends = np.array([(clip.start, clip.stop - 1) for clip in database.clips])
-        self._ends = np.ascontiguousarray(ends[database.clip_of_frame].T)  # else each `take` copies all of it
+        self._ends = np.array([(clip.start, clip.stop - 1) for clip in database.clips])
+        self._clip_of_frame = database.clip_of_frame
 
     def backwards(self) -> "LaggedFrames":
         """Return the same for time that runs backwards."""
@@ -81,7 +82,7 @@ class LaggedFrames:
 
     def of(self, frames: IntArray) -> IntArray:
         """Return (K, L) frames before those (K,), in a clip's beginning its first."""
-        first, last = self._ends.take(frames, axis=1)[..., None]
+        first, last = self._ends.take(self._clip_of_frame.take(frames), axis=0).T[..., None]
         return np.minimum(np.maximum(frames[:, None] - self._lags, first), last)
 
 
@@ -89,13 +90,12 @@ class LaggedMarkers:
     """Earlier markers (M, 3), NaN where not located, in the frame of the present root.
 
     Args:
-        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
         earlier: of the database.
     """
 
-    def __init__(self, database: Database, markers_m: FloatArray, earlier: LaggedFrames) -> None:
-        self._markers, self._earlier = markers_m, earlier
-        self._root_matrices = rot.to_matrix(database.root_rotations).astype(np.float32)
+    def __init__(self, database: Database, markers: DatabaseMarkers, earlier: LaggedFrames) -> None:
+        self._markers, self._earlier = markers, earlier
+        self._root_rotations = np.asarray(database.root_rotations)
         self._root_positions_m = np.asarray(database.root_positions_m)
 
     def backwards(self) -> "LaggedMarkers":
@@ -106,7 +106,7 @@ class LaggedMarkers:
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
         """Return earlier observed markers (L, M, 3) in the root's frame, NaN if unknown."""
-        unknown = np.full(self._markers.shape[1:], np.nan)
+        unknown = np.full((self._markers.count, 3), np.nan)
         earlier = history.before(time_s, self._earlier.lags_s)
         return root.to_root_frame(np.array([unknown if each is None else each for each in earlier]))
 
@@ -114,12 +114,17 @@ class LaggedMarkers:
         """Return the same for database frames (K,), (K, L, M, 3)."""
         earlier = self._earlier.of(frames)
         # row vectors: p R^T goes to the world's axes, p R from there into the root's
-        away = np.ascontiguousarray(self._root_matrices.take(earlier, axis=0).swapaxes(-1, -2))
-        turned = self._markers.take(earlier, axis=0) @ away
+        away, back = (self._root_matrices(each) for each in (earlier, frames))
+        away = np.ascontiguousarray(away.swapaxes(-1, -2))
+        turned = self._markers.take(earlier) @ away
         shifts = self._root_positions_m.take(earlier, axis=0) - self._root_positions_m.take(frames, axis=0)[:, None]
         turned += shifts[:, :, None]
         flat = turned.reshape(len(frames), -1, 3)
-        return np.asarray((flat @ self._root_matrices.take(frames, axis=0)).reshape(turned.shape))
+        return np.asarray((flat @ back).reshape(turned.shape))
+
+    def _root_matrices(self, frames: IntArray) -> FloatArray:
+        """Return world from root (..., 3, 3) of database frames (...)."""
+        return rot.to_matrix(self._root_rotations.take(frames, axis=0)).astype(np.float32)
 
 
 class LaggedPoses:
@@ -134,9 +139,7 @@ class LaggedPoses:
 
     def __init__(self, database: Database, components: Array, earlier: LaggedFrames) -> None:
         self._components, self._earlier = components.astype(np.float32), earlier
-        # by SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed, which copies nothing
-        poses = database.poses.reshape(database.frames, -1)
-        self._projected = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
+        self._poses = np.asarray(database.poses).reshape(database.frames, -1)
 
     def backwards(self) -> "LaggedPoses":
         """Return the same for time that runs backwards."""
@@ -152,4 +155,7 @@ class LaggedPoses:
 
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the same for database frames (K,), (K, L, C)."""
-        return np.asarray(self._projected.take(self._earlier.of(frames), axis=0))
+        earlier = self._earlier.of(frames)
+        # by SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed, which copies nothing
+        projected = np.asarray(sgemm(1.0, self._components.T, self._poses.take(earlier.ravel(), axis=0).T)).T
+        return projected.reshape(*earlier.shape, -1)

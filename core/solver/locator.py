@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..database.store import Database
-from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.arrays import Array, IntArray
+from .database_markers import DatabaseMarkers
 from .methods import Method
 from .observation import Observation
 from .root import root_from_torso
@@ -33,31 +34,31 @@ class Locator:
     """Finds root and examples, each from the other, in turn.
 
     Args:
-        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
         search: of all frames.
+        sample: for where time is short.
         query_alpha: weight of the markers against continuity (Eq. 2).
-        others_distance: factor of the distances of frames of other bodies, where the database has the subject's.
     """
 
     def __init__(
         self,
         subject: SubjectModel,
         database: Database,
-        markers_m: FloatArray,
+        markers: DatabaseMarkers,
         search: Search,
+        sample: SampleSearch,
         method: Method,
         query_alpha: float,
-        others_distance: float = 1.0,
     ) -> None:
-        self._subject, self._markers, self._search, self._alpha = subject, markers_m, search, query_alpha
+        self._subject, self._markers, self._alpha = subject, markers, query_alpha
+        self._search, self._sample = search, sample
         self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
         self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # a mapped array's parts are slow to make
-        self._sample = SampleSearch(markers_m, self._poses)
         own = database.own_frames(subject.skeleton, subject.subject.name)
         self._factors: Array | None = None
-        if others_distance != 1.0 and own.any() and not own.all():
-            self._factors = np.where(own, 1.0, others_distance)
-        self._typical_markers = np.mean(markers_m[:: max(1, len(markers_m) // 2048)], axis=0, dtype=np.float64)
+        if method.others_distance != 1.0 and own.any() and not own.all():
+            self._factors = np.where(own, 1.0, method.others_distance)
+        some = np.arange(0, len(markers), max(1, len(markers) // 2048))
+        self._typical_markers = np.mean(markers.take(some), axis=0, dtype=np.float64)
 
     @property
     def visited(self) -> int:
@@ -109,8 +110,8 @@ class Locator:
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]
-        poses, markers = (rows.take(chosen, axis=0) for rows in (self._poses, self._markers))
-        examples = Examples(chosen, distances[: len(chosen)], poses, markers)
+        poses, markers_m = self._poses.take(chosen, axis=0), self._markers.take(chosen)
+        examples = Examples(chosen, distances[: len(chosen)], poses, markers_m)
         return Located(root, examples, found)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
@@ -124,7 +125,7 @@ class Locator:
         )
 
 
-def _closest_mean(markers_m: FloatArray, frames: IntArray) -> Array:
+def _closest_mean(markers: DatabaseMarkers, frames: IntArray) -> Array:
     """Return the mean markers (M, 3) of the closest of ranked frames."""
-    closest = markers_m[frames[:_TORSO_EXAMPLES]].astype(np.float64)
+    closest = markers.take(frames[:_TORSO_EXAMPLES]).astype(np.float64)
     return np.asarray(np.add.reduce(closest) / len(closest))

@@ -10,13 +10,14 @@ import numpy as np
 
 from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.principal_components import principal_components
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
+from .database_markers import DatabaseMarkers
 from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_by_doubts
 from .lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, PriorEstimate, open_network
 from .observation import Observation
-from .principal_components import principal_components
 from .root import root_from_torso
 from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettings, SolveSettings
 from .solution import Estimate, Examples, SolverState
@@ -88,14 +89,12 @@ class Method(Protocol):
         """Return the pose of a frame."""
 
 
-def prepare_method(settings: SolveSettings, subject: SubjectModel, database: Database, markers_m: FloatArray) -> Method:
-    """Prepare the method of the settings.
-
-    Args:
-        markers_m: (F, M, 3) the subject's markers of the database frames with the root at rest.
-    """
+def prepare_method(
+    settings: SolveSettings, subject: SubjectModel, database: Database, markers: DatabaseMarkers
+) -> Method:
+    """Prepare the method of the settings."""
     if settings.method == "best":
-        return BestMethod(settings.best, settings.query_alpha, subject, database, markers_m)
+        return BestMethod(settings.best, settings.query_alpha, subject, database, markers)
     if settings.method == "local-pca":
         return LocalPcaMethod(settings.local_pca, subject, database.clip_of_frame.astype(np.int64))
     if settings.method == "lwr":
@@ -208,7 +207,7 @@ class BestMethod:
         query_alpha: float,
         subject: SubjectModel,
         database: Database,
-        markers_m: FloatArray,
+        markers: DatabaseMarkers,
     ) -> None:
         self._query_alpha, self._subject = query_alpha, subject
         self.examples, self.others_distance = settings.neighbours, settings.others_distance
@@ -225,7 +224,7 @@ class BestMethod:
         self._broad_frames = np.arange(0, len(poses), max(1, len(poses) // _BROAD_SAMPLES))
         self._broad_poses = poses[self._broad_frames].astype(np.float64)
         earlier = LaggedFrames(database, settings.history_s)
-        self.earlier_markers = LaggedMarkers(database, markers_m, earlier)
+        self.earlier_markers = LaggedMarkers(database, markers, earlier)
         self._poses = LaggedPoses(database, principal_components(self._broad_poses, _COMPONENTS), earlier)
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
         self._limits = np.percentile(self._broad_poses, _LIMIT_PERCENTILES, axis=0) + margin

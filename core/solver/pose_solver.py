@@ -11,12 +11,14 @@ from ..errors import DatabaseError
 from ..geometry.arrays import Array
 from ..system.blas_threads import use_one_blas_thread
 from .course_check import INTERVAL_S, PROVEN, CourseCheck
+from .database_markers import database_markers
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
 from .methods import BestMethod, FrameProblem, Method, prepare_method
 from .motion_prior import PriorEstimate
 from .observation import Observation
 from .search.choose import choose_search
+from .search.sample import SampleSearch
 from .settings import SolveSettings
 from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
@@ -41,14 +43,14 @@ class PoseSolver:
         use_one_blas_thread()
         self.subject, self.database = subject, database
         self.settings = settings
-        markers = subject.database_markers(database)
+        markers = database_markers(subject, database)
         self._method: Method = prepare_method(settings, subject, database, markers)
-        search = choose_search(settings.search, database, markers, database.poses.reshape(database.frames, -1))
-        alpha, others = settings.query_alpha, self._method.others_distance
-        self._locator = Locator(subject, database, markers, search, self._method, alpha, others)
+        search = choose_search(settings.search, database, markers)
+        sample = SampleSearch(markers, np.asarray(database.poses).reshape(database.frames, -1))
+        self._locator = Locator(subject, database, markers, search, sample, self._method, settings.query_alpha)
         self._course: CourseCheck | None = None
         if settings.method == "best":
-            self._course = CourseCheck(database, markers, self.best.earlier_markers)
+            self._course = CourseCheck(sample, markers, self.best.earlier_markers)
         self._frame_s = 1.0 / database.fps
         history = LaggedHistory(self._method.longest_s)
         self.initial_state = SolverState(observed=history, solved=history)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..body.posed_markers import markers_at_rest
 from ..body.skeleton import Skeleton, forward_kinematics_matrices, marker_jacobian, marker_positions
 from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database, rotations_from_pose
@@ -13,7 +14,6 @@ from ..errors import SubjectError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, Mask
 from ..markers.subject import Subject
-from .posed_markers import markers_at_rest
 
 
 @dataclass(frozen=True)

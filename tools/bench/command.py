@@ -55,6 +55,10 @@ def add_parser(subparsers: Any) -> None:
                 "--only", nargs="+", choices=PARTS, metavar="PART", help="one or more of " + ", ".join(PARTS)
             )
             parser.add_argument("--seed", type=int, default=SEED, metavar="N", help=f"of chance (default {SEED})")
+        if bench is scale:
+            parser.add_argument(
+                "--full", action="store_true", help="10 million frames, too: a quarter of an hour, 5 GB of disk"
+            )
         if bench is accuracy:
             parser.add_argument(
                 "--quick", action="store_true", help="fewer methods, frames and disturbances, a quarter of an hour"
@@ -76,7 +80,9 @@ def add_parser(subparsers: Any) -> None:
 def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.workers < 1:
         raise SettingsError(f"--workers {args.workers} is out of range", advice="give 1 or more")
-    more: dict[str, Any] = {"sizes": FULL} if getattr(args, "full", False) else {}
+    more: dict[str, Any] = {}
+    if getattr(args, "full", False):
+        more = {"sizes": FULL} if args.bench is robustness else {"full": True}
     if args.bench is robustness:
         if args.seed < 0:
             raise SettingsError(f"--seed {args.seed} is out of range", advice="give 0 or more")

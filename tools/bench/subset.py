@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
-from perfanim.core.database.graph import LARGE_DATABASE, GraphSettings
 from perfanim.core.database.store import Clip, Database, open_database, save_database
 from perfanim.core.database.zeros import poses_from_zeros
 from perfanim.core.errors import DatabaseError
@@ -21,7 +20,6 @@ def write_database(
     root_positions_m: NDArray[Any],
     clips: Sequence[Clip],
     skeletons: Sequence[Skeleton],
-    graph: GraphSettings | None = None,
 ) -> None:
     """Write a database file from local rotations.
 
@@ -39,17 +37,14 @@ def write_database(
         raise DatabaseError(f"rotations have shape {rotations.shape}, not (F, {len(JOINT_NAMES)}, 4)", where=str(path))
     mean_rotations, zeros, poses = poses_from_zeros(rotations, clips)
     parts = (tuple(clips), tuple(skeletons), mean_rotations, poses, rotations[:, 0], root_positions_m)
-    save_database(Database(Path(path), fps, *parts, zeros=zeros), graph)
+    save_database(Database(Path(path), fps, *parts, zeros=zeros))
 
 
-def write_subset(
-    database: Database, path: str | Path, kept: Iterable[tuple[Clip, int, int]], graph: GraphSettings | None = None
-) -> Database:
+def write_subset(database: Database, path: str | Path, kept: Iterable[tuple[Clip, int, int]]) -> Database:
     """Write parts of a database as another and return it.
 
     Args:
         kept: clips, each with its first frame that is kept and the one after the last, counted within the clip.
-        graph: how frames are joined in the neighbour graph; default the usual way where the database is large.
 
     Raises:
         DatabaseError: nothing is kept.
@@ -62,8 +57,6 @@ def write_subset(
     if not clips:
         raise DatabaseError("no clip is left", where=str(database.path), advice="leave out fewer clips")
     frames = np.concatenate(parts)
-    if graph is None and stop >= LARGE_DATABASE:
-        graph = GraphSettings()
     rotations = np.concatenate([database.local_rotations(part).astype(np.float32) for part in parts])
-    write_database(path, database.fps, rotations, database.root_positions_m[frames], clips, database.skeletons, graph)
+    write_database(path, database.fps, rotations, database.root_positions_m[frames], clips, database.skeletons)
     return open_database(path)

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import Motion
+from perfanim.core.database.graph import build_graph
 from perfanim.core.database.store import Clip, Database, pose_from_rotations
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import FloatArray
 from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.search.choose import choose_search
@@ -76,6 +78,7 @@ def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
             whole, folder / "table1-all.pfdb", lambda clip: clip.name not in BANDAI_TAKES
         ),
     }
+    databases = {name: with_graph(database) for name, database in databases.items()}
     takes = {take.title: read_take(data, take) for take in TAKES}
     takes |= {clip.name: _motion(whole, clip) for clip in whole.clips if clip.name in BANDAI_TAKES}
     rows, times = [], []
@@ -91,6 +94,12 @@ def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str,
     paper = [{"database": name} | dict(zip(_COLUMNS, row, strict=True)) for name, row in PAPER.items()]
     figures = {"rows": totals, "takes": rows, "times": times, "paper": paper, "compared_every": _EVERY}
     return write_figures(out, "table1", figures, {"": totals, "takes": rows, "times": times})
+
+
+def with_graph(database: Database) -> Database:
+    """Return a database with the paper's graph, so that not each solver builds one."""
+    poses = np.asarray(database.poses).reshape(database.frames, -1)
+    return replace(database, graph=build_graph(poses, database.clip_of_frame))
 
 
 def _is_cmu(clip: Clip) -> bool:
@@ -176,7 +185,7 @@ def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
     model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
     true_poses = pose_from_rotations(truth.rotations, model.mean_rotations)
     markers = model.markers(true_poses)
-    stored, poses = model.database_markers(database), database.poses.reshape(database.frames, -1)
+    stored = database_markers(model, database)
     pose_weight = (1.0 - PAPER_RANGE.query_alpha) * PAPER_RANGE.local_pca.query_pose_m_per_rad**2
     queries = [
         Query(seen, pose.ravel() if frame else None, PAPER_RANGE.query_alpha, pose_weight)
@@ -184,7 +193,7 @@ def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
     ]
     milliseconds = {}
     for name in ("exhaustive", *SEARCHES):
-        search = choose_search(name, database, stored, poses)
+        search = choose_search(name, database, stored)
         taken = []
         for query in queries:
             started = time.perf_counter()

@@ -86,9 +86,9 @@ class ExhaustiveSearch:
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
-        distances = self.distances(query)
-        self.visited += len(distances)
-        return closest(distances, count)
+        found, _ = closest(self.distances(query), count)
+        self.visited += len(self)
+        return self.nearest_among(query, found)  # distances of single frames round less
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
@@ -97,16 +97,9 @@ class ExhaustiveSearch:
 
     def distances(self, query: Query, frames: IntArray | slice = slice(None)) -> FloatArray:
         """Return the Eq. 2 distances of frames."""
-        target, weights, pose = query.single_precision
         if not isinstance(frames, slice):
-            away = self._markers.take(frames, axis=0)
-            away -= target
-            result = _weighted(away, weights)
-            if pose is not None:
-                away = self._poses.take(frames, axis=0)
-                away -= pose
-                result += np.float32(query.pose_weight) * np.einsum("fd,fd->f", away, away)
-            return result
+            return distances_between(query, self._markers.take(frames, axis=0), self._poses, frames)
+        target, weights, pose = query.single_precision
         result = times(self.marker_norms[frames], weights)
         result -= times(self._markers[frames], 2.0 * weights * target)
         result += (weights * target) @ target
@@ -116,10 +109,22 @@ class ExhaustiveSearch:
         return result
 
 
-def _weighted(away: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the weighted squares (F,) of rows, and overwrite these."""
-    away *= away
-    return times(away, weights)
+def distances_between(query: Query, markers_m: FloatArray, poses: FloatArray, frames: IntArray) -> FloatArray:
+    """Return the Eq. 2 distances (K,) of frames.
+
+    Args:
+        markers_m: (K, 3 M) of the frames; overwritten.
+        poses: (F, D) of all frames.
+    """
+    target, weights, pose = query.single_precision
+    markers_m -= target
+    markers_m *= markers_m
+    result = times(markers_m, weights)
+    if pose is not None:
+        away = poses.take(frames, axis=0)
+        away -= pose
+        result += np.float32(query.pose_weight) * np.einsum("fd,fd->f", away, away)
+    return result
 
 
 def times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:

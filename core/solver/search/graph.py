@@ -10,7 +10,8 @@ searched from all representatives. The cost of a search is bounded.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...database.graph import NeighbourGraph, k_means, weigh_poses
+from ...database.graph import NeighbourGraph, weigh_poses
+from ...database.k_means import k_means
 from ...geometry.arrays import Array, FloatArray, IntArray, Mask
 from .exhaustive import ExhaustiveSearch, Query, closest
 

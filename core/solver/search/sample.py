@@ -3,6 +3,7 @@
 import numpy as np
 
 from ...geometry.arrays import FloatArray, IntArray
+from ..database_markers import DatabaseMarkers
 from .exhaustive import ExhaustiveSearch, Query
 
 _FRAMES = 8192  # that stand for all
@@ -12,12 +13,16 @@ class SampleSearch:
     """Search of so many frames in a database of any size.
 
     Args:
-        markers_m, poses: as of `ExhaustiveSearch`.
+        poses: (F, D) of the database frames.
+
+    Attributes:
+        step: frames that each one of the sample stands for.
     """
 
-    def __init__(self, markers_m: FloatArray, poses: FloatArray) -> None:
-        self._frames, self._step = len(markers_m), -(-len(markers_m) // _FRAMES)
-        self._search = ExhaustiveSearch(markers_m[:: self._step], poses[:: self._step])
+    def __init__(self, markers: DatabaseMarkers, poses: FloatArray) -> None:
+        self._frames, self.step = len(markers), -(-len(markers) // _FRAMES)
+        sample = np.arange(0, self._frames, self.step)
+        self._search = ExhaustiveSearch(markers.take(sample), poses[:: self.step])
 
     @property
     def visited(self) -> int:
@@ -26,13 +31,16 @@ class SampleSearch:
 
     def nearest(self, query: Query, count: int) -> IntArray:
         """Return the `count` closest frames of the sample, ascending."""
-        return self._step * self._search.nearest(query, count)[0]
+        return self.step * self._search.nearest(query, count)[0]
 
-    def around(self, frames: IntArray, least: int = 0) -> IntArray:
+    def around(self, frames: IntArray, least: int = 0, apart: int = 1) -> IntArray:
         """Return the frames that the first of some frames of the sample stand for.
 
-        The neighbours in time of as many as bring `least` frames; by default of all.
+        Args:
+            least: frames to bring; by default those of all.
+            apart: one in so many is returned.
         """
-        chosen = frames[: -(-least // self._step)] if least else frames
-        found = (chosen[:, None] + np.arange(self._step) - self._step // 2).ravel()
+        chosen = frames[: -(-least // self.step)] if least else frames
+        before, after = self.step // 2 // apart, -(-(self.step - self.step // 2) // apart)
+        found = (chosen[:, None] + apart * np.arange(-before, after)).ravel()
         return found[(found >= 0) & (found < self._frames)]

@@ -1,13 +1,5 @@
 import numpy as np
-import pytest
-from bench.subset import write_database
-from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.graph import GraphSettings, build_graph
-from perfanim.core.database.store import Clip, open_database
-from perfanim.core.errors import DatabaseError
-from perfanim.core.geometry import rotations as rot
-
-FPS = 60.0
 
 
 def wandering(frames, seed=0, step=0.01, clips=4):
@@ -50,23 +42,3 @@ def test_clips_do_not_follow_each_other():
     graph = build_graph(poses, clips, GraphSettings(most=2))
     assert graph.neighbours[19].tolist() == [18, -1]
     assert graph.neighbours[20].tolist() == [-1, 21]
-
-
-def test_graph_is_stored_with_the_database_and_refused_when_cut_off(tmp_path):
-    poses, _ = wandering(50)
-    rotations = np.broadcast_to(rot.identity(), (50, 29, 4)).copy()
-    rotations[:, 1:] = rot.from_rotation_vector(poses.reshape(50, 28, 3).astype(np.float64))
-    clips = [Clip("a", "walk", "1", FPS, 0, 20, 0), Clip("b", "walk", "1", FPS, 20, 50, 0)]
-    arguments = (FPS, rotations, np.zeros((50, 3)), clips, [default_skeleton()])
-    write_database(tmp_path / "with.db", *arguments, graph=GraphSettings(most=8))
-    write_database(tmp_path / "without.db", *arguments)
-    assert open_database(tmp_path / "without.db").graph is None
-    graph = open_database(tmp_path / "with.db").graph
-    assert isinstance(graph.neighbours, np.memmap)
-    assert graph.neighbours.shape == (50, 8)
-    assert graph.neighbours[20, :2].tolist() == [-1, 21]
-    data = (tmp_path / "with.db").read_bytes()
-    for size in (len(data) - 1, len(data) - 50 * 8 * 4):
-        (tmp_path / "cut.db").write_bytes(data[:size])
-        with pytest.raises(DatabaseError, match="cut off"):
-            open_database(tmp_path / "cut.db")

@@ -102,7 +102,7 @@ def test_a_search_is_spread_over_frames_and_follows_the_points(labeller, true_ma
         while True:
             work.append(next(piece))
     frames = 1
-    while not search.advance():
+    while not search.advance(WORK):
         search.follow(np.concatenate((ghosts, rows[frames])), 1.0 / 60.0)
         frames += 1
     assert frames > 2

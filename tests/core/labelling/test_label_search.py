@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.labelling.initial_labelling import InitialLabels
-from perfanim.core.labelling.label_search import LabelSearch
+from perfanim.core.labelling.label_search import WORK, LabelSearch
 from perfanim.core.labelling.labeller import Labeller
 
 POINTS_M = np.array([[0.0, 1.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.2, 0.0], [0.6, 0.3, 0.1]])
@@ -55,7 +55,7 @@ def test_a_share_that_is_used_up_to_the_last_begins_no_other_piece():
 def test_labellings_are_the_best_and_its_rivals():
     rival = (np.array([0, 1, -1, 2]), 5.0)
     search = search_of(Pieces([], found(rival)))
-    assert search.advance()
+    assert search.advance(WORK)
     (labels, cost), other = search.labellings()
     np.testing.assert_array_equal(labels, LABELS)
     assert cost == 3.0
@@ -64,7 +64,7 @@ def test_labellings_are_the_best_and_its_rivals():
 
 def test_what_is_no_body_has_no_labellings():
     search = search_of(Pieces([1.0], None))
-    assert search.advance()
+    assert search.advance(WORK)
     assert search.labellings() == []
 
 

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from perfanim.core.database.store import Database
 from perfanim.core.solver.course_check import INTERVAL_S, PROVEN, CourseCheck
+from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.root import root_from_torso
 from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query
+from perfanim.core.solver.search.sample import SampleSearch
 from perfanim.core.solver.solution import SolverState
 from perfanim.core.solver.subject_model import SubjectModel
 
@@ -21,10 +23,11 @@ Follow = Callable[[np.ndarray], list[float]]
 @pytest.fixture(scope="module")
 def follow(model: SubjectModel, database: Database, true_markers: np.ndarray) -> Follow:
     """Return a function of allowed frames (F,): evidence against their nearest, at each comparison."""
-    markers_m = model.database_markers(database)
-    poses = database.poses.reshape(database.frames, -1)
+    markers, poses = database_markers(model, database), database.poses.reshape(database.frames, -1)
+    markers_m = markers.all()
     everything = ExhaustiveSearch(markers_m, poses)
-    check = CourseCheck(database, markers_m, LaggedMarkers(database, markers_m, LaggedFrames(database, LAGS_S)))
+    earlier = LaggedMarkers(database, markers, LaggedFrames(database, LAGS_S))
+    check = CourseCheck(SampleSearch(markers, poses), markers, earlier)
 
     def evidence(allowed: np.ndarray) -> list[float]:
         state, result = SolverState(observed=LaggedHistory(LAGS_S[-1])), []

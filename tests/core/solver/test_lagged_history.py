@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers, LaggedPoses
 from perfanim.core.solver.subject_model import RootPose
 
@@ -12,7 +13,7 @@ LAGS_S = (0.1, 0.25)
 
 @pytest.fixture
 def markers(model, database):
-    return LaggedMarkers(database, model.database_markers(database), LaggedFrames(database, LAGS_S))
+    return LaggedMarkers(database, database_markers(model, database), LaggedFrames(database, LAGS_S))
 
 
 def test_earlier_markers_of_a_frame_are_those_of_its_clip_seen_from_its_root(markers, model, database):

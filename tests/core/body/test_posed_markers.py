@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from perfanim.core.body.posed_markers import markers_at_rest
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.store import rotations_from_pose
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.posed_markers import markers_at_rest
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-13, 1e-6, 0.4, 3.0])

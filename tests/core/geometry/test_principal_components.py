@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from perfanim.core.solver.principal_components import principal_components
+from perfanim.core.geometry.principal_components import principal_components
 
 POSES = 600
 

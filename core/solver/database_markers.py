@@ -1,0 +1,74 @@
+"""A subject's markers of all frames of a database, stored once and compactly."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database.store import Database
+from ..geometry import rotations as rot
+from ..geometry.arrays import FloatArray, IntArray
+from .subject_model import SubjectModel
+
+MOST = np.iinfo(np.int16).max  # units that a stored coordinate can have
+_CHUNK = 8192  # frames posed at once
+
+
+class DatabaseMarkers:
+    """Markers of a database's frames, those of a cell together (Eq. 1).
+
+    Of poses with the root at rest.
+
+    Args:
+        cells: (F,) cell of each frame, see `build_cells`.
+        posed: returns the markers (K, M, 3), metres, of frames (K,).
+        reach_m: no coordinate is larger.
+
+    Attributes:
+        unit_m: of the stored coordinates, some hundredths of a millimetre.
+        rows: (F, 3 M) in the order of the cells.
+        order: (F,) frame of each row.
+        starts: (C + 1,) first row of each cell; the last one is F.
+    """
+
+    def __init__(self, cells: NDArray[Any], posed: Callable[[NDArray[Any]], FloatArray], reach_m: float) -> None:
+        self.order: NDArray[np.int32] = np.argsort(cells, kind="stable").astype(np.int32)
+        self.starts: IntArray = np.concatenate(([0], np.cumsum(np.bincount(cells))))
+        self._places = np.empty_like(self.order)
+        self._places[self.order] = np.arange(len(cells), dtype=np.int32)
+        self.unit_m = np.float32(reach_m / MOST)
+        self.rows: NDArray[np.int16] = np.empty((len(cells), posed(self.order[:1]).size), dtype=np.int16)
+        for start in range(0, len(cells), _CHUNK):
+            frames = self.order[start : start + _CHUNK]
+            self.rows[start : start + _CHUNK] = np.rint(posed(frames).reshape(len(frames), -1) / self.unit_m)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def count(self) -> int:
+        """Number of markers M."""
+        return self.rows.shape[1] // 3
+
+    def take(self, frames: NDArray[Any]) -> FloatArray:
+        """Return the markers (..., M, 3) of frames (...)."""
+        rows = self.rows.take(self._places.take(frames), axis=0)
+        return (rows * self.unit_m).reshape(*frames.shape, -1, 3)
+
+    def all(self) -> FloatArray:
+        """Return a copy (F, M, 3) in the order of the frames."""
+        return self.take(np.arange(len(self)))
+
+
+def database_markers(subject: SubjectModel, database: Database) -> DatabaseMarkers:
+    """Return a subject's markers of all frames of a database.
+
+    One without cells has a single one, or, of an earlier version with a graph, the coarser clusters of this.
+    """
+    cells = database.graph.clusters if database.cells is None and database.graph else database.cells
+    cells = np.zeros(database.frames, dtype=np.int32) if cells is None else cells
+    bones_m = rot.lengths(subject.skeleton.offsets_m)
+    bones_m[0] = 0.0  # the root is at the origin
+    reach_m = np.max(subject.skeleton.is_ancestor[subject.joints] @ bones_m + rot.lengths(subject.offsets_m))
+    return DatabaseMarkers(cells, lambda frames: subject.database_markers(database, frames), max(float(reach_m), 0.01))
