@@ -66,7 +66,7 @@ class LabelCheck:
         self._search: LabelSearch | None = None
         self._present_m, self._present_cost = np.empty((0, 3)), 0.0
         self._is_sure: Mask = np.zeros(0, dtype=bool)
-        self._confirmed, self._was_doubtful = 0.0, False
+        self._confirmed, self._was_doubtful, self._were_certain = 0.0, False, False
         self._compared: Mask = np.ones(len(names), dtype=bool)
         self._evidence: dict[Renaming, float] = {}
         self._contradicting: set[Renaming] = set()
@@ -76,7 +76,7 @@ class LabelCheck:
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
         """Judge labels that a search has just found by those that it found besides."""
-        self._checked_s = time_s
+        self._checked_s, self._were_certain = time_s, False
         if start is not None:
             self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.rivals), default=-np.inf))
 
@@ -111,9 +111,7 @@ class LabelCheck:
             self._present_m, self._is_sure = pose.observed_m, is_sure
             ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
             self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
-        unhurried = self._is_certain(doubtful) and not _strays(frame, pose.observed_m)
-        work = WORK_UNHURRIED if unhurried else WORK
-        if self._search is None or busy or not self._search.advance(work):
+        if self._search is None or busy or not self._search.advance(self._work(frame, pose, doubtful)):
             return None
         search, self._search = self._search, None
         return self._judge(search, doubtful, pose.time_s)
@@ -124,6 +122,14 @@ class LabelCheck:
         explained = pose.confidence / (self.confidence(frame, pose.observed_m) * max(np.mean(located), 1e-3))
         unseen = np.sum(located & self._torso) < _TORSO_MARKERS
         return bool(explained < _DOUBTFUL or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
+
+    def _work(self, frame: MarkerFrame, pose: PerformerPose, doubtful: bool) -> float:
+        """Return a frame's share of a search: less while nothing speaks against the labels."""
+        is_certain = self._is_certain(doubtful)
+        self._were_certain |= is_certain
+        likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0
+        in_doubt = not is_certain and likely
+        return WORK if in_doubt or _strays(frame, pose.observed_m) else WORK_UNHURRIED
 
     def _is_due(self, frame: MarkerFrame, pose: PerformerPose, doubtful: bool) -> bool:
         """Return whether to compare the labels with others now."""

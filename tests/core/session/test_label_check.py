@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.labelling.initial_labelling import InitialLabels
+from perfanim.core.labelling.label_search import WORK_UNHURRIED
 from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.frame_labelling import FrameLabeller
@@ -209,3 +210,30 @@ def test_a_first_pose_that_is_doubtful_vouches_for_no_labels(confidence: float, 
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=confidence, time_s=1.0)
     assert labeller.find_rival(frame, 1 / 60, pose) is None
     assert labeller._labeller.is_sure.all() == labeller._labeller.is_sure.any() == sure
+
+
+@pytest.mark.parametrize(("gain", "hidden", "frames"), [(-30.0, 0, 4), (9.0, 0, 1), (-30.0, 1, 1)])
+def test_a_check_takes_its_time_while_nothing_speaks_against_the_labels(gain: float, hidden: int, frames: int) -> None:
+    """Of four frames each takes a share of the work; of labels in doubt, or with a point left over, one takes all."""
+
+    begun = []
+
+    class Slow(OneRival):
+        def search(self, points_m: np.ndarray) -> Generator[int, None, InitialLabels]:
+            begun.append(points_m)
+            for _ in range(7):
+                yield WORK_UNHURRIED // 2
+            return (yield from super().search(points_m))
+
+    nowhere = np.zeros(4, dtype=bool)
+    check: Any = LabelCheck(OneRival(gain, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    stepped(check, [1.0], nowhere)
+    check._initial, observed_m = Slow(gain, np.arange(4)), POINTS_M.copy()
+    observed_m[:hidden] = np.nan
+    searching = 0
+    for time_s in np.arange(1.01, 2.0, 0.01).tolist():
+        stepped(check, [time_s], nowhere, observed_m)
+        searching += len(begun)
+        if begun and check._search is None:
+            break
+    assert searching == frames
