@@ -124,7 +124,7 @@ class LabelCheck:
         return bool(explained < _DOUBTFUL or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
 
     def _work(self, frame: MarkerFrame, pose: PerformerPose, doubtful: bool) -> float:
-        """Return a frame's share of a search: less while nothing speaks against the labels."""
+        """Return a frame's share of a search, less while nothing speaks against labels."""
         is_certain = self._is_certain(doubtful)
         self._were_certain |= is_certain
         likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0

@@ -1,6 +1,8 @@
 """A subject's markers of all frames of a database, stored once and compactly."""
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from .subject_model import SubjectModel
 
 MOST = np.iinfo(np.int16).max  # units that a stored coordinate can have
 _CHUNK = 8192  # frames posed at once
+_CELLS = 64  # averaged at once
 
 
 class DatabaseMarkers:
@@ -39,9 +42,14 @@ class DatabaseMarkers:
         self._places[self.order] = np.arange(len(cells), dtype=np.int32)
         self.unit_m = np.float32(reach_m / MOST)
         self.rows: NDArray[np.int16] = np.empty((len(cells), posed(self.order[:1]).size), dtype=np.int16)
-        for start in range(0, len(cells), _CHUNK):
+
+        def fill(start: int) -> None:
             frames = self.order[start : start + _CHUNK]
             self.rows[start : start + _CHUNK] = np.rint(posed(frames).reshape(len(frames), -1) / self.unit_m)
+
+        with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
+            for _ in threads.map(fill, range(0, len(cells), _CHUNK)):
+                pass
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -50,6 +58,15 @@ class DatabaseMarkers:
     def count(self) -> int:
         """Number of markers M."""
         return self.rows.shape[1] // 3
+
+    def cell_means(self, rows: NDArray[Any]) -> FloatArray:
+        """Return the means (C, ...) of each cell of numbers (F, ...), row by row."""
+        sizes, means = np.diff(self.starts), []
+        for first in range(0, len(sizes), _CELLS):
+            starts = self.starts[first : first + _CELLS + 1]
+            part = rows[starts[0] : starts[-1]].astype(np.float32)
+            means.append(np.add.reduceat(part, starts[:-1] - starts[0], axis=0))
+        return np.concatenate(means) / sizes[:, None].astype(np.float32)
 
     def take(self, frames: NDArray[Any]) -> FloatArray:
         """Return the markers (..., M, 3) of frames (...)."""

@@ -5,20 +5,23 @@ The search makes figures of different machines comparable.
 
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from perfanim.core.body.motion import Motion
+from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.database.build import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, FloatArray, Image, IntArray
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.simulate.studio.discs import draw_disc
 from perfanim.core.solver.pose_solver import PoseSolver
@@ -26,7 +29,7 @@ from perfanim.core.solver.search.exhaustive import Query, Search
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.solver.subject_model import SubjectModel
 from perfanim.core.system.assets import MOTION
-from perfanim.core.system.progress import Progress
+from perfanim.core.system.progress import Progress, no_progress
 from perfanim.core.vision.detection.background import learn_backgrounds
 from perfanim.core.vision.detection.blob_detector import Detector
 
@@ -36,7 +39,7 @@ from .frame_stages import frame_stages
 from .report import write_figures
 from .streams import Streams, render_streams, stage_times, throughput
 from .subset import write_subset
-from .table1 import SEARCHES, search_times, searched
+from .table1 import SEARCHES, search_times, searched, with_graph
 
 Row = dict[str, Any]
 
@@ -48,6 +51,7 @@ _PAIRS, _PASSES, _RUNS = 480, 2, 3
 _MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL, _NOISE = 12, 3.0, 220.0, 16.0, 2.0
 _IMAGES = 40
 _COMPARED_FRAMES, _COMPARED_EVERY = 240, 6
+_WARM_FRAMES = 20  # solved by each process before recorded takes are timed
 
 
 def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
@@ -86,8 +90,10 @@ def speed(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, 
         rows += compare_searches(take.title, motion, smaller)
         for used in (smaller, database):
             stages += frame_stages(take.title, motion, used, reference_ms()[1])
-    progress(0.8, "searching")
-    searches = _searches(truth, database)
+    progress(0.8, "solving recorded takes")
+    rows += _recorded([read_take(data, take) for take in (WALKING, UNLIKE)], database.path)
+    progress(0.9, "searching")
+    searches = _searches(truth, with_graph(database))
     figures: dict[str, Any] = {
         "rows": rows,
         "stages": stages,
@@ -274,6 +280,30 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
     rows.add("the search in it: p99", float(np.percentile(searching, 99)))
     rows.add("the search in it: share", float(searching.sum() / wall.sum()), "share")
     return rows.rows
+
+
+def _recorded(truths: Sequence[Motion], path: Path) -> list[Row]:
+    """Time recorded takes in both directions, by one process and by two.
+
+    A solver's preparation for each take counts.
+    """
+    rows = _Rows()
+    for count in (1, 2):
+        with ProcessPoolExecutor(count, get_context("spawn")) as pool:
+            for started in [pool.submit(_solved_frames, truths[0], path, _WARM_FRAMES) for _ in range(count)]:
+                started.result()
+            begun_s = time.perf_counter()
+            frames = sum(pool.map(_solved_frames, truths, [path] * len(truths)))
+            speed = frames / (time.perf_counter() - begun_s)
+        rows.add(f"recorded takes in both directions, {count} at once", speed, "frames/s", 2000.0)
+    return rows.rows
+
+
+def _solved_frames(truth: Motion, path: Path, most: int | None = None) -> int:
+    """Return the number of frames of a take solved, those at its beginning at most."""
+    take, subject = sliced(truth, 0, min(most or truth.frames, truth.frames)), true_subject(truth)
+    solve_take(simulate_markers(take, subject)[0], subject, open_database(path), SolveSettings(), no_progress)
+    return take.frames
 
 
 def compare_searches(title: str, truth: Motion, database: Database) -> list[Row]:

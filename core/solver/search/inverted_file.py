@@ -46,9 +46,7 @@ class CellSearch:
             facts = self._facts_of(poses.take(markers.order[start : start + _CHUNK], axis=0)) / self._units
             self._facts[start : start + _CHUNK] = np.rint(np.clip(facts, -MOST, MOST))
         self._sizes = np.diff(markers.starts)
-        sums = [np.add.reduceat(rows, markers.starts[:-1], axis=0, dtype=np.float32)
-                for rows in (markers.rows, self._facts)]  # fmt: skip
-        self._centres = np.concatenate(sums, axis=1) / self._sizes[:, None].astype(np.float32)
+        self._centres = np.concatenate([markers.cell_means(rows) for rows in (markers.rows, self._facts)], axis=1)
         self._centre_squares = np.square(self._centres)
         self.visited = 0
 
