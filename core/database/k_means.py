@@ -10,7 +10,7 @@ from ..geometry.arrays import FloatArray
 
 _SAMPLES_PER_CENTRE = 24  # points that a centre is learned from
 _ROUNDS = 4
-_CHUNK = 8192  # points
+_CHUNK = 512  # points: their distances from all centres stay in the processor's cache
 
 
 def clusters_of(points: FloatArray, count: int, mapped: Callable[..., Iterable[Any]] = map) -> NDArray[np.int64]:
@@ -53,11 +53,11 @@ def nearest_centres(
     points: FloatArray, centres: FloatArray, mapped: Callable[..., Iterable[Any]] = map
 ) -> NDArray[np.int64]:
     """Return the index (F,) of the centre closest to each point."""
-    norms = np.einsum("cd,cd->c", centres, centres)
+    factors = np.concatenate((-2.0 * centres.T, np.einsum("cd,cd->c", centres, centres)[None]))
 
     def nearest(start: int) -> NDArray[np.int64]:
-        distances = points[start : start + _CHUNK] @ (-2.0 * centres.T)
-        distances += norms
-        return np.argmin(distances, axis=1)
+        some = points[start : start + _CHUNK]
+        # all but the square of the point, which all centres share
+        return np.argmin(np.column_stack((some, np.ones(len(some), some.dtype))) @ factors, axis=1)
 
     return np.concatenate(list(mapped(nearest, range(0, len(points), _CHUNK))))
