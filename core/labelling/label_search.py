@@ -4,9 +4,10 @@ from ..geometry.arrays import Array, IntArray
 from .initial_labelling import InitialLabeller, InitialLabels
 from .labeller import Labeller
 
-WORK = 1_000_000  # array elements that one frame handles, about 2.5 ms,
-WORK_UNHURRIED = 200_000  # while nothing speaks against the labels,
-WORK_ALONE = 5_500_000  # the same in a frame without a body to follow
+# array elements that one frame handles
+WORK = 1_000_000  # about 2.5 ms
+WORK_UNHURRIED = 200_000  # while nothing speaks against the labels
+WORK_ALONE = 5_500_000  # without a body to follow
 
 
 class LabelSearch:

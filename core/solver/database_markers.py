@@ -37,7 +37,8 @@ class DatabaseMarkers:
 
     def __init__(self, cells: NDArray[Any], posed: Callable[[NDArray[Any]], FloatArray], reach_m: float) -> None:
         self.order: NDArray[np.int32] = np.argsort(cells, kind="stable").astype(np.int32)
-        self.starts: IntArray = np.concatenate(([0], np.cumsum(np.bincount(cells))))
+        sizes = np.bincount(cells)
+        self.starts: IntArray = np.concatenate(([0], np.cumsum(sizes[sizes > 0])))
         self._places = np.empty_like(self.order)
         self._places[self.order] = np.arange(len(cells), dtype=np.int32)
         self.unit_m = np.float32(reach_m / MOST)
