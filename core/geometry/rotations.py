@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .arrays import Array
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
+_NEARLY_EQUAL = 1e-7  # radians
 _TINY = 1e-150  # what replaces smaller lengths in divisions: the quotients are as exact, and none divides by zero
 _FEW = 2048  # numbers up to which one product with a constant matrix is quicker than a line for each entry
 _CROSS = np.zeros((3, 9))  # the entries of `cross_matrices`
@@ -55,8 +56,8 @@ def _length(vectors: Array) -> Array:
 
 def lengths(vectors: Array) -> Array:
     """Return the lengths (...) of vectors (..., n)."""
-    # np.linalg.norm takes twice as long
-    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))
+    # np.linalg.norm takes several times as long
+    return np.asarray(np.sqrt(np.einsum("...i,...i", vectors, vectors)))
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> Array:
@@ -176,13 +177,17 @@ def to_matrix(quaternions: ArrayLike) -> Array:
 
 def from_euler(angles: ArrayLike, order: str) -> Array:
     """Return rotations from angles `[..., n]`: "ZXY" means Rz @ Rx @ Ry."""
-    a = np.asarray(angles, dtype=np.float64)
-    result = identity(a.shape[:-1])
-    for i, axis in enumerate(order.upper()):
-        single = np.zeros((*a.shape[:-1], 4))
-        single[..., 0] = np.cos(0.5 * a[..., i])
-        single[..., 1 + _AXES[axis]] = np.sin(0.5 * a[..., i])
-        result = multiply(result, single)
+    half = 0.5 * np.asarray(angles, dtype=np.float64)
+    result = identity(half.shape[:-1])
+    w, parts = result[..., 0], [result[..., 1 + axis] for axis in range(3)]
+    for place, name in enumerate(order.upper()):
+        cosine, sine = np.cos(half[..., place]), np.sin(half[..., place])
+        # a product with a quaternion of which two parts are zero
+        i, j, k = (np.roll(range(3), -_AXES[name])).tolist()
+        w, parts[i] = w * cosine - parts[i] * sine, parts[i] * cosine + w * sine
+        parts[j], parts[k] = parts[j] * cosine + parts[k] * sine, parts[k] * cosine - parts[j] * sine
+    for place, part in enumerate((w, *parts)):
+        result[..., place] = part
     return result
 
 
@@ -222,9 +227,16 @@ def angle_between(left: ArrayLike, right: ArrayLike) -> Array:
 
 def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
     """Return rotations on the shortest arc from `start` (0) to `end` (1)."""
-    a = np.asarray(start, dtype=np.float64)
-    t = np.asarray(fraction, dtype=np.float64)[..., None]
-    return multiply(a, from_rotation_vector(t * to_rotation_vector(multiply(conjugate(a), end))))
+    a, b = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    t = np.asarray(fraction, dtype=np.float64)
+    cosine = np.einsum("...i,...i", a, b)
+    angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
+    sine = np.sin(angle)
+    near = sine < _NEARLY_EQUAL  # there the arc is straight
+    safe = np.where(near, 1.0, sine)
+    of_start = np.where(near, 1.0 - t, np.sin((1.0 - t) * angle) / safe)
+    of_end = np.where(near, t, np.sin(t * angle) / safe)
+    return of_start[..., None] * a + np.copysign(of_end, cosine)[..., None] * b
 
 
 def mean(quaternions: ArrayLike) -> Array:
@@ -240,8 +252,9 @@ def continuous(quaternions: ArrayLike) -> Array:
     """Return `[F, ..., 4]` with neighbouring frames in one hemisphere."""
     q = np.array(quaternions, dtype=np.float64)
     if len(q) > 1:
-        flips = np.where(np.einsum("...i,...i", q[1:], q[:-1]) < 0.0, -1.0, 1.0)
-        q[1:] *= np.cumprod(flips, axis=0)[..., None]
+        flipped = np.einsum("...i,...i", q[1:], q[:-1]) < 0.0
+        if flipped.any():
+            q[1:] *= np.cumprod(np.where(flipped, -1.0, 1.0), axis=0)[..., None]
     return q
 
 
