@@ -94,6 +94,16 @@ def frame_range(source: SourceMotion, start: int, stop: int) -> SourceMotion:
     )
 
 
+def every_frame(source: SourceMotion, step: int) -> SourceMotion:
+    """Return each frame that is a multiple of `step`."""
+    return replace(
+        source,
+        rotations=source.rotations[::step],
+        translations_m={joint: path[::step] for joint, path in source.translations_m.items()},
+        angle_jumps=source.angle_jumps[::step],
+    )
+
+
 def source_of_motion(motion: Motion, where: str) -> SourceMotion:
     """Return a motion on any skeleton in the form of a file, for mapping."""
     return SourceMotion(

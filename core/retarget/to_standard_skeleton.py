@@ -6,7 +6,7 @@ of the file between them is left out. What the file lacks stands still, but for 
 for the wrist, the twist of the forearm and of the hand goes to `wrist`, as in the CMU database, where elbows only bend.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from functools import lru_cache
 
@@ -15,7 +15,7 @@ import numpy as np
 from ..body.joint_angle_frames import with_angle_frames
 from ..body.motion import Motion
 from ..body.skeleton import Skeleton
-from ..body.source_motion import SourceMotion, source_kinematics
+from ..body.source_motion import SourceMotion, every_frame, source_kinematics
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
@@ -26,6 +26,8 @@ from .joint_naming import NAMINGS
 _SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # thighs and upper arms, which all files have, give the body's size
 _SAMPLED_FRAMES = 200  # for bones between joints that are not neighbours in the file
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
+_STANDING_FRAMES = 20  # that show whether bodies stand along z
+_SHORTEST_TIP_M = 0.01  # shorter ends of a file say nothing
 _HIPS_ARE_TIPPED = 3.0  # how much more of the body must lie along z than along y to call a file Z up
 
 
@@ -58,14 +60,15 @@ def to_standard_skeleton(source: SourceMotion) -> Motion:
     found = match_joints(source)
     alignment = align_rest(source, found)
     found = {name: joint for name, joint in found.items() if name in alignment}
-    positions, world = _y_up(*source_kinematics(source), found)
-    product_world = {name: rot.multiply(world[:, joint], alignment[name]) for name, joint in found.items()}
-    skeleton = _skeleton(source, found, positions, product_world, alignment)
-    rotations = _local_rotations(product_world, skeleton.parents, source.frames)
+    upright = _Y_UP_FROM_Z_UP if _lies_along_z(source, found) else rot.identity()
+    skeleton = _skeleton(found, _links(source, found, alignment), _known_tips(source, found, alignment))
+    rotations = _local_rotations(source, found, alignment)
+    positions, world = _path_of(source, found["root"])
+    rotations[:, 0] = rot.multiply(rot.multiply(upright, world), alignment["root"])
     for side in "lr":
         if side + "wrist" not in found and side + "hand" in found:
             _move_twist_to_wrist(rotations, skeleton, side)
-    return Motion(source.name, source.fps, skeleton, rot.continuous(rotations), positions[:, found["root"]])
+    return Motion(source.name, source.fps, skeleton, rot.continuous(rotations), rot.rotate(upright, positions))
 
 
 def _with_own_names(source: SourceMotion) -> SourceMotion | None:
@@ -119,26 +122,64 @@ def _bone_ends() -> dict[int, int]:
     return ends
 
 
-def _y_up(positions: Array, world: Array, found: Mapping[str, int]) -> tuple[Array, Array]:
-    """Turn a file with bodies along z."""
+def _lies_along_z(source: SourceMotion, found: Mapping[str, int]) -> bool:
+    """Tell whether the file's bodies stand along z."""
+    positions, _ = source_kinematics(every_frame(source, max(1, source.frames // _STANDING_FRAMES)))
     head = found.get("head", found["lhumerus"])
     along = np.median(
         positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]]), axis=0
     )
-    if along[2] > _HIPS_ARE_TIPPED * abs(along[1]):
-        return rot.rotate(_Y_UP_FROM_Z_UP, positions), rot.multiply(_Y_UP_FROM_Z_UP, world)
+    return bool(along[2] > _HIPS_ARE_TIPPED * abs(along[1]))
+
+
+def _path_of(source: SourceMotion, joint: int) -> tuple[Array, Array]:
+    """Return positions (F, 3) and orientations (F, 4) of one joint of a file."""
+    line = _line(source.parents, joint)
+    world = source.rotations[:, line[0]]
+    positions = source.translations_m[line[0]]
+    for below in line[1:]:
+        positions = positions + rot.rotate(world, source.translations_m.get(below, source.offsets_m[below]))
+        world = rot.multiply(world, source.rotations[:, below])
     return positions, world
 
 
-def _local_rotations(world: Mapping[str, Array], parents: IntArray, frames: int) -> Array:
-    local = rot.identity((frames, len(JOINT_NAMES)))
-    complete: list[Array] = []
-    for joint, name in enumerate(JOINT_NAMES):
-        above = complete[parents[joint]] if joint else rot.identity((frames,))
-        complete.append(world.get(name, above))
-        if name in world:
-            local[:, joint] = rot.multiply(rot.conjugate(above), world[name])
+def _line(parents: IntArray, joint: int) -> list[int]:
+    """Return the joints from the uppermost one down to a joint."""
+    line = [joint]
+    while parents[line[0]] >= 0:
+        line.insert(0, int(parents[line[0]]))
+    return line
+
+
+def _local_rotations(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
+    """Return rotations (F, J, 4) between the joints found, the root's left out."""
+    local = rot.identity((source.frames, len(JOINT_NAMES)))
+    names = [name for name in JOINT_NAMES[1:] if name in found]
+    anchors = [_anchor(name, found) for name in names]
+    turned = np.empty((source.frames, len(names), 4))
+    for place, (name, anchor) in enumerate(zip(names, anchors, strict=True)):
+        turned[:, place] = _turn_between(source, found[anchor], found[name])
+    before = rot.conjugate(np.array([alignment[anchor] for anchor in anchors]))
+    after = np.array([alignment[name] for name in names])
+    local[:, [JOINT_NAMES.index(name) for name in names]] = rot.multiply(rot.multiply(before, turned), after)
     return local
+
+
+def _turn_between(source: SourceMotion, upper: int, lower: int) -> Array:
+    """Return upper-from-lower rotations (F, 4) of two joints of a file."""
+    above, below = _line(source.parents, upper), _line(source.parents, lower)
+    if above != below[: len(above)]:  # neither hangs on the other
+        return rot.multiply(rot.conjugate(_path_of(source, upper)[1]), _path_of(source, lower)[1])
+    turn = source.rotations[:, below[len(above)]]
+    for joint in below[len(above) + 1 :]:
+        turn = rot.multiply(turn, source.rotations[:, joint])
+    return turn
+
+
+def _anchor(name: str, found: Mapping[str, int]) -> str:
+    """Return the next joint above that the file has."""
+    above = _missing_between(name, found)
+    return JOINT_NAMES[_default().parents[JOINT_NAMES.index(above[0] if above else name)]]
 
 
 def _move_twist_to_wrist(rotations: Array, skeleton: Skeleton, side: str) -> None:
@@ -154,34 +195,45 @@ def _move_twist_to_wrist(rotations: Array, skeleton: Skeleton, side: str) -> Non
     rotations[:, hand] = rot.conjugate(inverse_swing)
 
 
-def _skeleton(
-    source: SourceMotion,
-    found: Mapping[str, int],
-    positions: Array,
-    product_world: Mapping[str, Array],
-    alignment: Mapping[str, Array],
+def _links(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
+    """Return the offsets (N, 3) of the joints found, the root left out, from the found ones above them."""
+    names = [name for name in JOINT_NAMES[1:] if name in found]
+    anchors = [_anchor(name, found) for name in names]
+    joints = [found[name] for name in names]
+    axes = rot.conjugate(np.array([alignment[anchor] for anchor in anchors]))
+    links = rot.rotate(axes, source.offsets_m[joints])
+    loose = [
+        place
+        for place, (joint, anchor) in enumerate(zip(joints, anchors, strict=True))
+        if source.parents[joint] != found[anchor] or joint in source.translations_m
+    ]
+    if loose:
+        positions, world = source_kinematics(every_frame(source, max(1, source.frames // _SAMPLED_FRAMES)))
+        for place in loose:
+            above = found[anchors[place]]
+            axes_above = rot.multiply(world[:, above], alignment[anchors[place]])
+            apart = positions[:, joints[place]] - positions[:, above]
+            links[place] = np.mean(rot.rotate(rot.conjugate(axes_above), apart), axis=0)
+    return links
+
+
+def _skeleton(found: Mapping[str, int], links: Array, tips: Mapping[str, Array]) -> Skeleton:
+    known = tuple((name, tuple(tip.tolist())) for name, tip in tips.items())
+    return _skeleton_of(tuple(name for name in JOINT_NAMES if name in found), links.tobytes(), known)
+
+
+@lru_cache(maxsize=64)  # clips of one data set share a few
+def _skeleton_of(
+    found: tuple[str, ...], links_m: bytes, known_tips: tuple[tuple[str, tuple[float, ...]], ...]
 ) -> Skeleton:
     default = _default()
-    step = max(1, len(positions) // _SAMPLED_FRAMES)
-    links: dict[str, tuple[list[str], Array]] = {}  # joints between, and the offset from the next one above them
-    for name in JOINT_NAMES[1:]:
-        if name not in found:
-            continue
-        between = _missing_between(name, found, default)
-        anchor = JOINT_NAMES[default.parents[default.index(between[0] if between else name)]]
-        joint = found[name]
-        if source.parents[joint] == found[anchor] and joint not in source.translations_m:
-            link = rot.rotate(rot.conjugate(alignment[anchor]), source.offsets_m[joint])
-        else:
-            apart = positions[::step, joint] - positions[::step, found[anchor]]
-            link = np.mean(rot.rotate(rot.conjugate(product_world[anchor][::step]), apart), axis=0)
-        links[name] = between, link
-    lengths = {name: float(np.linalg.norm(link)) for name, (_, link) in links.items()}
+    links = dict(zip(found[1:], np.frombuffer(links_m).reshape(-1, 3), strict=True))
+    lengths = {name: float(np.linalg.norm(link)) for name, link in links.items()}
     scale = sum(lengths[name] for name in _SIZED) / _default_size()
     offsets = scale * default.offsets_m
     placed: set[int] = set()  # thumb and hand both hang on a wrist that files lack: the hand comes first and decides
-    for name, (between, link) in links.items():
-        path = [default.index(joint) for joint in (*between, name)]
+    for name, link in links.items():
+        path = [default.index(joint) for joint in (*_missing_between(name, found), name)]
         usual = np.linalg.norm(np.sum(default.offsets_m[path], axis=0))
         for joint in set(path[:-1]) - placed:
             offsets[joint] = default.offsets_m[joint] * (lengths[name] / usual if usual > 0.0 else 0.0)
@@ -189,12 +241,20 @@ def _skeleton(
                 offsets[joint] = link * (np.linalg.norm(default.offsets_m[joint]) / usual)
         placed |= set(path[:-1])
         offsets[path[-1]] = link - np.sum(offsets[path[:-1]], axis=0)
-    tips = _tips(offsets, _known_tips(source, found, alignment, scale), default)
-    return _with_offsets(offsets, tips)
+    tips = {name: scale * default.tips_m[joint] for joint, name in enumerate(JOINT_NAMES) if joint in _leaves()}
+    return _with_offsets(offsets, _tips(offsets, tips | {name: np.array(tip) for name, tip in known_tips}, default))
 
 
-def _missing_between(name: str, found: Mapping[str, int], default: Skeleton) -> list[str]:
+@lru_cache(maxsize=1)
+def _leaves() -> frozenset[int]:
+    """Return the joints at the ends of the standard skeleton."""
+    default = _default()
+    return frozenset(set(range(len(default))) - set(default.parents.tolist()))
+
+
+def _missing_between(name: str, found: Container[str]) -> list[str]:
     """Return the joints missing in the file above a joint, from above."""
+    default = _default()
     missing: list[str] = []
     joint = int(default.parents[default.index(name)])
     while JOINT_NAMES[joint] not in found:
@@ -203,16 +263,10 @@ def _missing_between(name: str, found: Mapping[str, int], default: Skeleton) -> 
     return missing[::-1]
 
 
-def _known_tips(
-    source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array], scale: float
-) -> dict[str, Array]:
-    """Return the ends of the outermost bones: the file's, else scaled defaults."""
-    default = _default()
-    tips = {}
-    for joint, name in enumerate(JOINT_NAMES):
-        if joint in default.parents:
-            continue
-        tips[name] = scale * default.tips_m[joint]
-        if name in found and np.linalg.norm(source.tips_m[found[name]]) > 0.01:
-            tips[name] = rot.rotate(rot.conjugate(alignment[name]), source.tips_m[found[name]])
-    return tips
+def _known_tips(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> dict[str, Array]:
+    """Return the ends of the outermost bones that the file gives."""
+    names = [JOINT_NAMES[joint] for joint in sorted(_leaves()) if JOINT_NAMES[joint] in found]
+    ends = source.tips_m[[found[name] for name in names]]
+    turned = rot.rotate(rot.conjugate(np.array([alignment[name] for name in names]).reshape(-1, 4)), ends)
+    long = rot.lengths(ends) > _SHORTEST_TIP_M
+    return {name: tip for name, tip, usable in zip(names, turned, long, strict=True) if usable}
