@@ -92,9 +92,14 @@ def with_lead_in(motion: Motion, frames: int) -> Motion:
 
 
 def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Array:
-    if np.all(fraction == np.round(fraction)):  # whole ratio of rates: frames are picked, nothing is computed
-        return rotations[before + np.round(fraction).astype(np.int64)]
-    return rot.slerp(rotations[before], rotations[before + 1], fraction[:, None])
+    # where the rates' ratio is simple, many frames are picked, and only those between them computed
+    nearest = np.round(fraction)
+    result = rotations[before + nearest.astype(np.int64)]
+    apart = np.flatnonzero(fraction != nearest)
+    if len(apart):
+        start = before[apart]
+        result[apart] = rot.slerp(rotations[start], rotations[start + 1], fraction[apart, None])
+    return result
 
 
 def eased_between(start: tuple[Array, Array], end: tuple[Array, Array], frames: int) -> tuple[Array, Array]:

@@ -119,7 +119,7 @@ def _isolated(steps: Array) -> Array:
     before = np.roll(steps, 1, axis=0)
     after = np.roll(steps, -1, axis=0)
     before[0], after[-1] = steps[min(2, len(steps) - 1)], steps[max(len(steps) - 3, 0)]
-    return np.minimum(np.linalg.norm(steps - before, axis=-1), np.linalg.norm(steps - after, axis=-1))
+    return np.minimum(rot.lengths(steps - before), rot.lengths(steps - after))
 
 
 def _joint_jumps(motion: Motion) -> Mask:
@@ -135,14 +135,22 @@ def _root_jumps(motion: Motion) -> Mask:
     """Return (F,) true at the first frame after a jump of the root."""
     steps = np.diff(motion.root_positions_m, axis=0)
     limit = max(_ROOT_ACCELERATION / (4.0 * motion.fps**2), _LEAST_ROOT_STEP_M)
-    return _jumps(steps, limit, max(limit, _ROOT_SPEED / motion.fps))
+    return _jumps(steps[:, None], np.array([limit]), np.array([max(limit, _ROOT_SPEED / motion.fps)]))[:, 0]
 
 
-def _jumps(steps: Array, limit: Array | float, fastest: Array | float) -> Mask:
-    """Return (F, ...) whether the step (F - 1, ...) to a frame is odd or too fast."""
-    jumps = np.zeros((len(steps) + 1, *steps.shape[1:-1]), dtype=np.bool_)
+def _jumps(steps: Array, limits: Array, fastest: Array) -> Mask:
+    """Return (F, J) whether the step (F - 1, J, ...) to a frame is odd or too fast.
+
+    Args:
+        limits: (J,) by how much an odd step differs from those beside it.
+        fastest: (J,) steps that are too fast, limits at least.
+    """
+    jumps = np.zeros((len(steps) + 1, steps.shape[1]), dtype=np.bool_)
     if len(steps) > 1:
-        jumps[1:] = (_isolated(steps) > limit) | (np.linalg.norm(steps, axis=-1) > fastest)
+        lengths = rot.lengths(steps)
+        # steps differ by more than a limit only where one of them is longer than half of it
+        near = np.flatnonzero(np.max(lengths, axis=0) > 0.5 * limits)
+        jumps[1:, near] = (_isolated(steps[:, near]) > limits[near]) | (lengths[:, near] > fastest[near])
     return jumps
 
 

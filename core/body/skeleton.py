@@ -84,19 +84,8 @@ class Skeleton:
 
     @cached_property
     def leaps(self) -> tuple[tuple[IntArray | slice, IntArray], ...]:
-        """Joints and their ancestors 1, 2, 4, ... bones above, while there are any.
-
-        What each joint does relative to its parent becomes what it does in the world by as many products as this has
-        entries: after each, every joint's is relative to twice as far up.
-        """
-        result: list[tuple[IntArray | slice, IntArray]] = []
-        above = self.parents.copy()
-        while np.any(above >= 0):
-            joints = np.flatnonzero(above >= 0)
-            # of joints in the order of their depth, those so deep are the last: nothing needs to be picked
-            result.append((slice(joints[0], None) if len(joints) == len(self) - joints[0] else joints, above[joints]))
-            above[joints] = above[above[joints]]
-        return tuple(result)
+        """What `joint_leaps` returns for this skeleton."""
+        return joint_leaps(tuple(self.parents.tolist()))
 
     @cached_property
     def is_ancestor(self) -> Mask:
@@ -128,6 +117,23 @@ def joint_levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
     for parent in parents:
         depth.append(depth[parent] + 1 if parent >= 0 else 0)
     return tuple(np.flatnonzero(np.array(depth) == level) for level in range(max(depth) + 1))
+
+
+@lru_cache(maxsize=64)
+def joint_leaps(parents: tuple[int, ...]) -> tuple[tuple[IntArray | slice, IntArray], ...]:
+    """Return joints and their ancestors 1, 2, 4, ... bones above, while there are any.
+
+    What each joint does relative to its parent becomes what it does in the world by as many products as this has
+    entries: after each, every joint's is relative to twice as far up.
+    """
+    result: list[tuple[IntArray | slice, IntArray]] = []
+    above = np.array(parents)
+    while np.any(above >= 0):
+        joints = np.flatnonzero(above >= 0)
+        # of joints in the order of their depth, those so deep are the last: nothing needs to be picked
+        result.append((slice(joints[0], None) if len(joints) == len(above) - joints[0] else joints, above[joints]))
+        above[joints] = above[above[joints]]
+    return tuple(result)
 
 
 def zero_pose_positions(parents: IntArray, offsets_m: Array) -> Array:

@@ -8,7 +8,7 @@ from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from .motion import Motion
-from .skeleton import joint_levels
+from .skeleton import joint_leaps, joint_levels
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,19 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
         positions[:, level] = positions[:, above] + rot.rotate(turn, local[:, level])
         world[:, level] = rot.multiply(turn, source.rotations[:, level])
     return positions, world
+
+
+def source_positions(source: SourceMotion) -> Array:
+    """Return positions (F, J, 3) of a file's joints; for few frames quicker than `source_kinematics`."""
+    frames = np.zeros((*source.rotations.shape[:2], 4, 4))
+    frames[..., :3, :3] = rot.to_matrix(source.rotations)
+    frames[..., :3, 3] = source.offsets_m
+    frames[..., 3, 3] = 1.0
+    for joint, path in source.translations_m.items():
+        frames[:, joint, :3, 3] = path
+    for joints, ancestors in joint_leaps(tuple(source.parents.tolist())):
+        frames[:, joints] = frames.take(ancestors, axis=1) @ frames[:, joints]
+    return frames[..., :3, 3]
 
 
 def frame_range(source: SourceMotion, start: int, stop: int) -> SourceMotion:

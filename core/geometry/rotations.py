@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .arrays import Array
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
+_CYCLIC = {"X": (0, 1, 2), "Y": (1, 2, 0), "Z": (2, 0, 1)}
 _NEARLY_EQUAL = 1e-7  # radians
 _TINY = 1e-150  # what replaces smaller lengths in divisions: the quotients are as exact, and none divides by zero
 _FEW = 2048  # numbers up to which one product with a constant matrix is quicker than a line for each entry
@@ -183,7 +184,7 @@ def from_euler(angles: ArrayLike, order: str) -> Array:
     for place, name in enumerate(order.upper()):
         cosine, sine = np.cos(half[..., place]), np.sin(half[..., place])
         # a product with a quaternion of which two parts are zero
-        i, j, k = (np.roll(range(3), -_AXES[name])).tolist()
+        i, j, k = _CYCLIC[name]
         w, parts[i] = w * cosine - parts[i] * sine, parts[i] * cosine + w * sine
         parts[j], parts[k] = parts[j] * cosine + parts[k] * sine, parts[k] * cosine - parts[j] * sine
     for place, part in enumerate((w, *parts)):

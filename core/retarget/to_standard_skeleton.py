@@ -6,7 +6,7 @@ of the file between them is left out. What the file lacks stands still, but for 
 for the wrist, the twist of the forearm and of the hand goes to `wrist`, as in the CMU database, where elbows only bend.
 """
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -15,7 +15,7 @@ import numpy as np
 from ..body.joint_angle_frames import with_angle_frames
 from ..body.motion import Motion
 from ..body.skeleton import Skeleton
-from ..body.source_motion import SourceMotion, every_frame, source_kinematics
+from ..body.source_motion import SourceMotion, every_frame, source_kinematics, source_positions
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
@@ -26,7 +26,7 @@ from .joint_naming import NAMINGS
 _SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # thighs and upper arms, which all files have, give the body's size
 _SAMPLED_FRAMES = 200  # for bones between joints that are not neighbours in the file
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
-_STANDING_FRAMES = 20  # that show whether bodies stand along z
+_STANDING_FRAMES = 20  # at most, that show whether bodies stand along z
 _SHORTEST_TIP_M = 0.01  # shorter ends of a file say nothing
 _HIPS_ARE_TIPPED = 3.0  # how much more of the body must lie along z than along y to call a file Z up
 
@@ -65,9 +65,9 @@ def to_standard_skeleton(source: SourceMotion) -> Motion:
     rotations = _local_rotations(source, found, alignment)
     positions, world = _path_of(source, found["root"])
     rotations[:, 0] = rot.multiply(rot.multiply(upright, world), alignment["root"])
-    for side in "lr":
-        if side + "wrist" not in found and side + "hand" in found:
-            _move_twist_to_wrist(rotations, skeleton, side)
+    sides = [side for side in "lr" if side + "wrist" not in found and side + "hand" in found]
+    if sides:
+        _move_twist_to_wrists(rotations, skeleton, sides)
     return Motion(source.name, source.fps, skeleton, rot.continuous(rotations), rot.rotate(upright, positions))
 
 
@@ -124,7 +124,7 @@ def _bone_ends() -> dict[int, int]:
 
 def _lies_along_z(source: SourceMotion, found: Mapping[str, int]) -> bool:
     """Tell whether the file's bodies stand along z."""
-    positions, _ = source_kinematics(every_frame(source, max(1, source.frames // _STANDING_FRAMES)))
+    positions = source_positions(every_frame(source, -(-source.frames // _STANDING_FRAMES)))
     head = found.get("head", found["lhumerus"])
     along = np.median(
         positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]]), axis=0
@@ -154,8 +154,7 @@ def _line(parents: IntArray, joint: int) -> list[int]:
 def _local_rotations(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
     """Return rotations (F, J, 4) between the joints found, the root's left out."""
     local = rot.identity((source.frames, len(JOINT_NAMES)))
-    names = [name for name in JOINT_NAMES[1:] if name in found]
-    anchors = [_anchor(name, found) for name in names]
+    names, anchors = tuple(found)[1:], _anchors(tuple(found))
     turned = np.empty((source.frames, len(names), 4))
     for place, (name, anchor) in enumerate(zip(names, anchors, strict=True)):
         turned[:, place] = _turn_between(source, found[anchor], found[name])
@@ -176,29 +175,29 @@ def _turn_between(source: SourceMotion, upper: int, lower: int) -> Array:
     return turn
 
 
-def _anchor(name: str, found: Mapping[str, int]) -> str:
-    """Return the next joint above that the file has."""
-    above = _missing_between(name, found)
-    return JOINT_NAMES[_default().parents[JOINT_NAMES.index(above[0] if above else name)]]
+@lru_cache(maxsize=64)
+def _anchors(found: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the next joint above each one, the root left out, that the file has."""
+    above = [[*_missing_between(name, found), name][0] for name in found[1:]]
+    return tuple(JOINT_NAMES[_default().parents[JOINT_NAMES.index(name)]] for name in above)
 
 
-def _move_twist_to_wrist(rotations: Array, skeleton: Skeleton, side: str) -> None:
-    """Move the twist of forearm and hand to the wrist; positions do not change."""
-    radius, wrist, hand = (skeleton.index(side + name) for name in ("radius", "wrist", "hand"))
-    axis = skeleton.offsets_m[wrist] / max(float(np.linalg.norm(skeleton.offsets_m[wrist])), 1e-9)
-    swing, twist = rot.swing_twist(rotations[:, radius], axis)
+def _move_twist_to_wrists(rotations: Array, skeleton: Skeleton, sides: Sequence[str]) -> None:
+    """Move the twists of forearm and hand to the wrist; positions do not change."""
+    radius, wrist, hand = ([skeleton.index(side + name) for side in sides] for name in ("radius", "wrist", "hand"))
+    axes = skeleton.offsets_m[wrist] / np.maximum(rot.lengths(skeleton.offsets_m[wrist]), 1e-9)[:, None]
+    swing, twist = rot.swing_twist(rotations[:, radius], axes)
     rotations[:, radius] = swing
     below = rot.multiply(twist, rotations[:, hand])
     # hand = twist * swing, so that the hand's own rotation comes after the wrist's
-    inverse_swing, inverse_twist = rot.swing_twist(rot.conjugate(below), axis)
+    inverse_swing, inverse_twist = rot.swing_twist(rot.conjugate(below), axes)
     rotations[:, wrist] = rot.conjugate(inverse_twist)
     rotations[:, hand] = rot.conjugate(inverse_swing)
 
 
 def _links(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
     """Return the offsets (N, 3) of the joints found, the root left out, from the found ones above them."""
-    names = [name for name in JOINT_NAMES[1:] if name in found]
-    anchors = [_anchor(name, found) for name in names]
+    names, anchors = tuple(found)[1:], _anchors(tuple(found))
     joints = [found[name] for name in names]
     axes = rot.conjugate(np.array([alignment[anchor] for anchor in anchors]))
     links = rot.rotate(axes, source.offsets_m[joints])
@@ -217,9 +216,9 @@ def _links(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[st
     return links
 
 
-def _skeleton(found: Mapping[str, int], links: Array, tips: Mapping[str, Array]) -> Skeleton:
+def _skeleton(found: Iterable[str], links: Array, tips: Mapping[str, Array]) -> Skeleton:
     known = tuple((name, tuple(tip.tolist())) for name, tip in tips.items())
-    return _skeleton_of(tuple(name for name in JOINT_NAMES if name in found), links.tobytes(), known)
+    return _skeleton_of(tuple(found), links.tobytes(), known)
 
 
 @lru_cache(maxsize=64)  # clips of one data set share a few

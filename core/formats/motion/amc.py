@@ -5,9 +5,9 @@ ASF file gives for each bone: the joint's rotation relative to rest is C R(value
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from itertools import pairwise
 
 import numpy as np
 
@@ -186,22 +186,29 @@ def amc_motion(table: AmcValues, asf: AsfFile, fps: float, name: str) -> Motion:
     skeleton, values = asf.skeleton, table.values
     rotations = rot.identity((len(values), len(skeleton)))
     positions = np.tile(asf.root_position, (len(values), 1))
-    ends = np.cumsum([0, *(len(bone.channels) for bone in table.layout)])
-    for bone, (start, stop) in zip(table.layout, pairwise(ends), strict=True):
-        columns = dict(zip(bone.channels, values[:, start:stop].T, strict=True))
-        if bone.name in skeleton.names:
-            rotations[:, skeleton.index(bone.name)] = _bone_rotation(bone, columns, table.factor)
-        if bone is asf.root:
-            for axis, channel in enumerate(("tx", "ty", "tz")):
-                positions[:, axis] += columns.get(channel, 0.0)
+    columns = _columns(table.layout)
+    same: dict[str, list[AsfBone]] = {}  # by the axes of their angles: these are computed together
+    for bone in table.layout:
+        if bone.name in skeleton.names and _turning_axes(bone):
+            same.setdefault("".join(_turning_axes(bone)), []).append(bone)
+    for axes, bones in same.items():
+        angles = values.take([[columns[bone.name, f"r{axis.lower()}"] for axis in axes] for bone in bones], axis=1)
+        turned = fixed_axis_rotation(angles * table.factor, axes)
+        frames = np.array([bone.axis for bone in bones])
+        joints = [skeleton.index(bone.name) for bone in bones]
+        rotations[:, joints] = rot.multiply(rot.multiply(frames, turned), rot.conjugate(frames))
+    for axis, channel in enumerate(("tx", "ty", "tz")):
+        if (ROOT, channel) in columns:
+            positions[:, axis] += values[:, columns[ROOT, channel]]
     rotations[:, 0] = rot.multiply(rotations[:, 0], asf.root_orientation)
     return Motion(name, fps, skeleton, rot.continuous(rotations), positions * asf.metres_per_unit)
 
 
-def _bone_rotation(bone: AsfBone, columns: dict[str, Array], factor: float) -> Array:
-    order = [axis for axis in bone.axis_order if f"r{axis.lower()}" in columns]
-    if not order:
-        return rot.identity()
-    angles = np.stack([columns[f"r{axis.lower()}"] for axis in order], axis=-1) * factor
-    turned = fixed_axis_rotation(angles, "".join(order))
-    return rot.multiply(rot.multiply(bone.axis, turned), rot.conjugate(bone.axis))
+def _columns(layout: Sequence[AsfBone]) -> dict[tuple[str, str], int]:
+    """Return the column of each bone's channel in a frame's values."""
+    return {key: column for column, key in enumerate((bone.name, each) for bone in layout for each in bone.channels)}
+
+
+def _turning_axes(bone: AsfBone) -> list[str]:
+    """Return the axes of the bone's angles, in the order in which they turn."""
+    return [axis for axis in bone.axis_order if f"r{axis.lower()}" in bone.channels]

@@ -171,7 +171,9 @@ def _translations(hierarchy: BvhHierarchy, rows: Array, offsets: Array) -> dict[
     columns, joints, axes = hierarchy.places.T
     values = rows.take(columns, axis=1)
     moving = ~(np.max(values, axis=0) - np.min(values, axis=0) <= _STILL)  # NaN counts as moving
-    moved = np.isin(joints, [0, *joints[moving]])
+    leaving = np.zeros(len(offsets), dtype=np.bool_)
+    leaving[[0, *joints[moving]]] = True
+    moved = leaving[joints]
     offsets[joints[~moved], axes[~moved]] = values[0, ~moved]
     paths = {0: np.tile(offsets[0], (len(rows), 1))}
     for place in np.flatnonzero(moved):
