@@ -28,6 +28,7 @@ _FARTHEST_CLIP_RAD = 1.0  # a clip further from its subject's zero counts as thi
 _IMPOSSIBLE_RAD = np.radians(100.0)  # from its zero no end of a limb turns so far: it is flipped in the recording
 _CHUNK = 4096  # frames computed at once
 _MEDIAN_STEPS, _MEDIAN_RAD = 30, 0.01  # Weiszfeld's, and the distance that he divides by at least
+_SETTLED_RAD = 1e-7  # by which the steps that are left may move a median
 _TOGETHER = 32  # clips that medians are computed of at once: they fit into a processor's cache
 _TINY = 1e-12
 
@@ -76,15 +77,17 @@ def find_zeros(rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]) -> tu
     persons: dict[_Person, list[Array]] = {}
     for clip in clips:
         chosen = np.linspace(0, clip.stop - clip.start - 1, _CLIP_SAMPLES).astype(np.int64)
-        samples = np.asarray(rotations[clip.start : clip.stop][chosen][:, _JOINTS], dtype=np.float64)
+        samples = rot.normalize(rotations[clip.start : clip.stop][chosen][:, _JOINTS])
         persons.setdefault(_person(clip), []).append(samples)
     if len(persons) < _FEWEST_SUBJECTS or all(len(parts) == 1 for parts in persons.values()):
         return mean, ()
-    medians = np.array([_median(np.concatenate(parts)) for parts in persons.values()])
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
+        medians = np.array(list(threads.map(_median, map(np.concatenate, persons.values()))))
+        several = [np.array(parts) for parts in persons.values() if len(parts) > 1]
+        within = np.mean(list(threads.map(_clip_variance, several)), axis=0)
     common = mean.copy()
     common[_JOINTS] = _median(medians)
     away = rot.to_rotation_vector(rot.multiply(rot.conjugate(common[_JOINTS]), medians))
-    within = _clip_variance([np.array(parts) for parts in persons.values() if len(parts) > 1])
     uncertain = within / np.array([[len(parts)] for parts in persons.values()])
     between = np.maximum(np.sum(away**2, axis=(0, 2)) / (len(away) - 1) - uncertain.mean(axis=0), 0.0)
     shares = (between / (between + uncertain + 1e-12))[:, :, None]
@@ -109,37 +112,38 @@ def _median(rotations: Array) -> Array:
 
 
 def _medians(rotations: Array) -> Array:
-    """Return the medians (C, J, 4) of rotations (N, C, J, 4) (Weiszfeld 1937)."""
-    medians, parts = rot.mean(rotations), np.ascontiguousarray(np.moveaxis(rotations, -1, 0))
-    for _ in range(_MEDIAN_STEPS):
-        w, *axis = rot.multiply_parts(np.moveaxis(rot.conjugate(medians), -1, 0), parts)
-        sines = np.maximum(np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2), _TINY)
-        angles = 2.0 * np.arctan2(sines, np.abs(w))
+    """Return the medians (C, J, 4) of unit quaternions (N, C, J, 4) (Weiszfeld 1937)."""
+    medians = rot.mean(rotations)
+    parts = np.ascontiguousarray(np.moveaxis(rotations, 0, -1))  # (C, J, 4, N)
+    for left in range(_MEDIAN_STEPS, 0, -1):
+        cosines = (medians[..., None, :] @ parts)[..., 0, :]
+        nearest = np.minimum(np.abs(cosines), 1.0 - _TINY)
+        angles = 2.0 * np.arccos(nearest)
         weights = 1.0 / np.maximum(angles, _MEDIAN_RAD)
-        factors = weights * np.where(w < 0.0, -angles, angles) / sines
-        shifts = np.stack([np.sum(factors * part, axis=0) for part in axis], axis=-1)
-        shifts /= np.sum(weights, axis=0)[..., None]
+        factors = np.copysign(weights * angles / np.sqrt((1.0 - nearest) * (1.0 + nearest)), cosines)
+        # what turns a median towards a rotation is linear in this, so the rotations are summed before they are turned
+        sums = rot.multiply(rot.conjugate(medians), (parts @ factors[..., None])[..., 0])
+        shifts = sums[..., 1:] / np.sum(weights, axis=-1)[..., None]
         medians = rot.multiply(medians, rot.from_rotation_vector(shifts))
+        if left * np.max(np.abs(shifts)) < _SETTLED_RAD:
+            break
     return np.asarray(medians)
 
 
-def _clip_variance(persons: Sequence[Array]) -> Array:
-    """Return the variance (J,) of clips about their subject, over (C, N, J, 4) each."""
-    variances = []
-    for parts in persons:
-        medians = np.concatenate(
-            [_medians(parts[first : first + _TOGETHER].swapaxes(0, 1)) for first in range(0, len(parts), _TOGETHER)]
-        )
-        away = np.minimum(rot.angle_between(_median(medians), medians), _FARTHEST_CLIP_RAD)
-        variances.append(np.sum(away**2, axis=0) / (len(parts) - 1))
-    return np.mean(variances, axis=0)
+def _clip_variance(clips: Array) -> Array:
+    """Return the variance (J,) of a subject's clips (C, N, J, 4) about their median."""
+    medians = np.concatenate(
+        [_medians(clips[first : first + _TOGETHER].swapaxes(0, 1)) for first in range(0, len(clips), _TOGETHER)]
+    )
+    away = np.minimum(rot.angle_between(_median(medians), medians), _FARTHEST_CLIP_RAD)
+    return np.asarray(np.sum(away**2, axis=0) / (len(clips) - 1))
 
 
 def _hold_flipped(poses: FloatArray) -> None:
     """Replace flipped ends of limbs in a clip's poses (F, J - 1, 3)."""
+    far: Mask = rot.lengths(poses) > _IMPOSSIBLE_RAD
     for joint in _ENDS:
-        vectors = poses[:, joint - 1]
-        flipped: Mask = np.linalg.norm(vectors, axis=-1) > _IMPOSSIBLE_RAD
+        flipped, vectors = far[:, joint - 1], poses[:, joint - 1]
         if flipped.all():
             vectors[:] = 0.0
         elif flipped.any():
