@@ -37,6 +37,7 @@ _VERSION = 2
 _COMMON_ZERO_VERSION = 1  # without zeros of the subjects
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
+_LEAST_SINE = 1e-150  # by which vectors are divided
 _UNIT = 1e-3  # by which the length of a stored quaternion may differ from 1
 _FARTHEST = 1e5  # metres or radians
 _CHUNK = 1 << 14  # frames looked at together
@@ -186,7 +187,13 @@ def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) 
 def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     """Return poses (..., J - 1, 3) of local rotations (..., J, 4)."""
     local = np.asarray(rotations, dtype=np.float64)[..., 1:, :]
-    return rot.to_rotation_vector(rot.multiply(rot.conjugate(mean_rotations[1:]), local))
+    # parts of many frames in rows of their own: several times as fast as `rot.to_rotation_vector`
+    rows = np.ascontiguousarray(np.moveaxis(local.reshape(-1, *local.shape[-2:]), 0, -1))  # (J - 1, 4, F)
+    turned = rot.left_matrices(rot.conjugate(mean_rotations[1:])) @ rows
+    w, vectors = turned[:, 0], turned[:, 1:]
+    sines = np.maximum(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), _LEAST_SINE)
+    vectors *= np.copysign(2.0 * np.arctan2(sines, np.abs(w)) / sines, w)[:, None]
+    return np.moveaxis(vectors, -1, 0).reshape(*local.shape[:-1], 3)
 
 
 def save_database(database: Database) -> None:
