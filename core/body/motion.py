@@ -65,6 +65,8 @@ class Motion:
 
 def sliced(motion: Motion, start: int, stop: int) -> Motion:
     """Return frames `start` up to, without, `stop`."""
+    if (start, stop) == (0, motion.frames):
+        return motion
     return replace(motion, rotations=motion.rotations[start:stop], root_positions_m=motion.root_positions_m[start:stop])
 
 

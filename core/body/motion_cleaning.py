@@ -212,9 +212,12 @@ def _turned(motion: Motion, joint: int) -> Apart:
 
 def _ends_repaired(motion: Motion, jumps: Mask, start: int, defects: list[Defect]) -> Motion:
     """Return the motion with short flips of hands, fingers and toes bridged."""
+    flipping = np.flatnonzero(_ENDS & np.any(jumps, axis=0))
+    if len(flipping) == 0:
+        return motion
     longest = int(_LONGEST_POP_S * motion.fps)
     rotations = motion.rotations.copy()
-    for joint in np.flatnonzero(_ENDS & np.any(jumps, axis=0)):
+    for joint in flipping:
         name = JOINT_NAMES[joint]
         popped, lone = _pops(jumps[:, joint], _turned(motion, joint), start, longest)
         popped = _with_short_pieces(popped, lone, start, longest)

@@ -41,7 +41,7 @@ class FrameFile:
     def __getitem__(self, wanted: slice) -> FloatArray:
         """Read a slice with a positive step."""
         start, stop, step = wanted.indices(self._frames)
-        parts = [np.empty((0, *self._frame), dtype=np.float32)]
+        parts = []
         rows = _CHUNK - _CHUNK % step or step
         for first in range(start, stop, rows):
             part = np.fromfile(
@@ -51,7 +51,9 @@ class FrameFile:
                 offset=first * self._count * 4,
             )
             parts.append(part.reshape(-1, *self._frame)[::step])
-        return np.concatenate(parts)
+        if len(parts) == 1:
+            return np.asarray(parts[0])
+        return np.concatenate(parts) if parts else np.empty((0, *self._frame), dtype=np.float32)
 
     def close(self) -> None:
         """Close the file; the owner of its folder removes it."""

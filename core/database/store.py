@@ -10,7 +10,7 @@ import json
 import struct
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -216,7 +216,7 @@ def save_database(database: Database) -> None:
     facts = {
         "fps": float(database.fps),
         "joints": list(JOINT_NAMES),
-        "clips": [asdict(clip) for clip in database.clips],
+        "clips": [dict(vars(clip)) for clip in database.clips],
         "skeletons": [skeleton_facts(skeleton) for skeleton in database.skeletons],
         "culled_frames": database.culled_frames,
         "zeros": [[zero.subject, zero.skeleton, zero.mirrored] for zero in database.zeros],

@@ -73,12 +73,17 @@ def poses_from_zeros(
 
 def find_zeros(rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]) -> tuple[Array, tuple[Zero, ...]]:
     """Return the common zero (J, 4) of all joints, and those of the subjects."""
-    mean = rot.mean(rotations[:: max(1, len(rotations) // _MEAN_SAMPLES)])
-    persons: dict[_Person, list[Array]] = {}
-    for clip in clips:
+
+    def samples_of(clip: Clip) -> Array:
         chosen = np.linspace(0, clip.stop - clip.start - 1, _CLIP_SAMPLES).astype(np.int64)
-        samples = rot.normalize(rotations[clip.start : clip.stop][chosen][:, _JOINTS])
-        persons.setdefault(_person(clip), []).append(samples)
+        return rot.normalize(rotations[clip.start : clip.stop][chosen][:, _JOINTS])
+
+    persons: dict[_Person, list[Array]] = {}
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # reading does not hold Python's lock
+        evenly = threads.submit(lambda: rotations[:: max(1, len(rotations) // _MEAN_SAMPLES)])
+        for clip, samples in zip(clips, threads.map(samples_of, clips), strict=True):
+            persons.setdefault(_person(clip), []).append(samples)
+        mean = rot.mean(evenly.result())
     if len(persons) < _FEWEST_SUBJECTS or all(len(parts) == 1 for parts in persons.values()):
         return mean, ()
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock

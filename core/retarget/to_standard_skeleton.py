@@ -126,9 +126,8 @@ def _lies_along_z(source: SourceMotion, found: Mapping[str, int]) -> bool:
     """Tell whether the file's bodies stand along z."""
     positions = source_positions(every_frame(source, -(-source.frames // _STANDING_FRAMES)))
     head = found.get("head", found["lhumerus"])
-    along = np.median(
-        positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]]), axis=0
-    )
+    heights = positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]])
+    along = np.sort(heights, axis=0)[len(heights) // 2]
     return bool(along[2] > _HIPS_ARE_TIPPED * abs(along[1]))
 
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from perfanim.core.formats.motion.numbers import parse_numbers
 
 
