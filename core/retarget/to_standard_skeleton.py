@@ -154,9 +154,10 @@ def _local_rotations(source: SourceMotion, found: Mapping[str, int], alignment: 
     """Return rotations (F, J, 4) between the joints found, the root's left out."""
     local = rot.identity((source.frames, len(JOINT_NAMES)))
     names, anchors = tuple(found)[1:], _anchors(tuple(found))
-    turned = np.empty((source.frames, len(names), 4))
+    turned = source.rotations[:, [found[name] for name in names]]
     for place, (name, anchor) in enumerate(zip(names, anchors, strict=True)):
-        turned[:, place] = _turn_between(source, found[anchor], found[name])
+        if source.parents[found[name]] != found[anchor]:
+            turned[:, place] = _turn_between(source, found[anchor], found[name])
     before = rot.conjugate(np.array([alignment[anchor] for anchor in anchors]))
     after = np.array([alignment[name] for name in names])
     local[:, [JOINT_NAMES.index(name) for name in names]] = rot.multiply(rot.multiply(before, turned), after)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import islice
 
 import numpy as np
 
@@ -86,7 +87,8 @@ def _first_frame(content: bytes, where: str) -> int:
 def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
     """Return the bones of the first frame in its order, checked against the skeleton."""
     layout: list[AsfBone] = []
-    for number, raw in enumerate(body[: 1 << 16].split(b"\n")[1:], start=line + 2):
+    lines = islice(BytesIO(body[: 1 << 16]), 1, None)
+    for number, raw in enumerate(lines, start=line + 2):
         words = raw.decode("latin-1").split()
         if len(words) == 1 and words[0].isdecimal():
             break
@@ -104,7 +106,7 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
             raise FormatError(
                 f"has {len(words) - 1} values for {words[0]!r}, {asf.path} says {len(bone.channels)}", where=place
             )
-        if bone in layout:
+        if any(bone is other for other in layout):
             raise FormatError(f"repeats the bone {words[0]!r} in one frame", where=place)
         layout.append(bone)
     if asf.root not in layout:
