@@ -84,7 +84,7 @@ class Skeleton:
 
     @cached_property
     def leaps(self) -> tuple[tuple[IntArray | slice, IntArray], ...]:
-        """What `joint_leaps` returns for this skeleton."""
+        """Joints and their ancestors, as `joint_leaps` returns them."""
         return joint_leaps(tuple(self.parents.tolist()))
 
     @cached_property

@@ -85,7 +85,10 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
 
 
 def source_positions(source: SourceMotion) -> Array:
-    """Return positions (F, J, 3) of a file's joints; for few frames quicker than `source_kinematics`."""
+    """Return positions (F, J, 3) of a file's joints.
+
+    For few frames quicker than `source_kinematics`.
+    """
     frames = np.zeros((*source.rotations.shape[:2], 4, 4))
     frames[..., :3, :3] = rot.to_matrix(source.rotations)
     frames[..., :3, 3] = source.offsets_m

@@ -146,7 +146,7 @@ def _clip_variance(clips: Array) -> Array:
 
 def _hold_flipped(poses: FloatArray) -> None:
     """Replace flipped ends of limbs in a clip's poses (F, J - 1, 3)."""
-    far: Mask = rot.lengths(poses) > _IMPOSSIBLE_RAD
+    far: Mask = np.einsum("fji,fji->fj", poses, poses) > _IMPOSSIBLE_RAD**2
     for joint in _ENDS:
         flipped, vectors = far[:, joint - 1], poses[:, joint - 1]
         if flipped.all():

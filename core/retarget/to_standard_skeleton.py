@@ -196,7 +196,7 @@ def _move_twist_to_wrists(rotations: Array, skeleton: Skeleton, sides: Sequence[
 
 
 def _links(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
-    """Return the offsets (N, 3) of the joints found, the root left out, from the found ones above them."""
+    """Return offsets (N, 3) of the joints found, but the root, from those above them."""
     names, anchors = tuple(found)[1:], _anchors(tuple(found))
     joints = [found[name] for name in names]
     axes = rot.conjugate(np.array([alignment[anchor] for anchor in anchors]))

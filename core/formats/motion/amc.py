@@ -212,5 +212,5 @@ def _columns(layout: Sequence[AsfBone]) -> dict[tuple[str, str], int]:
 
 
 def _turning_axes(bone: AsfBone) -> list[str]:
-    """Return the axes of the bone's angles, in the order in which they turn."""
+    """Return the axes of the bone's angles, in the order of their turns."""
     return [axis for axis in bone.axis_order if f"r{axis.lower()}" in bone.channels]

@@ -50,7 +50,7 @@ class BvhHierarchy:
 
 
 def read_hierarchy(text: str, where: str) -> BvhHierarchy:
-    """Return what a file says before its MOTION; FormatError names file and line."""
+    """Return a file's hierarchy; FormatError names file and line."""
     try:
         return _hierarchy(text)
     except _DamageError as error:
@@ -87,7 +87,7 @@ def _hierarchy(text: str) -> BvhHierarchy:
 
 
 class _DamageError(Exception):
-    """What is wrong, and in which line."""
+    """Damage: a text, and its line."""
 
 
 @dataclass

@@ -11,7 +11,7 @@ from ...system.files import SLACK_BYTES
 
 _POSE_BYTES = 32  # of a joint in a frame
 _MOST_TIMES = 4  # the poses' bytes by the file's
-_PIECE = 1 << 17  # bytes of text read at once: what is computed of them fits into a processor's cache
+_PIECE = 1 << 17  # bytes of text read at once: the arrays made of them fit into a processor's cache
 _MARGIN = b" " * 9
 _TAB, _RETURN, _SPACE, _MINUS, _POINT = b"\t\r -."
 _EIGHT_DIGITS = np.uint64(10**8)
@@ -66,7 +66,7 @@ def _decimals(text: bytes) -> Array | None:
     before, behind = points - begins - negative, ends - points - 1
     if np.min(before) < 1 or np.max(before) > 7 or np.min(behind) < 1 or np.max(behind) > 8:
         return None
-    words = np.ndarray((len(data) - 7,), "<u8", data, strides=(1,))
+    words: NDArray[np.uint64] = np.ndarray((len(data) - 7,), "<u8", data, strides=(1,))
     # digits that are not of the number become zeros
     lacking = (64 - 8 * before).astype(np.uint64)
     whole = (words[points - 8] ^ _ZEROS) >> lacking << lacking
@@ -79,7 +79,7 @@ def _decimals(text: bytes) -> Array | None:
 
 
 def _eight_digits(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return the numbers of eight digits, a byte each from the lowest one (Lemire 2022)."""
+    """Return numbers of eight digits, a byte each from the lowest one (Lemire 2022)."""
     for factor, bits, mask in _SUMS:
         words = (words & mask) * factor >> bits
     return words
