@@ -47,8 +47,10 @@ class BlobPixels:
 
     def spans(self) -> tuple[IntArray, IntArray]:
         """Return where each of the N blobs begins and how many pixels it has."""
-        starts = np.flatnonzero(np.concatenate(([True], self.owner[1:] != self.owner[:-1])))
-        return starts, np.concatenate((starts[1:], [len(self.owner)])) - starts
+        others = (self.owner[1:] != self.owner[:-1]).nonzero()[0]
+        bounds = np.empty(len(others) + 2, dtype=np.int64)
+        bounds[0], bounds[1:-1], bounds[-1] = 0, others + 1, len(self.owner)
+        return bounds[:-1], bounds[1:] - bounds[:-1]
 
 
 def blob_pixels(owner: IntArray, x: IntArray, y: IntArray, contrast: FloatArray, colours: Image) -> BlobPixels:
@@ -65,6 +67,8 @@ NO_PIXELS = blob_pixels(
 
 def join_groups(groups: Sequence[BlobPixels]) -> BlobPixels:
     """Return the blobs of some groups, each with its group in its number."""
+    if len(groups) == 1:
+        return groups[0]
     return BlobPixels(
         np.concatenate([group.owner + number * _GROUP for number, group in enumerate(groups)]),
         np.concatenate([group.x for group in groups]),
@@ -104,20 +108,21 @@ def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
     eighth = np.maximum(counts // 8, 1)
     plateau = (sums[stops] - sums[stops - eighth]) / eighth
     radius = np.sqrt((sums[stops] - sums[starts]) / (math.pi * plateau))
-    hues = [
-        180.0 * rgb_to_hsv(*colour[::-1])[0] for colour in _mean_colours(pixels, _LIT * plateau[blob], starts).tolist()
-    ]
     # rim pixels would make it dimmer: of a small blob many or few are half bright, by how it falls on the pixels
-    brightness = _mean_colours(pixels, pixels.contrast[stops - eighth][blob], starts).max(axis=1)
+    least = np.array((_LIT * plateau, pixels.contrast[stops - eighth]))
+    lit, brightest = _mean_colours(pixels, least[:, blob], starts)
+    hues = [180.0 * rgb_to_hsv(*colour[::-1])[0] for colour in lit.tolist()]
+    brightness = brightest.max(axis=1)
     rows = np.array((left + x, top + y, radius, brightness, hues, plateau, roundness)).T
     return pixels.owner[starts], rows
 
 
 def _mean_colours(pixels: BlobPixels, least: Array, starts: IntArray) -> Array:
-    """Return the blobs' mean colours (N, 3) where contrast is at least so much (P,)."""
-    columns = np.concatenate((pixels.colours, np.ones_like(pixels.x)[:, None]), axis=1)
-    sums = np.add.reduceat(columns * (pixels.contrast >= least)[:, None], starts)
-    return np.asarray(sums[:, :3] / sums[:, 3:])
+    """Return mean colours (K, N, 3) where contrast is at least so much (K, P)."""
+    columns = np.ones((len(pixels.x), 4))
+    columns[:, :3] = pixels.colours
+    sums = np.add.reduceat(columns * (pixels.contrast >= least)[..., None], starts, axis=1)
+    return np.asarray(sums[..., :3] / sums[..., 3:])
 
 
 def _sums_before(values: FloatArray) -> Array:

@@ -49,6 +49,26 @@ def test_background_mean_and_deviation_are_those_of_every_pixel_and_channel(draw
     assert abs(np.median(learned.deviation) - 3.0) < 0.1
 
 
+def whole_foreground(detector, image):
+    part, left = detector.foreground(image)
+    mask = np.zeros(image.shape[:2], dtype=np.uint8)
+    mask[:, left : left + part.shape[1]] = part
+    return mask
+
+
+def test_foreground_has_only_the_columns_that_changed(draw):
+    quiet = learned_background(draw(np.empty((0, 2)), 1, noise=0.0) for _ in range(3))
+    image = draw(np.empty((0, 2)), 1, noise=0.0)
+    detector = Detector(quiet)
+    mask, _ = detector.foreground(image)
+    assert mask.shape == (480, 0) and len(detector.detect(image)) == 0
+    image[100, 0] = image[200, 9] = 200
+    mask, left = detector.foreground(image)
+    assert mask.shape == (480, 11) and left == 0
+    image[100, 639] = 200
+    assert detector.foreground(image)[0].shape == (480, 640)
+
+
 def test_foreground_is_where_any_channel_differs_by_more_than_the_threshold(draw):
     quiet = learned_background(draw(np.empty((0, 2)), 1, noise=0.0) for _ in range(3))
     detector = Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=0))
@@ -56,10 +76,10 @@ def test_foreground_is_where_any_channel_differs_by_more_than_the_threshold(draw
     image[100, 200] = (20, 20, 51)
     image[110, 200] = (20, 20, 50)
     image[120, 200] = (20, 51, 20)
-    mask = detector.foreground(image)
+    mask = whole_foreground(detector, image)
     assert mask[100, 200] == 255 and mask[120, 200] == 255
     assert mask.sum() == 2 * 255
-    dilated = Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=1)).foreground(image)
+    dilated = whole_foreground(Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=1)), image)
     assert dilated[99:102, 199:202].all() and dilated.sum() == 18 * 255
 
 
@@ -70,7 +90,7 @@ def test_foreground_is_also_what_is_darker_than_the_background(draw):
     image[100, 200] = (200, 169, 200)
     image[110, 200] = (200, 170, 230)
     image[120, 200] = (0, 200, 200)
-    mask = Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=0)).foreground(image)
+    mask = whole_foreground(Detector(quiet, DetectionSettings(threshold=30.0, dilation_px=0)), image)
     assert mask[100, 200] == 255 and mask[120, 200] == 255
     assert mask.sum() == 2 * 255
 
