@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 FloatArray = NDArray[np.float32]  # of 32 bits, where memory or time counts
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]

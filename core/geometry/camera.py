@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import CalibrationError
-from .arrays import Array
+from .arrays import Array, ComplexArray
 
 WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
 """Axes of the world seen by a level camera that the performer faces, used until a floor is known."""
@@ -83,7 +84,9 @@ class Camera:
     def to_pixels(self, normalised: ArrayLike) -> Array:
         """Return distorted pixels (..., 2) of undistorted normalised coordinates x/z, y/z."""
         points = np.asarray(normalised, dtype=np.float64)
-        distorted = np.stack(_distorted(points[..., 0], points[..., 1], self.distortion)[:2], axis=-1)
+        distorted = np.empty(points.shape)
+        lens = _distorted(points[..., 0] + 1j * points[..., 1], self.distortion)[0]
+        distorted[..., 0], distorted[..., 1] = lens.real, lens.imag
         return np.asarray(distorted @ self.matrix[:2, :2].T + self.matrix[:2, 2])
 
     def undistort(self, pixels: ArrayLike) -> Array:
@@ -112,7 +115,8 @@ def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Ar
     counts = [len(rows) for rows in pixels]
     columns = zip(*(_intrinsics(camera) for camera in cameras), strict=True)
     found = _undistort(np.concatenate(pixels), *(np.repeat(column, counts, axis=0) for column in columns))
-    return np.split(found, np.cumsum(counts)[:-1])
+    stops = list(accumulate(counts))
+    return [found[stop - count : stop] for stop, count in zip(stops, counts, strict=True)]
 
 
 def _intrinsics(camera: Camera) -> tuple[Array, Array]:
@@ -121,37 +125,48 @@ def _intrinsics(camera: Camera) -> tuple[Array, Array]:
 
 
 def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
-    """Invert matrix and lens (..., 5) each, of pixels (..., 2), by Newton's method."""
-    fx, skew, cx, fy, cy = np.moveaxis(intrinsics, -1, 0)
-    k1, k2, p1, p2, k3 = np.moveaxis(distortion, -1, 0)
+    """Invert matrix and lens of pixels (..., 2) by Newton's method.
+
+    The complex derivatives of a map f of the plane, by z and by its conjugate, take half the work of a real Jacobian:
+    df = f_z dz + f_c conj(dz); f_z of a lens is real.
+
+    Args:
+        intrinsics, distortion: of `_intrinsics`, (5,) for all pixels or (n, 5) for n of them.
+    """
+    fx, skew, cx, fy, cy = intrinsics.T
+    k1, k2, _, _, k3 = distortion.T
     target_y = (pixels[..., 1] - cy) / fy
-    target_x = (pixels[..., 0] - cx - skew * target_y) / fx
-    x, y = target_x, target_y
+    target = (pixels[..., 0] - cx - skew * target_y) / fx + 1j * target_y
+    z = target
     for _ in range(_UNDISTORT_ITERATIONS):
-        distorted_x, distorted_y, radial, r2 = _distorted(x, y, distortion)
-        error_x, error_y = distorted_x - target_x, distorted_y - target_y
-        slope = 2.0 * k1 + r2 * (4.0 * k2 + r2 * 6.0 * k3)
-        xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-        yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
-        xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+        distorted, radial, r2, decentering = _distorted(z, distortion)
+        error = distorted - target
+        slope = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3))
+        by_z = radial + slope * r2 + 4.0 * (decentering * z.conj()).real
+        by_conjugate = z * (slope * z + 2.0 * decentering)
         # a lens model that folds back far outside the image must not throw points away
-        determinant = np.maximum(xx * yy - xy * xy, _LEAST_DETERMINANT)
-        x = x - (yy * error_x - xy * error_y) / determinant
-        y = y - (xx * error_y - xy * error_x) / determinant
+        determinant = np.maximum(by_z * by_z - _squared(by_conjugate), _LEAST_DETERMINANT)
+        z = z - (by_z * error - by_conjugate * error.conj()) * (1.0 / determinant)
         # squared by the step that was just taken
-        if not max(np.max(np.abs(error_x), initial=0.0), np.max(np.abs(error_y), initial=0.0)) > _UNDISTORT_ERROR:
+        if not np.max(np.abs(error), initial=0.0) > _UNDISTORT_ERROR:
             break
-    return np.stack((x, y), axis=-1)
+    found = np.empty(pixels.shape)
+    found[..., 0], found[..., 1] = z.real, z.imag
+    return found
 
 
-def _distorted(x: Array, y: Array, distortion: Array) -> tuple[Array, Array, Array, Array]:
-    """Return distorted x and y (Brown 1966), the radial factor, the squared radius."""
-    k1, k2, p1, p2, k3 = np.moveaxis(distortion, -1, 0)
-    r2 = x * x + y * y
+def _distorted(z: ComplexArray, distortion: Array) -> tuple[ComplexArray, Array, Array, ComplexArray]:
+    """Return distorted x + iy (Brown 1966), radial factor, squared radius, p2 + i p1."""
+    k1, k2, p1, p2, k3 = distortion.T
+    r2 = _squared(z)
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    distorted_x = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    distorted_y = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return distorted_x, distorted_y, radial, r2
+    decentering = p2 + 1j * p1
+    return z * radial + 2.0 * r2 * decentering + decentering.conj() * (z * z), radial, r2, decentering
+
+
+def _squared(z: ComplexArray) -> Array:
+    """Return the squared absolute values."""
+    return np.asarray(z.real * z.real + z.imag * z.imag)
 
 
 @dataclass(frozen=True)
