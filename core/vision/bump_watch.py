@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from statistics import median
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class BumpDetector:
 
     def _remember(self, frame: MarkerFrame) -> None:
         """Keep frames while rays meet badly."""
-        if len(self._misses_px) < _JUDGED or float(np.median(self._misses_px)) < _DOUBTFUL_PX:
+        if len(self._misses_px) < _JUDGED or median(self._misses_px) < _DOUBTFUL_PX:
             self._doubtful_since_s = None
             self._frames.clear()
             return

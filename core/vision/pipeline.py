@@ -1,6 +1,8 @@
 """Pipeline from images to marker frames, on the cameras' side."""
 
+import math
 from collections.abc import Iterable, Sequence
+from statistics import fmean
 
 import numpy as np
 
@@ -73,10 +75,11 @@ class MarkerPipeline:
         usable = usable_images(images)
         rows = zip(self.detectors, images.images, usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)
-        stamps_s = np.where(usable, images.times_s, np.nan)
-        time_s = float(np.mean(stamps_s[np.isfinite(stamps_s)] if any(usable) else images.times_s))
+        stamps_s = [float(time_s) if use else math.nan for time_s, use in zip(images.times_s, usable, strict=True)]
+        known_s = [stamp_s for stamp_s in stamps_s if math.isfinite(stamp_s)]
+        time_s = fmean(known_s or map(float, images.times_s))
         notes = tuple(getattr(images, "notes", ()))
-        return MarkerFrame(int(images.number), time_s, blobs=blobs, camera_times_s=stamps_s, notes=notes)
+        return MarkerFrame(int(images.number), time_s, blobs=blobs, camera_times_s=np.array(stamps_s), notes=notes)
 
     def locate(self, seen: MarkerFrame) -> MarkerFrame:
         """Return the markers of one moment from the blobs of `detect`."""
@@ -99,12 +102,7 @@ class MarkerPipeline:
         matches: Matches,
     ) -> MarkerFrame:
         swapped = self._swap_detector.update(blobs, matches)
-        single_cameras, single_blobs, single_points = [], [], []
-        for camera, coordinates in enumerate(normalised):
-            free = unused_blobs(matches.blobs, camera, len(coordinates))
-            single_cameras.append(np.full(len(free), camera, dtype=np.int64))
-            single_blobs.append(free.astype(np.int64))
-            single_points.append(coordinates[free])
+        free = [unused_blobs(matches.blobs, camera, len(rows)) for camera, rows in enumerate(normalised)]
         return MarkerFrame(
             number=seen.number,
             time_s=time_s,
@@ -114,9 +112,9 @@ class MarkerPipeline:
             detected=seen.blobs,
             normalised=tuple(normalised),
             point_blobs=matches.blobs,
-            single_cameras=np.concatenate(single_cameras),
-            single_blobs=np.concatenate(single_blobs),
-            single_points=np.concatenate(single_points),
+            single_cameras=np.repeat(np.arange(len(free)), [len(blobs) for blobs in free]),
+            single_blobs=np.concatenate(free),
+            single_points=np.concatenate([rows[blobs] for rows, blobs in zip(normalised, free, strict=True)]),
             camera_times_s=seen.camera_times_s,
             notes=tuple(dict.fromkeys((*seen.notes, *([swapped] if swapped else [])))),
         )

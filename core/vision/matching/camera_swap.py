@@ -2,8 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
-
-import numpy as np
+from statistics import fmean
 
 from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
@@ -39,7 +38,7 @@ class CameraSwapDetector:
             self._errors_px.append((error, exchanged))
         if len(self._errors_px) < _FRAMES:
             return ""
-        error, exchanged = np.mean(self._errors_px, axis=0)
+        error, exchanged = (fmean(errors) for errors in zip(*self._errors_px, strict=True))
         worse = error > _DOUBTFUL_PX and exchanged < _BETTER * error
         return EXCHANGED if worse else ""
 

@@ -22,39 +22,37 @@ class BlobLinker:
     def __init__(self, width_px: int) -> None:
         self._scale = width_px / _WIDTH_PX
         self._next = 0
-        self._pixels = np.empty((0, 2))
-        self._velocities = np.empty((0, 2))  # NaN until it is known
-        self._seen_s = np.empty(0)
+        self._tracks = np.empty((0, 5))  # x, y, their velocities (NaN until they are known), time last seen
         self._ids = np.empty(0, dtype=np.int64)
 
     def link(self, time_s: float, pixels: Array) -> IntArray:
         """Return the track (n,) of each blob (n, 2) of the next image; the times increase."""
-        self._keep(time_s - self._seen_s <= _LONGEST_GAP_S)
+        self._keep(time_s - self._tracks[:, 4] <= _LONGEST_GAP_S)
         ids = np.full(len(pixels), -1, dtype=np.int64)
-        velocities = np.full((len(pixels), 2), np.nan)
+        seen = np.full((len(pixels), 5), np.nan)
+        seen[:, :2], seen[:, 4] = pixels, time_s
         if len(self._ids) and len(pixels):
-            passed_s = (time_s - self._seen_s)[:, None]
-            known = np.isfinite(self._velocities)
+            passed_s = time_s - self._tracks[:, 4:]
+            velocities = self._tracks[:, 2:4]
+            known = np.isfinite(velocities)
             gates = self._scale * (_GATE_PX + np.where(known[:, :1], _GATE_PX_S, _NEW_PX_S) * passed_s)
-            expected = self._pixels + np.where(known, self._velocities, 0.0) * passed_s
+            expected = self._tracks[:, :2] + np.where(known, velocities, 0.0) * passed_s
             rows, columns = assign(cdist(expected, pixels) / gates)
             ids[columns] = self._ids[rows]
-            velocities[columns] = (pixels[columns] - self._pixels[rows]) / passed_s[rows]
+            seen[columns, 2:4] = (pixels[columns] - self._tracks[rows, :2]) / passed_s[rows]
             unseen = np.ones(len(self._ids), dtype=bool)
             unseen[rows] = False
             self._keep(unseen)
-        new = np.flatnonzero(ids < 0)
+        new = (ids < 0).nonzero()[0]
         ids[new] = self._next + np.arange(len(new))
         self._next += len(new)
-        self._pixels = np.concatenate((pixels, self._pixels))
-        self._velocities = np.concatenate((velocities, self._velocities))
-        self._seen_s = np.concatenate((np.full(len(ids), time_s), self._seen_s))
+        self._tracks = np.concatenate((seen, self._tracks))
         self._ids = np.concatenate((ids, self._ids))
         return ids
 
     def _keep(self, kept: Mask) -> None:
-        self._pixels, self._velocities = self._pixels[kept], self._velocities[kept]
-        self._seen_s, self._ids = self._seen_s[kept], self._ids[kept]
+        if not kept.all():
+            self._tracks, self._ids = self._tracks[kept], self._ids[kept]
 
 
 @dataclass(frozen=True)

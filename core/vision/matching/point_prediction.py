@@ -31,18 +31,16 @@ class PointPredictor:
         """Take the points (N, 3) that were found."""
         points = np.asarray(points_m, dtype=np.float64)
         velocities = np.zeros_like(points)
-        kept = np.ones(len(self._points), dtype=bool)
+        kept = time_s - self._seen_s < _FORGET_S
         expected = self.predict(time_s)
         if expected is not None and len(points):
             distance = cdist(points, expected)
             rows, columns = assign(distance, np.inf)
-            passed = np.maximum(time_s - self._seen_s, 1e-4)
-            near = distance[rows, columns] <= _JITTER_M + _FASTEST_M_S * passed[columns]
-            rows, columns = rows[near], columns[near]
-            velocities[rows] = _DAMPING * (points[rows] - self._points[columns]) / passed[columns, None]
+            passed = np.maximum(time_s - self._seen_s[columns], 1e-4)
+            near = distance[rows, columns] <= _JITTER_M + _FASTEST_M_S * passed
+            rows, columns, passed = rows[near], columns[near], passed[near]
+            velocities[rows] = _DAMPING * (points[rows] - self._points[columns]) / passed[:, None]
             kept[columns] = False
-        if len(self._seen_s):
-            kept &= time_s - self._seen_s < _FORGET_S
         self._points = np.concatenate((points, self._points[kept]))
         self._velocities = np.concatenate((velocities, self._velocities[kept]))
         self._seen_s = np.concatenate((np.full(len(points), time_s), self._seen_s[kept]))

@@ -51,6 +51,7 @@ class StereoMatcher:
     def __init__(self, rig: CameraRig, epipolar_px: float = EPIPOLAR_PX) -> None:
         self.rig = rig
         self._epipolar_px = epipolar_px
+        self._essential: dict[tuple[int, int], Array] = {}  # of two cameras
 
     def undistort(self, blobs: Sequence[FloatArray]) -> list[Array]:
         """Return the blobs' undistorted normalised coordinates (n, 2), per camera."""
@@ -117,29 +118,35 @@ class StereoMatcher:
         none = np.empty((0, 2), dtype=np.int64), (np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 2)))
         if len(free_a) == 0 or len(free_b) == 0:
             return none
-        view_a, view_b = self.rig.cameras[a], self.rig.cameras[b]
+        views = self.rig.cameras[a], self.rig.cameras[b]
         x, y = normalised[a][free_a], normalised[b][free_b]
-        line = epipolar_distances(view_a, view_b, x, y)
+        if (a, b) not in self._essential:
+            self._essential[a, b] = essential_matrix(*views)
+        line = epipolar_distances(self._essential[a, b], 0.5 * (views[0].focal_px + views[1].focal_px), x, y)
         rows, columns = np.nonzero(line <= self._epipolar_px)
-        both = np.stack((x[rows], y[columns]), axis=1)
         if len(rows) == 0:
             return none
-        points, covariances, errors = triangulate((view_a, view_b), both, np.ones((len(rows), 2)), _PIXEL_SIGMA)
-        far = np.stack((depths(view_a, points), depths(view_b, points)))
-        possible = (far.min(axis=0) >= _NEAREST_M) & (far.max(axis=0) <= _FARTHEST_M)
-        rows, columns, depth = rows[possible], columns[possible], far[0][possible]
-        points, covariances, errors = points[possible], covariances[possible], errors[possible]
-        similar = _dissimilarity(blobs[a][free_a], blobs[b][free_b])[rows, columns]
+        both = np.stack((x[rows], y[columns]), axis=1)
+        points, covariances, errors = triangulate(views, both, np.ones((len(rows), 2)), _PIXEL_SIGMA)
+        depth, other_depth = (depths(view, points) for view in views)
+        possible = np.minimum(depth, other_depth) >= _NEAREST_M
+        possible &= np.maximum(depth, other_depth) <= _FARTHEST_M
+        if not possible.all():
+            rows, columns, depth = rows[possible], columns[possible], depth[possible]
+            points, covariances, errors = points[possible], covariances[possible], errors[possible]
+        similar = _dissimilarity(blobs[a][free_a], blobs[b][free_b], rows, columns)
         base = (line[rows, columns] / (self._epipolar_px / _SIGMAS_OF_GATE)) ** 2 + similar
         if predicted_m is not None and len(predicted_m):
             nearest = self._coherence(points, covariances, predicted_m)
             base = base + np.minimum(nearest, _COHERENCE_CAP)
-        chosen = _choose(base, rows, columns, (len(free_a), len(free_b)))
+        candidates = np.full(line.shape, -1, dtype=np.int64)
+        candidates[rows, columns] = np.arange(len(rows))
+        chosen = _choose(base, rows, columns, candidates)
         # once more with the performer's distance by the first answer
         if len(chosen) >= 3:
-            middle = float(np.median(depth[chosen]))
+            middle = float(_medians(depth[chosen]))
             cost = base + np.minimum(((depth - middle) / _SPREAD_M) ** 2, _COHERENCE_CAP)
-            chosen = _choose(cost, rows, columns, (len(free_a), len(free_b)))
+            chosen = _choose(cost, rows, columns, candidates)
         pairs = np.stack((free_a[rows[chosen]], free_b[columns[chosen]]), axis=1)
         return pairs, (points[chosen], covariances[chosen], errors[chosen])
 
@@ -147,23 +154,26 @@ class StereoMatcher:
         """Return squared distances (n,), in sigmas, to the nearest predicted point."""
         information = inverse_3x3(covariances + _COHERENCE_M**2 * np.eye(3))
         apart = points[:, None] - predicted_m[None]
-        return np.asarray(np.sum(apart @ information * apart, axis=2).min(axis=1))
+        return np.asarray(np.einsum("npi,npi->np", apart @ information, apart).min(axis=1))
 
 
-def _choose(cost: Array, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> IntArray:
-    """Return candidate pairs of the cheapest assignment, dear ones left out."""
-    table = np.full(shape, _FORBIDDEN)
+def _choose(cost: Array, rows: IntArray, columns: IntArray, candidates: IntArray) -> IntArray:
+    """Return the candidates of the cheapest assignment, dear ones left out.
+
+    Args:
+        cost, rows, columns: (K,) of each candidate.
+        candidates: (n, m) which candidate a pair is, -1 where none.
+    """
+    table = np.full(candidates.shape, _FORBIDDEN)
     table[rows, columns] = cost
-    index = np.full(shape, -1, dtype=np.int64)
-    index[rows, columns] = np.arange(len(rows))
-    return np.sort(index[assign(table, _NO_MATCH)])
+    return np.sort(candidates[assign(table, _NO_MATCH)])
 
 
 def unused_blobs(table: IntArray, camera: int, count: int) -> IntArray:
     """Return the blobs of a camera that no row of the table (N, C) holds."""
-    free = np.ones(count, dtype=bool)
-    free[table[table[:, camera] >= 0, camera]] = False
-    return np.flatnonzero(free)
+    free = np.ones(count + 1, dtype=bool)
+    free[table[:, camera]] = False  # -1: the last, which no blob has
+    return free[:count].nonzero()[0]
 
 
 def _brightest(free: IntArray, blobs: FloatArray) -> IntArray:
@@ -173,17 +183,21 @@ def _brightest(free: IntArray, blobs: FloatArray) -> IntArray:
     return np.sort(free[np.argsort(-blobs[free, 3], kind="stable")[:_MOST_BLOBS]])
 
 
-def epipolar_distances(a: Camera, b: Camera, x: Array, y: Array) -> Array:
+def epipolar_distances(essential: Array, focal_px: float, x: Array, y: Array) -> Array:
     """Return Sampson distances (n, m) in pixels of normalised points (n, 2), (m, 2).
 
     Hartley and Zisserman, Multiple View Geometry, 11.4.3: first-order distance to the nearest pair that meets in 3D.
+
+    Args:
+        essential: of `essential_matrix`.
+        focal_px: mean focal length of the cameras.
     """
-    essential = essential_matrix(a, b)
     xh, yh = homogeneous(x), homogeneous(y)
     lines_b, lines_a = xh @ essential.T, yh @ essential
     value = lines_b @ yh.T
-    slope = np.sum(lines_b[:, :2] ** 2, axis=1)[:, None] + np.sum(lines_a[:, :2] ** 2, axis=1)[None]
-    return np.asarray(np.abs(value) / np.sqrt(np.maximum(slope, 1e-30)) * 0.5 * (a.focal_px + b.focal_px))
+    slope_b, slope_a = (np.einsum("ni,ni->n", lines[:, :2], lines[:, :2]) for lines in (lines_b, lines_a))
+    slope = slope_b[:, None] + slope_a
+    return np.asarray(np.abs(value) / np.sqrt(np.maximum(slope, 1e-30)) * focal_px)
 
 
 def essential_matrix(a: Camera, b: Camera) -> Array:
@@ -196,25 +210,32 @@ def essential_matrix(a: Camera, b: Camera) -> Array:
 
 def homogeneous(points: Array) -> Array:
     """Return points (..., 2) with a third coordinate of one."""
-    return np.concatenate((points, np.ones((*points.shape[:-1], 1))), axis=-1)
+    result = np.ones((*points.shape[:-1], 3))
+    result[..., :2] = points
+    return result
 
 
-def _dissimilarity(a: FloatArray, b: FloatArray) -> Array:
-    """Return squared dissimilarities (n, m) of blobs, in sigmas."""
-    size = _log_ratio(a[:, 2], b[:, 2]) / _SIZE_SIGMA
-    brightness = _log_ratio(a[:, 3] + 5.0, b[:, 3] + 5.0) / _BRIGHTNESS_SIGMA
-    turn = a[:, None, 4] - _median(a[:, 4]) - b[None, :, 4] + _median(b[:, 4])
-    hue = np.minimum(np.abs((turn + 90.0) % 180.0 - 90.0), 2.0 * _HUE_SIGMA) / _HUE_SIGMA
-    return np.asarray(np.minimum(size**2, 4.0) + np.minimum(brightness**2, 4.0) + 0.25 * hue**2, dtype=np.float64)
+def _dissimilarity(a: FloatArray, b: FloatArray, rows: IntArray, columns: IntArray) -> Array:
+    """Return squared dissimilarities (K,) of blobs of two cameras, in sigmas.
+
+    Each is compared with the usual blob of its own camera: cameras differ.
+    """
+    apart = _unlike_usual(a)[rows] - _unlike_usual(b)[columns]
+    sizes, brightnesses = apart[:, 0] / _SIZE_SIGMA, apart[:, 1] / _BRIGHTNESS_SIGMA
+    hue = np.minimum(np.abs((apart[:, 2] + 90.0) % 180.0 - 90.0), 2.0 * _HUE_SIGMA) / _HUE_SIGMA
+    return np.asarray(np.minimum(sizes**2, 4.0) + np.minimum(brightnesses**2, 4.0) + 0.25 * hue**2)
 
 
-def _median(values: FloatArray) -> np.float32:
-    """Return the median (`np.median` takes ten times as long for a few values)."""
-    ordered = np.sort(values)
-    return np.float32(0.5) * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
+def _unlike_usual(blobs: FloatArray) -> Array:
+    """Return log size, log brightness and hue (n, 3), less their medians."""
+    features = np.empty((len(blobs), 3))
+    features[:, 0], features[:, 1], features[:, 2] = blobs[:, 2], blobs[:, 3] + 5.0, blobs[:, 4]
+    features[:, :2] = np.log(np.maximum(features[:, :2], 1e-3))
+    return features - _medians(features)
 
 
-def _log_ratio(a: FloatArray, b: FloatArray) -> Array:
-    """Log of a over b, (n, m), less the usual ratio between the two cameras."""
-    u, v = np.log(np.maximum(a, 1e-3)), np.log(np.maximum(b, 1e-3))
-    return np.asarray((u - _median(u))[:, None] - (v - _median(v))[None], dtype=np.float64)
+def _medians(values: Array) -> Array:
+    """Return the medians of the columns."""
+    # `np.median` takes ten times as long for a few values
+    ordered = np.sort(values, axis=0)
+    return np.asarray(0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]))

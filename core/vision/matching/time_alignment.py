@@ -49,9 +49,11 @@ class TimeAligner:
             time_s: time of the images, where none has a stamp.
             stamps_s: (C,) time stamps of the images; NaN where a camera gave none.
         """
-        there = np.isfinite(stamps_s)
-        expected = np.where(there, stamps_s, np.mean(stamps_s[there]) if there.any() else time_s)
-        moments = [offset.moment_s(float(stamp)) for offset, stamp in zip(self.offsets, expected, strict=True)]
+        stamps = stamps_s.tolist()
+        there = [math.isfinite(stamp) for stamp in stamps]
+        usual_s = time_s if all(there) or not any(there) else float(np.nanmean(stamps_s))
+        expected = [stamp if new else usual_s for stamp, new in zip(stamps, there, strict=True)]
+        moments = [offset.moment_s(stamp) for offset, stamp in zip(self.offsets, expected, strict=True)]
         for seen, linker, moment_s, rows, new in zip(self._seen, self._linkers, moments, blobs, there, strict=True):
             if new and (not seen or moment_s > seen[-1].moment_s):
                 seen.append(_Seen(moment_s, rows, linker.link(moment_s, rows[:, :2].astype(np.float64))))
