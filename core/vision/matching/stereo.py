@@ -78,7 +78,7 @@ class StereoMatcher:
                 rows = np.full((len(pairs), cameras), -1, dtype=np.int64)
                 rows[:, other], rows[:, camera] = pairs[:, 0], pairs[:, 1]
                 table = np.concatenate((table, rows))
-            if cameras > 2:
+            if camera > 1:  # else the pairs are all there is
                 located = self._locate(table, normalised)
         return Matches(located[0], located[1], table, located[2])
 
