@@ -29,7 +29,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench start-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures walks docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench latency-bench start-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures walks docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -222,6 +222,11 @@ retarget-bench: $(STAMP)
 frame-bench: export OPENBLAS_NUM_THREADS := 1
 frame-bench: $(STAMP)
 	$(BIN)/python tools/frame_bench.py --data $(DATA)
+
+# From images in hand to the bones of the character through all processes, stage by stage; needs bpy.
+latency-bench: export OPENBLAS_NUM_THREADS := 1
+latency-bench: $(STAMP)
+	$(BIN)/python tools/latency_bench.py
 
 # From the start of a capture to its first pose, and from a killed solver to the next one; memory. Linux only.
 start-bench: export OPENBLAS_NUM_THREADS := 1
