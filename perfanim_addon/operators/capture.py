@@ -14,7 +14,7 @@ from .common import CheckedOperator, RunningOperator, defect, report_error
 from .database import is_starter_missing, starter_arguments
 
 PANEL = "capture"
-TICK_S = 1 / 60
+TICK_S = 1 / 240  # a pose waits for half of it; a tick without one is over in a tenth of a millisecond
 SIDEBAR_S = 1.0  # time between redraws of the statistics; moving bones redraw the viewport
 
 
