@@ -34,8 +34,8 @@ CLASS_LINES = 200
 # clips at once, limbs of sketches without keys: 60; records of batches, facts of takes, lists of archives and
 # beginnings of films that are checked before they are believed: 280; cells of a database that one search serves all
 # sizes by, in place of bounds: 80; decimals read eight digits at a time, hierarchies and bones of files computed once
-# or together: 340; columns of pictures that changed, and pairs of blobs compared alone: 60).
-TOTAL_LINES = 57_300
+# or together: 340; columns of pictures that changed, and pairs of blobs compared alone: 80).
+TOTAL_LINES = 57_320
 ENTRIES = {"core": 18, "perfanim_addon": 14}
 # "path:name" -> reason
 ALLOWED: dict[str, str] = {}

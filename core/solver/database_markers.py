@@ -14,7 +14,7 @@ from ..geometry.arrays import FloatArray, IntArray
 from .subject_model import SubjectModel
 
 MOST = np.iinfo(np.int16).max  # units that a stored coordinate can have
-_CHUNK = 8192  # frames posed at once
+_CHUNK = 2048  # frames posed at once by each thread: more take memory that it keeps
 _CELLS = 64  # averaged at once
 
 

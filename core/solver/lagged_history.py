@@ -11,6 +11,7 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.blas import sgemm
 
 from ..database.store import Database
@@ -19,6 +20,8 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from .database_markers import DatabaseMarkers
 from .subject_model import RootPose
 
+_UNIT = np.float32(1.0 / 32_760)  # of stored matrices' entries: less than a tenth of a millimetre at a hand
+_CHUNK = 8192  # frames
 _TOLERANCE = 0.3  # of the lag: how far off a remembered moment may be and still stand for it
 
 
@@ -95,7 +98,10 @@ class LaggedMarkers:
 
     def __init__(self, database: Database, markers: DatabaseMarkers, earlier: LaggedFrames) -> None:
         self._markers, self._earlier = markers, earlier
-        self._root_rotations = np.asarray(database.root_rotations)
+        self._root_matrices: NDArray[np.int16] = np.empty((database.frames, 9), dtype=np.int16)
+        for start in range(0, database.frames, _CHUNK):
+            part = rot.to_matrix(database.root_rotations[start : start + _CHUNK]).reshape(-1, 9)
+            self._root_matrices[start : start + _CHUNK] = np.rint(part / _UNIT)
         self._root_positions_m = np.asarray(database.root_positions_m)
 
     def backwards(self) -> "LaggedMarkers":
@@ -114,7 +120,7 @@ class LaggedMarkers:
         """Return the same for database frames (K,), (K, L, M, 3)."""
         earlier = self._earlier.of(frames)
         # row vectors: p R^T goes to the world's axes, p R from there into the root's
-        away, back = (self._root_matrices(each) for each in (earlier, frames))
+        away, back = (self._matrices(each) for each in (earlier, frames))
         away = np.ascontiguousarray(away.swapaxes(-1, -2))
         turned = self._markers.take(earlier) @ away
         shifts = self._root_positions_m.take(earlier, axis=0) - self._root_positions_m.take(frames, axis=0)[:, None]
@@ -122,9 +128,9 @@ class LaggedMarkers:
         flat = turned.reshape(len(frames), -1, 3)
         return np.asarray((flat @ back).reshape(turned.shape))
 
-    def _root_matrices(self, frames: IntArray) -> FloatArray:
+    def _matrices(self, frames: IntArray) -> FloatArray:
         """Return world from root (..., 3, 3) of database frames (...)."""
-        return rot.to_matrix(self._root_rotations.take(frames, axis=0)).astype(np.float32)
+        return (self._root_matrices.take(frames, axis=0) * _UNIT).reshape(*frames.shape, 3, 3)
 
 
 class LaggedPoses:

@@ -16,7 +16,7 @@ from ..database_markers import MOST, DatabaseMarkers
 from .exhaustive import Query, closest, distances_between, times
 
 _LOOKED_AT = 6144  # frames in the cells that are looked through, about
-_FIRST_LOOKED_AT = 8  # times as many without a pose: cells are of poses and markers
+_FIRST_LOOKED_AT = 2  # times as many without a pose: cells are of poses and markers
 _COMPONENTS = 16
 _SAMPLES = 4096  # frames that the components are taken from
 _COMPARED = 2.0  # frames compared in full for each one wanted
