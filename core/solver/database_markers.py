@@ -14,6 +14,7 @@ from ..geometry.arrays import FloatArray, IntArray
 from .subject_model import SubjectModel
 
 MOST = np.iinfo(np.int16).max  # units that a stored coordinate can have
+BESIDE = 17  # numbers B of a frame that a search stores beside its markers: all in one place of memory
 _CHUNK = 2048  # frames posed at once by each thread: more take memory that it keeps
 _CELLS = 64  # averaged at once
 
@@ -29,8 +30,9 @@ class DatabaseMarkers:
         reach_m: no coordinate is larger.
 
     Attributes:
+        count: number of markers M.
         unit_m: of the stored coordinates, some hundredths of a millimetre.
-        rows: (F, 3 M) in the order of the cells.
+        rows: (F, 3 M + B) in the order of the cells: coordinates, and room for what a search stores beside them.
         order: (F,) frame of each row.
         starts: (C + 1,) first row of each cell; the last one is F.
     """
@@ -41,12 +43,13 @@ class DatabaseMarkers:
         self.starts: IntArray = np.concatenate(([0], np.cumsum(sizes[sizes > 0])))
         self._places = np.empty_like(self.order)
         self._places[self.order] = np.arange(len(cells), dtype=np.int32)
-        self.unit_m = np.float32(reach_m / MOST)
-        self.rows: NDArray[np.int16] = np.empty((len(cells), posed(self.order[:1]).size), dtype=np.int16)
+        self.unit_m, self.count = np.float32(reach_m / MOST), posed(self.order[:1]).size // 3
+        self.rows: NDArray[np.int16] = np.zeros((len(cells), 3 * self.count + BESIDE), dtype=np.int16)
 
         def fill(start: int) -> None:
             frames = self.order[start : start + _CHUNK]
-            self.rows[start : start + _CHUNK] = np.rint(posed(frames).reshape(len(frames), -1) / self.unit_m)
+            points = np.rint(posed(frames).reshape(len(frames), -1) / self.unit_m)
+            self.rows[start : start + _CHUNK, : points.shape[1]] = points
 
         with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
             for _ in threads.map(fill, range(0, len(cells), _CHUNK)):
@@ -55,24 +58,19 @@ class DatabaseMarkers:
     def __len__(self) -> int:
         return len(self.rows)
 
-    @property
-    def count(self) -> int:
-        """Number of markers M."""
-        return self.rows.shape[1] // 3
-
-    def cell_means(self, rows: NDArray[Any]) -> FloatArray:
-        """Return the means (C, ...) of each cell of numbers (F, ...), row by row."""
+    def cell_means(self) -> FloatArray:
+        """Return the means (C, 3 M + B) of the rows of each cell."""
         sizes, means = np.diff(self.starts), []
         for first in range(0, len(sizes), _CELLS):
             starts = self.starts[first : first + _CELLS + 1]
-            part = rows[starts[0] : starts[-1]].astype(np.float32)
+            part = self.rows[starts[0] : starts[-1]].astype(np.float32)
             means.append(np.add.reduceat(part, starts[:-1] - starts[0], axis=0))
         return np.concatenate(means) / sizes[:, None].astype(np.float32)
 
     def take(self, frames: NDArray[Any]) -> FloatArray:
         """Return the markers (..., M, 3) of frames (...)."""
         rows = self.rows.take(self._places.take(frames), axis=0)
-        return (rows * self.unit_m).reshape(*frames.shape, -1, 3)
+        return (rows[..., : 3 * self.count] * self.unit_m).reshape(*frames.shape, -1, 3)
 
     def all(self) -> FloatArray:
         """Return a copy (F, M, 3) in the order of the frames."""

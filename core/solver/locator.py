@@ -95,9 +95,11 @@ class Locator:
                 return None
             query = self._query(observation, root, continued)
             # after the first pass the root moves little, unless nothing was known: rank the same candidates
-            if frames is None or is_first:
+            if is_first:
                 frames, distances = self._search.nearest(query, self._examples * _SPARE_CANDIDATES, found)
                 found = frames
+            elif frames is None:
+                frames = found = self._search.near(query, self._examples * _SPARE_CANDIDATES, found)
             else:
                 frames, distances = self._search.nearest_among(query, frames)
             if number < passes - 1:

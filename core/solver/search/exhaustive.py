@@ -51,6 +51,9 @@ class Search(Protocol):
             start: frames found for the frame before, each once, from which a search may begin.
         """
 
+    def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
+        """Return the `count` closest frames found, or more, the closest first."""
+
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
 
@@ -89,6 +92,10 @@ class ExhaustiveSearch:
         found, _ = closest(self.distances(query), count)
         self.visited += len(self)
         return self.nearest_among(query, found)  # distances of single frames round less
+
+    def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
+        """Return the `count` closest frames."""
+        return self.nearest(query, count)[0]
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""

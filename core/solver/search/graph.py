@@ -60,6 +60,10 @@ class GraphSearch:
         self.visited += visit.count
         return visit.end()
 
+    def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
+        """Return the `count` closest frames found, ascending."""
+        return self.nearest(query, count, start)[0]
+
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
         return self._frames.nearest_among(query, candidates)

@@ -7,19 +7,19 @@ So a search takes as long in any database, and no frame depends on the one befor
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import sgemm
 
 from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.principal_components import principal_components
-from ..database_markers import MOST, DatabaseMarkers
+from ..database_markers import BESIDE, MOST, DatabaseMarkers
 from .exhaustive import Query, closest, distances_between, times
 
 _LOOKED_AT = 6144  # frames in the cells that are looked through, about
 _FIRST_LOOKED_AT = 2  # times as many without a pose: cells are of poses and markers
-_COMPONENTS = 16
+_COMPONENTS = BESIDE - 1
 _SAMPLES = 4096  # frames that the components are taken from
 _COMPARED = 2.0  # frames compared in full for each one wanted
+_FIRST = 64  # closest frames that are in order
 # Cosine of the angle, on takes that a database lacks, between all that the components leave out of the query's pose and
 # of a near one: with it the estimated distances rank frames best.
 _ALIKE = 0.5
@@ -40,31 +40,35 @@ class CellSearch:
         sample = np.ascontiguousarray(poses[:: max(1, len(poses) // _SAMPLES)])
         self._components = principal_components(sample.astype(np.float64), _COMPONENTS).astype(np.float32)
         facts = self._facts_of(sample)
-        self._units = (_ROOM / MOST) * np.abs(facts).max(axis=0) + np.float32(1e-9)
-        self._facts: NDArray[np.int16] = np.empty((len(poses), facts.shape[1]), dtype=np.int16)
+        units = (_ROOM / MOST) * np.abs(facts).max(axis=0) + np.float32(1e-9)
         for start in range(0, len(poses), _CHUNK):
-            facts = self._facts_of(poses.take(markers.order[start : start + _CHUNK], axis=0)) / self._units
-            self._facts[start : start + _CHUNK] = np.rint(np.clip(facts, -MOST, MOST))
-        self._sizes = np.diff(markers.starts)
-        self._centres = np.concatenate([markers.cell_means(rows) for rows in (markers.rows, self._facts)], axis=1)
+            facts = self._facts_of(poses.take(markers.order[start : start + _CHUNK], axis=0)) / units
+            markers.rows[start : start + _CHUNK, -BESIDE:] = np.rint(np.clip(facts, -MOST, MOST))
+        self._units = np.concatenate((np.full(3 * markers.count, markers.unit_m), units)).astype(np.float32)
+        self._square_units = np.square(self._units)
+        self._sizes, self._centres = np.diff(markers.starts), markers.cell_means()
         self._centre_squares = np.square(self._centres)
         self.visited = 0
 
     def nearest(self, query: Query, count: int, start: IntArray | None = None) -> tuple[IntArray, Array]:
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances."""
+        return self.nearest_among(query, self.near(query, count), count)
+
+    def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
+        """Return the frames most likely among the `count` closest, and as many more.
+
+        The first ones are the closest, ascending.
+        """
         target, weights = self._target(query)
-        rows, markers = self._rows_near(query, target, weights, count), self._markers.rows.shape[1]
-        estimates = np.zeros(len(rows), dtype=np.float32)
-        parts = ((self._markers.rows, slice(markers)), (self._facts, slice(markers, None)))
-        for stored, part in parts if query.pose is not None else parts[:1]:
-            away = stored.take(rows, axis=0).astype(np.float32)
-            away -= target[part]
-            away *= away
-            estimates += times(away, weights[part])
-        compared = math.ceil(_COMPARED * count)
-        if compared < len(rows):
-            rows = rows[np.argpartition(estimates, compared)[:compared]]
-        return self.nearest_among(query, self._markers.order.take(rows).astype(np.int64), count)
+        rows = self._rows_near(query, target, weights, count)
+        stored = self._markers.rows.take(rows, axis=0).astype(np.float32)
+        # but for the square of the target, which all share
+        estimates = times(stored, -2.0 * weights * target) + times(np.square(stored, out=stored), weights)
+        compared = min(math.ceil(_COMPARED * count), len(rows) - 1)
+        chosen = np.argpartition(estimates, (min(_FIRST, compared), compared))[: compared + 1]
+        frames = self._markers.order.take(rows.take(chosen)).astype(np.int64)
+        frames[:_FIRST] = self.nearest_among(query, frames[:_FIRST])[0]
+        return frames
 
     def nearest_among(self, query: Query, candidates: IntArray, count: int | None = None) -> tuple[IntArray, Array]:
         """Return the closest, or all, candidates (ascending) and their Eq. 2 distances."""
@@ -80,15 +84,13 @@ class CellSearch:
         return np.column_stack((strongest, np.sqrt(np.maximum(rest, 0.0))))
 
     def _target(self, query: Query) -> tuple[FloatArray, FloatArray]:
-        """Return the target of rows and facts, in their units, and weights of squares."""
-        target, weights, pose = query.single_precision
-        facts, share = np.zeros_like(self._units), 0.0
+        """Return the target of rows, in their units, and weights of squares."""
+        target, weights = np.zeros((2, len(self._units)), dtype=np.float32)
+        target[:-BESIDE], weights[:-BESIDE], pose = query.single_precision
         if pose is not None:
-            facts, share = self._facts_of(pose[None])[0], query.pose_weight
-            facts[-1] *= _ALIKE
-        units = np.concatenate((np.full_like(target, self._markers.unit_m), self._units))
-        weights = np.concatenate((weights, np.full_like(self._units, share))) * units * units
-        return np.concatenate((target, facts)) / units, weights
+            target[-BESIDE:], weights[-BESIDE:] = self._facts_of(pose[None])[0], query.pose_weight
+            target[-1] *= _ALIKE
+        return target / self._units, weights * self._square_units
 
     def _rows_near(self, query: Query, target: FloatArray, weights: FloatArray, count: int) -> IntArray:
         """Return the rows of the cells nearest to a query: so many frames at least."""
@@ -97,7 +99,7 @@ class CellSearch:
         if looked_at >= len(self._markers):
             self.visited += len(self._markers)
             return np.arange(len(self._markers))
-        away = times(self._centre_squares, weights) - times(self._centres, 2.0 * weights * target)
+        away = times(self._centres, -2.0 * weights * target) + times(self._centre_squares, weights)
         some = min(math.ceil(looked_at / len(self._markers) * len(away)), len(away) - 1)
         cells = np.argpartition(away, some)[: some + 1]
         if self._sizes[cells].sum() < _COMPARED * count:

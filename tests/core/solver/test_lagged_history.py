@@ -9,6 +9,7 @@ from perfanim.core.solver.lagged_history import LaggedFrames, LaggedHistory, Lag
 from perfanim.core.solver.subject_model import RootPose
 
 LAGS_S = (0.1, 0.25)
+MATRICES = 2 * 3 * 0.5 / 32_760  # metres that rounded entries of two matrices move a point 1 m away, at most
 
 
 @pytest.fixture
@@ -30,7 +31,9 @@ def test_earlier_markers_of_a_frame_are_those_of_its_clip_seen_from_its_root(mar
                 model.skeleton, model.joints, model.offsets_m, database.local_rotations(earlier),
                 database.root_positions_m[earlier],
             )  # fmt: skip
-            np.testing.assert_allclose(found_m, root.to_root_frame(world), atol=unit_m)  # each coordinate within a half
+            np.testing.assert_allclose(
+                found_m, root.to_root_frame(world), atol=unit_m + MATRICES
+            )  # each coordinate within a half
 
 
 @pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
