@@ -34,7 +34,7 @@ from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
 from take_fuzz import children
 
 EMBEDDED = "embedded"
-TICK_S = 1.0 / 60.0
+TICK_S = 1.0 / 240.0  # as of Blender's timer
 WORKING_S = 3.0  # from the first pose to the kill
 PATIENCE_S = 120.0
 EMBEDDED_S, OTHER_S, AGAIN_S = 1.5, 2.5, 1.2  # goals

@@ -21,6 +21,7 @@ from .k_means import centres_of, nearest_centres
 
 IntArray = NDArray[np.int32]
 
+_NEIGHBOURS = 24
 _ONE_CLUSTER = 2048  # frames up to which all pairs are compared
 _MOST_COMPARED = 4096  # frames that a cluster's are compared with; of more, every second or third ... is taken
 _CLUSTERS_PER_ROOT = 2.0  # clusters per square root of the number of frames
@@ -32,19 +33,6 @@ _NEVER = np.float32(1e30)  # squared distance of frames that are no candidates; 
 _BLOCK = 1 << 20  # distances held at once by each thread
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
 _OWN_WEIGHT = 0.1  # m^2 per rad^2 that a joint's turn counts beside what it moves
-
-
-@dataclass(frozen=True)
-class GraphSettings:
-    """How frames are joined.
-
-    Args:
-        most: neighbours kept per frame, at least 2, however far they are. Eq. 4 joins those within a radius only,
-            which leaves what moves like nothing else out of reach; with all, the search was 2.6 times as close to the
-            exhaustive one for as many visits.
-    """
-
-    most: int = 24
 
 
 @dataclass(frozen=True)
@@ -73,18 +61,18 @@ def weigh_poses(poses: FloatArray) -> FloatArray:
     return poses * np.repeat(np.sqrt(moved[1:]), 3).astype(np.float32)
 
 
-def build_graph(
-    poses: FloatArray, clip_of_frame: NDArray[Any], settings: GraphSettings | None = None
-) -> NeighbourGraph:
+def build_graph(poses: FloatArray, clip_of_frame: NDArray[Any], most: int = _NEIGHBOURS) -> NeighbourGraph:
     """Return the neighbour graph of poses.
 
     Args:
         poses: (F, D) float32 rotation vectors relative to the joints' means.
         clip_of_frame: (F,) clip index of each frame; frames that follow each other in a clip are always joined.
+        most: neighbours kept per frame, at least 2, however far they are. Eq. 4 joins those within a radius only,
+            which leaves what moves like nothing else out of reach; with all, the search was 2.6 times as close to the
+            exhaustive one for as many visits.
     """
-    settings = settings or GraphSettings()
     scaled = weigh_poses(poses)
-    neighbours = np.full((len(poses), settings.most), -1, dtype=np.int32)
+    neighbours = np.full((len(poses), most), -1, dtype=np.int32)
     _join_consecutive(neighbours, clip_of_frame)
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
         centres = _centres(scaled, threads)
@@ -96,7 +84,7 @@ def build_graph(
         def join(own: int) -> None:
             columns = np.sort(np.concatenate([members[cluster] for cluster in (own, *beside[own])]))
             stride = max(1, -(-len(columns) // _MOST_COMPARED))
-            candidates = _Candidates(scaled, columns[::stride], stride, settings.most - 2)
+            candidates = _Candidates(scaled, columns[::stride], stride, most - 2)
             rows_at_once = max(1, _BLOCK // len(columns))
             for start in range(0, len(members[own]), rows_at_once):
                 rows = members[own][start : start + rows_at_once]

@@ -33,8 +33,8 @@ DATABASE_SUFFIX = ".pfdb"
 OLD_DATABASE_SUFFIX = ".perfdb"  # written by versions up to 0.1; opened like the other
 
 _MAGIC = b"PERFANIM-DB\n"
-_VERSION = 2
-_COMMON_ZERO_VERSION = 1  # without zeros of the subjects
+_VERSION, _CELLS_VERSION = 2, 3  # without cells of the search, and with them
+_VERSIONS = (1, _VERSION, _CELLS_VERSION)  # the first one without zeros of the subjects
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
 _LEAST_SINE = 1e-150  # by which vectors are divided
@@ -250,7 +250,8 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
     start = _PREAMBLE.size + len(header)
     start += -start % _ALIGNMENT
     digest = hashlib.sha256(header).digest()
-    stream.write(_PREAMBLE.pack(_MAGIC, _VERSION, len(header), start + position, digest))
+    version = _CELLS_VERSION if "cells" in arrays else _VERSION
+    stream.write(_PREAMBLE.pack(_MAGIC, version, len(header), start + position, digest))
     stream.write(header)
     for name, array in arrays.items():
         stream.write(b"\0" * (start + layout[name]["offset"] - stream.tell()))
@@ -302,8 +303,8 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
     if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
         raise DatabaseError("is not a motion database", where=str(path), advice=REBUILD)
     _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
-    if version not in (_COMMON_ZERO_VERSION, _VERSION):
-        raise DatabaseError(f"has version {version}, not {_VERSION}", where=str(path), advice=REBUILD)
+    if version not in _VERSIONS:
+        raise DatabaseError(f"has version {version}, not {_CELLS_VERSION}", where=str(path), advice=REBUILD)
     if size != file_bytes:
         raise DatabaseError(f"is cut off: {size} of {file_bytes} bytes", where=str(path), advice=REBUILD)
     header = stream.read(min(header_bytes, size))

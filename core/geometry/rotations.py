@@ -250,7 +250,7 @@ def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
     safe = np.where(near, 1.0, sine)
     of_start = np.where(near, 1.0 - t, _sine_and_cosine((1.0 - t) * angle)[0] / safe)
     of_end = np.where(near, t, _sine_and_cosine(t * angle)[0] / safe)
-    return of_start[..., None] * a + np.copysign(of_end, cosine)[..., None] * b
+    return of_start[..., None] * a + np.where(cosine < 0.0, -of_end, of_end)[..., None] * b
 
 
 def mean(quaternions: ArrayLike) -> Array:

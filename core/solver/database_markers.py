@@ -27,12 +27,12 @@ class DatabaseMarkers:
     Args:
         cells: (F,) cell of each frame, see `build_cells`.
         posed: returns the markers (K, M, 3), metres, of frames (K,).
-        reach_m: no coordinate is larger.
+        reach_m: no coordinate is larger, but for rounding.
 
     Attributes:
         count: number of markers M.
         unit_m: of the stored coordinates, some hundredths of a millimetre.
-        rows: (F, 3 M + B) in the order of the cells: coordinates, and room for what a search stores beside them.
+        rows: (F, 3 M + B) in the order of the cells: coordinates, and room for the numbers of one search.
         order: (F,) frame of each row.
         starts: (C + 1,) first row of each cell; the last one is F.
     """
@@ -48,8 +48,8 @@ class DatabaseMarkers:
 
         def fill(start: int) -> None:
             frames = self.order[start : start + _CHUNK]
-            points = np.rint(posed(frames).reshape(len(frames), -1) / self.unit_m)
-            self.rows[start : start + _CHUNK, : points.shape[1]] = points
+            points = posed(frames).reshape(len(frames), -1) / self.unit_m
+            self.rows[start : start + _CHUNK, : points.shape[1]] = np.rint(np.clip(points, -MOST, MOST))
 
         with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
             for _ in threads.map(fill, range(0, len(cells), _CHUNK)):

@@ -100,7 +100,7 @@ class LaggedMarkers:
         self._markers, self._earlier = markers, earlier
         self._root_matrices: NDArray[np.int16] = np.empty((database.frames, 9), dtype=np.int16)
         for start in range(0, database.frames, _CHUNK):
-            part = rot.to_matrix(database.root_rotations[start : start + _CHUNK]).reshape(-1, 9)
+            part = rot.to_matrix(rot.normalize(database.root_rotations[start : start + _CHUNK])).reshape(-1, 9)
             self._root_matrices[start : start + _CHUNK] = np.rint(part / _UNIT)
         self._root_positions_m = np.asarray(database.root_positions_m)
 

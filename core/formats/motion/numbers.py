@@ -28,7 +28,9 @@ def parse_numbers(text: bytes) -> Array | None:
     parts: list[Array] = []
     start = 0
     while start < len(text):
-        stop = text.rfind(b"\n", start, start + _PIECE) + 1 if len(text) - start > _PIECE else len(text)
+        stop = len(text)
+        if stop - start > _PIECE:
+            stop = max(text.rfind(blank, start, start + _PIECE) for blank in (b"\n", b" ", b"\t")) + 1
         numbers = _decimals(text[start:stop])
         if numbers is None:
             return _any_numbers(text)

@@ -1,7 +1,7 @@
 """Search in the cells nearest to the query (Jegou, Douze and Schmid 2011).
 
 Their frames are ranked by markers and the strongest principal components of poses; only the best are compared in full.
-So a search takes as long in any database, and no frame depends on the one before.
+So a search takes hardly longer in a larger database (cells grow with its root), and no frame depends on the one before.
 """
 
 import math
@@ -31,6 +31,7 @@ class CellSearch:
     """Searches the cells nearest to the query.
 
     Args:
+        markers: of this search alone, which stores its numbers beside them.
         poses: (F, D) of the database frames.
         looked_at: frames to look at, about.
     """

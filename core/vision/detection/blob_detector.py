@@ -254,9 +254,8 @@ class Detector:
             return NO_PIXELS
         y, x = np.divmod(places, light.shape[1])
         third = np.float32(1.0 / 3.0)
-        return blob_pixels(
-            _labels(spots)[y, x], x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x]
-        )
+        owner = _labels(spots)[y, x].astype(np.int64)  # which is multiplied
+        return blob_pixels(owner, x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x])
 
     def _select(self, table: Array) -> FloatArray:
         # sums have no more digits: the equally bright stay in the order of the image's rows
@@ -348,10 +347,10 @@ def _parts(mask: Image, first_column: int, dilation_px: int) -> list[_Component]
     return parts[::-1]  # contours come from the last row to the first
 
 
-def _labels(mask: Image) -> NDArray[np.uint16]:
+def _labels(mask: Image) -> NDArray[np.int32]:
     """Return the number of the connected part that each pixel belongs to, 0 for none."""
-    labels = cv2.connectedComponentsWithAlgorithm(mask, 8, cv2.CV_16U, cv2.CCL_BOLELLI)[1]
-    return np.asarray(labels, dtype=np.uint16)
+    labels = cv2.connectedComponentsWithAlgorithm(mask, 8, cv2.CV_32S, cv2.CCL_BOLELLI)[1]
+    return np.asarray(labels, dtype=np.int32)
 
 
 def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:

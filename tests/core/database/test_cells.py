@@ -39,6 +39,8 @@ def test_a_large_database_is_stored_with_its_cells(tmp_path):
     assert written(tmp_path / "small.pfdb", 200).cells is None
     large = written(tmp_path / "large.pfdb", LARGE_DATABASE)
     assert isinstance(large.cells, np.memmap)
+    versions = [path.read_bytes()[12] for path in (tmp_path / "small.pfdb", large.path)]
+    assert versions == [2, 3]  # older programs say so, and not that the file is damaged
     np.testing.assert_array_equal(large.cells, build_cells(large.poses, large.mean_rotations))
 
 

@@ -1,5 +1,5 @@
 import numpy as np
-from perfanim.core.database.graph import GraphSettings, build_graph
+from perfanim.core.database.graph import build_graph
 
 
 def wandering(frames, seed=0, step=0.01, clips=4):
@@ -12,7 +12,7 @@ def wandering(frames, seed=0, step=0.01, clips=4):
 
 def test_number_of_neighbours_is_bounded():
     poses, clips = wandering(3000, step=0.05)
-    graph = build_graph(poses, clips, GraphSettings(most=10))
+    graph = build_graph(poses, clips, most=10)
     counts = np.sum(graph.neighbours[:, 2:] >= 0, axis=1)
     assert graph.neighbours.shape == (3000, 10)
     assert counts.min() >= 8
@@ -24,7 +24,7 @@ def test_number_of_neighbours_is_bounded():
 
 def test_many_frames_are_clustered_and_nearly_the_closest_found():
     poses, clips = wandering(12_000, step=0.02)
-    graph = build_graph(poses, clips, GraphSettings(most=18))
+    graph = build_graph(poses, clips, most=18)
     assert graph.clusters.max() + 1 == len(np.unique(graph.clusters)) > 100
     closer = []
     for frame in range(0, 12_000, 400):
@@ -39,6 +39,6 @@ def test_many_frames_are_clustered_and_nearly_the_closest_found():
 
 def test_clips_do_not_follow_each_other():
     poses, clips = wandering(40, clips=2)
-    graph = build_graph(poses, clips, GraphSettings(most=2))
+    graph = build_graph(poses, clips, most=2)
     assert graph.neighbours[19].tolist() == [18, -1]
     assert graph.neighbours[20].tolist() == [-1, 21]

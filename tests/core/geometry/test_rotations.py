@@ -138,6 +138,11 @@ def test_slerp_goes_the_short_way_at_a_steady_rate() -> None:
         between = rot.slerp(a, -b, np.full(50, t))
         np.testing.assert_allclose(rot.angle_between(a, between), t * whole, atol=1e-7)
         np.testing.assert_allclose(rot.angle_between(between, b), (1.0 - t) * whole, atol=1e-7)
+    for t in (-0.2, 1.2):  # further along the same arc, up to half a turn
+        beyond = rot.multiply(
+            a, rot.from_rotation_vector(t * rot.to_rotation_vector(rot.multiply(rot.conjugate(a), b)))
+        )
+        np.testing.assert_allclose(rot.angle_between(rot.slerp(a, -b, np.full(50, t)), beyond), 0.0, atol=1e-7)
 
 
 def test_angle_between() -> None:

@@ -1,5 +1,7 @@
 """Earlier markers and poses: the database's against forward kinematics in the world, the others against what was."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.body.skeleton import marker_positions
@@ -34,6 +36,16 @@ def test_earlier_markers_of_a_frame_are_those_of_its_clip_seen_from_its_root(mar
             np.testing.assert_allclose(
                 found_m, root.to_root_frame(world), atol=unit_m + MATRICES
             )  # each coordinate within a half
+
+
+def test_orientations_of_roots_that_are_nearly_rotations_are_stored_as_such(model, database):
+    """The database's own check lets lengths differ by a thousandth: entries of their matrices would not fit."""
+    nearly = np.tile(np.array([0.0, 1.0009, 0.0, 0.0], dtype=np.float32), (database.frames, 1))
+    markers = LaggedMarkers(
+        replace(database, root_rotations=nearly), database_markers(model, database), LaggedFrames(database, LAGS_S)
+    )
+    stored = markers._matrices(np.arange(3))
+    np.testing.assert_allclose(stored, np.tile(np.diag([1.0, -1.0, -1.0]), (3, 1, 1)), atol=1e-4)
 
 
 @pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])

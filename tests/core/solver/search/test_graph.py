@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.database.cells import build_cells
-from perfanim.core.database.graph import GraphSettings, build_graph
+from perfanim.core.database.graph import build_graph
 from perfanim.core.database.k_means import clusters_of
 from perfanim.core.database.store import Database
 from perfanim.core.errors import SettingsError
@@ -101,8 +101,7 @@ def visits(search, query, count=WANTED):
 
 def test_a_complete_graph_finds_what_looking_at_all_frames_finds(motions):
     few = slice(0, 400)
-    settings = GraphSettings(most=402)
-    complete = build_graph(motions.poses[few], motions.clips[few], settings)
+    complete = build_graph(motions.poses[few], motions.clips[few], most=402)
     search = Following(GraphSearch(motions.markers[few], motions.poses[few], complete))
     exhaustive = ExhaustiveSearch(motions.markers[few], motions.poses[few])
     for query in motions.queries(30):
@@ -180,7 +179,7 @@ def test_cells_hold_as_many_frames_as_are_wanted(motions, cells):
 def test_what_cells_look_at_does_not_grow_with_the_database(motions):
     looked_at = []
     for frames in (3000, len(motions.poses)):
-        groups = clusters_of(motions.poses[:frames], 60)
+        groups = clusters_of(motions.poses[:frames], int(np.sqrt(frames)))
         search = CellSearch(DatabaseMarkers(groups, motions.markers.__getitem__, 1.0), motions.poses[:frames], 800)
         looked_at.append([visits(search, query) for query in motions.queries()][1:])
     assert np.mean(looked_at[1]) < 1.3 * np.mean(looked_at[0])

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
 from perfanim.core.vision.detection.background import BackgroundLearner, background_from_take, learn_backgrounds
-from perfanim.core.vision.detection.blob_detector import DetectionSettings, Detector
+from perfanim.core.vision.detection.blob_detector import DetectionSettings, Detector, _parts
 
 
 def grid(seed: int, count: int = 12) -> np.ndarray:
@@ -153,6 +153,17 @@ def test_markers_that_touch_are_taken_apart(draw):
     found = matched(blobs, centres)
     assert len(blobs) == 4
     assert np.abs(found[:, :2] - centres).max() < 0.8
+
+
+def test_owners_of_pixels_are_numbers_that_can_be_multiplied(draw):
+    """NumPy 2 does not widen 16 bits by itself: bodies are numbered in the upper bits."""
+    image = draw(np.array([[300.0, 200.0]]), 3.0, background=5.0)
+    image[120:320, 250:350] = np.maximum(image[120:320, 250:350], 60)
+    detector = Detector()
+    parts = _parts(*detector.foreground(image), 0)
+    spots = detector._spots(image, None, max(parts, key=lambda part: part.inside.size), 5.0)
+    assert len(spots.owner) > 0
+    assert spots.owner.dtype == np.int64
 
 
 def test_streaks_and_specks_are_no_markers(draw):
