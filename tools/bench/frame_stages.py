@@ -91,7 +91,7 @@ def frame_stages(take: str, truth: Motion, database: Database, reference_ms: flo
                 patches.enter_context(patch.object(owner, name, watch.timed(stage, getattr(owner, name))))
         session = Session(subject, database)
         search = session.solver._locator._search
-        for name in ("nearest", "nearest_among"):
+        for name in ("nearest", "near", "nearest_among"):
             patches.enter_context(patch.object(search, name, watch.timed(SEARCH, getattr(search, name))))
         for number, frame in enumerate(frames):
             if number == _FIRST_FRAMES + _MOST_FRAMES:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -42,6 +42,7 @@ from .subset import write_subset
 from .table1 import SEARCHES, search_times, searched, with_graph
 
 Row = dict[str, Any]
+Found = TypeVar("Found")
 
 _REFERENCE = (433_000, 60, 32)  # rows, columns, nearest
 _REFERENCE_RUNS = 15
@@ -243,11 +244,15 @@ class _TimedSearch:
         """Return the closest frames."""
         return self._timed(self._search.nearest, query, count, start)
 
+    def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
+        """Return frames near a query."""
+        return self._timed(self._search.near, query, count, start)
+
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
         """Return candidates by distance."""
         return self._timed(self._search.nearest_among, query, candidates)
 
-    def _timed(self, work: Callable[..., tuple[IntArray, Array]], *arguments: Any) -> tuple[IntArray, Array]:
+    def _timed(self, work: Callable[..., Found], *arguments: Any) -> Found:
         started_s = time.perf_counter()
         found = work(*arguments)
         self.seconds += time.perf_counter() - started_s
