@@ -68,7 +68,8 @@ class CellSearch:
         compared = min(math.ceil(_COMPARED * count), len(rows) - 1)
         chosen = np.argpartition(estimates, (min(_FIRST, compared), compared))[: compared + 1]
         frames = self._markers.order.take(rows.take(chosen)).astype(np.int64)
-        frames[:_FIRST] = self.nearest_among(query, frames[:_FIRST])[0]
+        ordered = _FIRST if len(frames) < len(self._markers) else len(frames)
+        frames[:ordered] = self.nearest_among(query, frames[:ordered])[0]
         return frames
 
     def nearest_among(self, query: Query, candidates: IntArray, count: int | None = None) -> tuple[IntArray, Array]:
