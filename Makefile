@@ -29,7 +29,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench latency-bench start-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures walks docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench latency-bench start-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -126,9 +126,6 @@ check: $(STAMP)
 	mkdir -p .mypy_cache/path && ln -sfn $(CURDIR) .mypy_cache/path/perfanim # as the tools import it
 	MYPYPATH=.mypy_cache/path $(BIN)/mypy --follow-imports silent tools
 	$(BIN)/lint-imports
-	$(BIN)/python tools/check_prose.py
-	$(BIN)/python tools/check_sizes.py
-	$(BIN)/python tools/architecture_picture.py --check
 
 # Needs BLENDER: a command that runs its arguments where a Blender with a window can be started.
 window-test: $(STAMP)
@@ -256,15 +253,6 @@ pictures: $(STAMP)
 	$(BIN)/python tools/moving_picture.py --out docs/pictures/live.webp
 	$(BIN)/python -m pytest tests/window -m pictures
 
-# An animator (the zip to a character of their own, in a window; BLENDER as for window-test, left out without), a technical
-# director (a folder of C3D to FBX; needs bpy) and a developer (a new marker file format in a copy) from nothing to the
-# result, with a page of the steps and pictures in out/walks. WALKS="--takes DIR --character FILE --webcams DIR" for takes,
-# a character and pictures of yours.
-WALKS ?=
-walks: export OPENBLAS_NUM_THREADS := 1
-walks: $(STAMP)
-	cd tools && ../$(BIN)/python -m walks --out ../out/walks $(WALKS)
-
 # The documents as pages in out/docs: drawings up to date, every command and script run, no warning, no broken link.
 docs: export OPENBLAS_NUM_THREADS := 1
 docs: $(STAMP) $(DOCS_STAMP)
@@ -289,13 +277,15 @@ coverage: $(QUALITY_STAMP)
 	$(QUALITY_VENV)/bin/python -m coverage html --quiet --directory out/coverage/pages
 	$(QUALITY_VENV)/bin/python -m coverage report
 
-# Share of small changes of the code that its tests notice, and those that survive. All of geometry, solver and labelling
-# takes days on one core; MUTATED=core/geometry/two_bone_ik.py takes minutes, SHARE=0.03 draws so many by chance.
-MUTATED ?= core/geometry core/solver core/labelling
-SHARE ?= 1
+# Share of small changes of the code that its tests notice: cosmic-ray with MUTATION's modules (docs/development.md).
+MUTATION ?= tests/mutation.toml
 mutation: export OPENBLAS_NUM_THREADS := 1
 mutation: $(QUALITY_STAMP)
-	$(QUALITY_VENV)/bin/python tools/mutation.py --out out/mutation --share $(SHARE) $(MUTATED)
+	mkdir -p out
+	$(QUALITY_VENV)/bin/cosmic-ray init $(MUTATION) out/mutation.sqlite
+	$(QUALITY_VENV)/bin/cr-filter-pragma out/mutation.sqlite
+	$(QUALITY_VENV)/bin/cosmic-ray exec $(MUTATION) out/mutation.sqlite
+	$(QUALITY_VENV)/bin/cr-report out/mutation.sqlite
 
 clean:
 	rm -rf $(VENV) $(GPLVM_VENV) $(PRIOR_VENV) $(DOCS_VENV) $(QUALITY_VENV) .venv-bpy-* out dist docs/api docs/toml-files.md

@@ -62,7 +62,7 @@ def lengths(vectors: Array) -> Array:
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> Array:
-    """Return the Hamilton product: a_from_c = multiply(a_from_b, b_from_c)."""
+    """Return the Hamilton product: left is a_from_b, right b_from_c, the result a_from_c."""
     a = np.asarray(left, dtype=np.float64)
     b = np.asarray(right, dtype=np.float64)
     if max(a.size, b.size) <= _FEW:

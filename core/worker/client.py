@@ -81,6 +81,7 @@ class WorkerClient:
         """Wait until the process takes its request, with these keys changed.
 
         From then on it works while this process is busy.
+
         Raises:
             CaptureError: as `poll`.
         """
@@ -127,6 +128,7 @@ class WorkerClient:
 
     def restart(self, **changes: Any) -> None:
         """End the process and start another, with these keys of the request changed.
+
         Raises:
             CaptureError: the process could not be started.
         """

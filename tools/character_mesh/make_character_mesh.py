@@ -1,6 +1,5 @@
 """Make the mesh of the extension's character.
 
-
 python -m character_mesh.make_character_mesh OUT.npz  # in tools/
 """
 

@@ -35,6 +35,7 @@ _LONGEST_S = 60.0  # of a recording in which poses are looked for
 
 def run(request: Mapping[str, Any], channel: Channel) -> None:
     """Record and send a RESULT with the files written; none after a STOP.
+
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the performer.
     """

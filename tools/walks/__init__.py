@@ -1,1 +1,0 @@
-"""Walks of an animator, a technical director, a developer, with their pages."""
