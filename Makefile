@@ -29,7 +29,7 @@ NUMPY_OF_4.5 := 1.26
 NUMPY_OF_5.0 := 1.26
 NUMPY_OF_5.2 := 2.3
 
-.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench latency-bench start-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak architecture-picture drawings pictures docs extension release coverage mutation train-prior bench-priors clean
+.PHONY: demo test bpy-test $(BPY_TESTS) gplvm-test prior-test check window-test window-walkthrough window-bench fuzz fuzz-guided fuzz-guided-test operator-fuzz operator-fuzz-window take-fuzz setup-check-bench batch-bench retarget-bench frame-bench latency-bench start-bench sketch-sample sketch-live-bench write-faults vmc-flood camera-faults session-soak drawings pictures docs extension release coverage mutation train-prior bench-priors clean
 
 # bpy, Blender as a module, writes the .blend of the demo and runs the add-on's tests. It is asked for together with
 # the rest, so that one numpy serves all; where there is no wheel of it for this Python, both are left out.
@@ -237,10 +237,6 @@ sketch-sample: $(STAMP)
 # Live edits of that sketch over 250 frames: first picture, whole motion, and how long Blender is held up.
 sketch-live-bench: sketch-sample
 	$(BIN)/python tools/sketch_live_bench.py out/sketch/sketch-sample.blend
-
-# The packages and their imports as docs/architecture.svg; `make check` fails while it is out of date.
-architecture-picture: $(STAMP)
-	$(BIN)/python tools/architecture_picture.py
 
 # The drawings in docs/drawings, from marker sets and camera places.
 drawings: $(STAMP)

@@ -45,7 +45,7 @@ _FRAMES_PER_S = 1.2  # that tell something new; frames near each other repeat ea
 _PART_SCALES = (0.05, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the usual deviations, tried
 _OFFSET_SCALES = (0.05, 0.2, 0.35, 0.5)
 # Deviations under which errors lie within twice the standard deviation 19 times of 20: chosen by bodies of five takes,
-# right ones and wrong ones, and found to hold on five others (tools/refine_bench.py measures it)
+# right ones and wrong ones, and found to hold on five others
 _TRUSTED_PART_SIGMA, _TRUSTED_OFFSET_SIGMA_M = 0.08, 0.015
 _COMMON_SIGMA = 0.02  # all bones are found so much too short, whatever the take
 _WITHOUT_PAST = SolveSettings(best=BestSettings(prior_share=0.0))  # the learned prior needs half a second of it
