@@ -11,8 +11,8 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..database.build import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
 from ..database.public_collections import get_collection, public_collections
+from ..database.reference_poses import reference_pose_report
 from ..database.store import open_database
-from ..database.zeros import zeros_report
 from ..errors import SettingsError
 from ..system.progress import Progress
 from .options import add_repeated, add_switch, add_text, check_fps, check_range
@@ -112,5 +112,5 @@ def _info(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "source_fps": database.source_rates,
         "mirrored_clips": sum(clip.mirrored for clip in database.clips),
         "culled_frames": database.culled_frames,
-        "zeros": zeros_report(database),
+        "zeros": reference_pose_report(database),
     }

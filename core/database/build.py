@@ -23,8 +23,8 @@ from .culling import clips_after_culling, near_duplicates
 from .frame_file import FrameFile
 from .labels import behaviour_of, select_files, subject_of
 from .reading import ReadClip, read_files
+from .reference_poses import reference_pose_report, relative_poses
 from .store import Clip, Database, same_bones, save_database
-from .zeros import poses_from_zeros, zeros_report
 
 _SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
 _WORTH_PROCESSES = 8 << 20  # bytes of motion that take longer to read than processes take to start
@@ -126,9 +126,9 @@ def build_database(
         out: database file; written only when all is read.
 
     Returns:
-        frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees from
-        the common zero), skipped (list of file, line, reason), defects (list of file, frames, defect, done; those
-        kept unchanged come last), mirrored_clips, culled_frames, peak_memory_mb of this process and
+        frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees of its
+        reference pose from the common one), skipped (list of file, line, reason), defects (list of file, frames,
+        defect, done; those kept unchanged come last), mirrored_clips, culled_frames, peak_memory_mb of this process and
         peak_reader_memory_mb of the largest reading process, None where unknown.
 
     Raises:
@@ -157,7 +157,7 @@ def build_database(
 
 def _join_clips(collected: _Collected, out: Path, fps: float) -> Database:
     """Return the collected clips as a database that is not written yet."""
-    mean_rotations, zeros, poses = poses_from_zeros(collected.rotations, collected.clips)
+    mean_rotations, references, poses = relative_poses(collected.rotations, collected.clips)
     return Database(
         out,
         fps,
@@ -167,7 +167,7 @@ def _join_clips(collected: _Collected, out: Path, fps: float) -> Database:
         poses=poses,
         root_rotations=np.concatenate(collected.root_rotations),
         root_positions_m=np.concatenate(collected.root_positions_m),
-        zeros=zeros,
+        reference_poses=references,
     )
 
 
@@ -196,7 +196,7 @@ def _report(database: Database, collected: _Collected, started: float) -> dict[s
         "behaviours": database.behaviours,
         "mirrored_clips": sum(clip.mirrored for clip in database.clips),
         "culled_frames": database.culled_frames,
-        "zeros": zeros_report(database),
+        "zeros": reference_pose_report(database),
         "peak_memory_mb": memory_mb,
         "peak_reader_memory_mb": reader_memory_mb,
         "skipped": collected.skipped,

@@ -22,7 +22,7 @@ CLIP = (
     Key("first_frame", "of the file", int, (), "", 0, _MOST, optional=True),
     Key("mirrored", "whether it is a mirror image", bool, optional=True),
 )
-ZERO = (
+REFERENCE_POSE = (
     Key("subject", "recorded person", str),
     Key("skeleton", "body", int, (), "", 0, _MOST),
     Key("mirrored", "whether it is of mirror images", bool),
@@ -43,7 +43,7 @@ FACTS = Schema(
         Key("skeletons", "bodies", BODY, (None,)),
         Key("arrays", "places of the arrays", _ARRAY, named=True),
         Key("culled_frames", "left out when it was built", int, (), "", 0, _MOST, optional=True),
-        Key("zeros", "persons with a zero of their own", ZERO, (None,), optional=True),
+        Key("zeros", "subjects with a reference pose of their own", REFERENCE_POSE, (None,), optional=True),
     ),
     DatabaseError,
     REBUILD,
@@ -51,7 +51,7 @@ FACTS = Schema(
 
 
 def read_facts(path: Path, header: bytes) -> dict[str, Any]:
-    """Return the facts of a header; rows of zeros become tables.
+    """Return the facts of a header; rows of reference poses become tables.
 
     Raises:
         DatabaseError: they do not fit the schema.
@@ -59,8 +59,8 @@ def read_facts(path: Path, header: bytes) -> dict[str, Any]:
     facts = json.loads(header)
     if not isinstance(facts, dict):
         raise ValueError("its header is no table")
-    zeros, names = facts.get("zeros"), [key.name for key in ZERO]
-    if isinstance(zeros, list):
-        facts["zeros"] = [dict(zip(names, row, strict=False)) if isinstance(row, list) else row for row in zeros]
+    rows, names = facts.get("zeros"), [key.name for key in REFERENCE_POSE]
+    if isinstance(rows, list):
+        facts["zeros"] = [dict(zip(names, row, strict=False)) if isinstance(row, list) else row for row in rows]
     FACTS.check(facts, str(path))
     return facts

@@ -26,7 +26,7 @@ from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path, is_file, open_foreign, reading
 from .cells import LARGE_DATABASE, build_cells
 from .graph import NeighbourGraph
-from .header_facts import CLIP, FASTEST, REBUILD, SLOWEST, ZERO, read_facts
+from .header_facts import CLIP, FASTEST, REBUILD, REFERENCE_POSE, SLOWEST, read_facts
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
 DATABASE_SUFFIX = ".pfdb"
@@ -34,7 +34,7 @@ OLD_DATABASE_SUFFIX = ".perfdb"  # written by versions up to 0.1; opened like th
 
 _MAGIC = b"PERFANIM-DB\n"
 _VERSION, _CELLS_VERSION = 2, 3  # without cells of the search, and with them
-_VERSIONS = (1, _VERSION, _CELLS_VERSION)  # the first one without zeros of the subjects
+_VERSIONS = (1, _VERSION, _CELLS_VERSION)  # version 1 lacks the subjects' reference poses
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64
 _LEAST_SINE = 1e-150  # by which vectors are divided
@@ -74,8 +74,8 @@ class Clip:
 
 
 @dataclass(frozen=True)
-class Zero:
-    """Zero of one subject's clips: rotations (J, 4) with pose 0."""
+class ReferencePose:
+    """Local rotations (J, 4) that one subject's poses are relative to."""
 
     subject: str
     skeleton: int
@@ -90,15 +90,15 @@ class Database:
     Args:
         clips: in the order of their frames, without gaps.
         skeletons: bodies of the subjects, with the standard joints.
-        mean_rotations: (J, 4) common zero: about the mean local rotation of each joint, so that no joint angle comes
-            near 180 degrees, where rotation vectors jump.
-        poses: (F, J - 1, 3) float32 rotation vectors of all joints but the root: local = zero * exp(pose).
+        mean_rotations: Common reference pose (J, 4), about the mean local rotation of each joint, so that no joint
+            angle comes near 180 degrees, where rotation vectors jump.
+        poses: Float32 rotation vectors (F, J - 1, 3) of all joints but the root: local = reference * exp(pose).
         root_rotations: (F, 4) float32 world-from-root.
         root_positions_m: (F, 3) float32.
         cells: (F,) of frames that are alike, see `build_cells`; None in a small database.
         graph: which frames are near each other (Eq. 4); only large databases of earlier versions have it.
         culled_frames: near-duplicates that were left out when it was built.
-        zeros: of subjects that have their own (see `zeros`); the others have the common one.
+        reference_poses: of subjects that have their own; the others have the common one.
     """
 
     path: Path
@@ -112,7 +112,7 @@ class Database:
     cells: NDArray[np.int32] | None = None
     graph: NeighbourGraph | None = None
     culled_frames: int = 0
-    zeros: tuple[Zero, ...] = ()
+    reference_poses: tuple[ReferencePose, ...] = ()
 
     @property
     def frames(self) -> int:
@@ -141,21 +141,22 @@ class Database:
         return np.repeat(np.arange(len(self.clips), dtype=np.int32), [c.stop - c.start for c in self.clips])
 
     @cached_property
-    def _zero_of_clip(self) -> Array:
-        """(C, J, 4) zero of each clip."""
-        own = {(zero.subject, zero.skeleton, zero.mirrored): zero.rotations for zero in self.zeros}
-        persons = ((clip.subject, clip.skeleton, clip.mirrored) for clip in self.clips)
-        return np.array([own.get(person, self.mean_rotations) for person in persons])
+    def _reference_pose_of_clip(self) -> Array:
+        """(C, J, 4) reference pose of each clip."""
+        own = {(each.subject, each.skeleton, each.mirrored): each.rotations for each in self.reference_poses}
+        subjects = ((clip.subject, clip.skeleton, clip.mirrored) for clip in self.clips)
+        return np.array([own.get(subject, self.mean_rotations) for subject in subjects])
 
-    def zero_of(self, skeleton: Skeleton, name: str = "") -> Array:
-        """Return the zero (J, 4) of a recorded body or person, the common one of others.
+    def reference_pose_of(self, skeleton: Skeleton, name: str = "") -> Array:
+        """Return the reference pose (J, 4) of a recorded body or subject, the common one of others.
 
         Args:
-            name: of a person; one who is called as a subject here has the same rest of hands with any measured bones.
+            name: Name of the subject; a subject of this name in the database counts as the same person even if the
+                measured bones differ.
         """
-        own = [zero for zero in self.zeros if not zero.mirrored]
-        same = (zero for zero in own if same_bones(self.skeletons[zero.skeleton].offsets_m, skeleton.offsets_m))
-        named = (zero for zero in own if zero.subject == name)
+        own = [each for each in self.reference_poses if not each.mirrored]
+        same = (each for each in own if same_bones(self.skeletons[each.skeleton].offsets_m, skeleton.offsets_m))
+        named = (each for each in own if each.subject == name)
         found = next(same, None) or next(named, None)
         return found.rotations if found else self.mean_rotations
 
@@ -167,8 +168,9 @@ class Database:
 
     def local_rotations(self, frames: Any) -> Array:
         """Return local rotations (..., J, 4) of frames, world-from-root for the root."""
-        zeros = self._zero_of_clip[self.clip_of_frame[frames]]
-        return rotations_from_pose(np.asarray(self.poses[frames], dtype=np.float64), zeros, self.root_rotations[frames])
+        references = self._reference_pose_of_clip[self.clip_of_frame[frames]]
+        poses = np.asarray(self.poses[frames], dtype=np.float64)
+        return rotations_from_pose(poses, references, self.root_rotations[frames])
 
 
 def same_bones(offsets_m: Array, others_m: Array) -> bool:
@@ -211,15 +213,15 @@ def save_database(database: Database) -> None:
     }
     if database.frames >= LARGE_DATABASE:
         arrays["cells"] = build_cells(database.poses, database.mean_rotations)
-    if database.zeros:
-        arrays["zeros"] = np.array([zero.rotations for zero in database.zeros])
+    if database.reference_poses:
+        arrays["zeros"] = np.array([each.rotations for each in database.reference_poses])
     facts = {
         "fps": float(database.fps),
         "joints": list(JOINT_NAMES),
         "clips": [dict(vars(clip)) for clip in database.clips],
         "skeletons": [skeleton_facts(skeleton) for skeleton in database.skeletons],
         "culled_frames": database.culled_frames,
-        "zeros": [[zero.subject, zero.skeleton, zero.mirrored] for zero in database.zeros],
+        "zeros": [[each.subject, each.skeleton, each.mirrored] for each in database.reference_poses],
     }
     with atomic_path(database.path) as temporary, temporary.open("wb") as stream:
         _write_file(stream, facts, arrays)
@@ -234,7 +236,7 @@ def _check_parts(database: Database) -> None:
     edges = [clip.start for clip in clips] + [database.frames]
     if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:]:
         raise DatabaseError("clips do not cover the frames", where=where)
-    bodies = [clip.skeleton for clip in clips] + [zero.skeleton for zero in database.zeros]
+    bodies = [clip.skeleton for clip in clips] + [each.skeleton for each in database.reference_poses]
     if not all(0 <= body < len(database.skeletons) for body in bodies):
         raise DatabaseError("a clip has no skeleton", where=where)
 
@@ -315,13 +317,13 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
 
 def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Database:
     """Return the database of a header and mapped arrays; any error for a damaged one."""
-    frames, joints, zeros = len(arrays["poses"]), len(JOINT_NAMES), facts.get("zeros") or ()
+    frames, joints, references = len(arrays["poses"]), len(JOINT_NAMES), facts.get("zeros") or ()
     expected = {
         "mean_rotations": ("<f8", (joints, 4)),
         "poses": ("<f4", (frames, joints - 1, 3)),
         "root_rotations": ("<f4", (frames, 4)),
         "root_positions_m": ("<f4", (frames, 3)),
-        "zeros": ("<f8", (len(zeros), joints, 4)),
+        "zeros": ("<f8", (len(references), joints, 4)),
         "neighbours": ("<i4", (frames, arrays["neighbours"].shape[-1] if "neighbours" in arrays else 0)),
         "clusters": ("<i4", (frames,)),
         "cells": ("<i4", (frames,)),
@@ -330,8 +332,8 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         if (array.dtype.str, array.shape) != expected[name]:
             raise ValueError(f"{name} has the shape {array.shape} and the type {array.dtype.str}")
     own = [
-        Zero(rotations=np.array(rotations), **{key.name: row[key.name] for key in ZERO})
-        for row, rotations in zip(zeros, arrays.get("zeros", ()), strict=True)
+        ReferencePose(rotations=np.array(rotations), **{key.name: row[key.name] for key in REFERENCE_POSE})
+        for row, rotations in zip(references, arrays.get("zeros", ()), strict=True)
     ]
     database = Database(
         path=path,
@@ -347,12 +349,12 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         cells=arrays.get("cells"),
         graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
         culled_frames=facts.get("culled_frames") or 0,
-        zeros=tuple(own),
+        reference_poses=tuple(own),
     )
     _check_parts(database)
-    for rotations in (database.mean_rotations, *(zero.rotations for zero in own)):
+    for rotations in (database.mean_rotations, *(each.rotations for each in own)):
         if not np.all(np.abs(np.linalg.norm(rotations, axis=-1) - 1.0) < _UNIT):
-            raise ValueError("a zero is no rotation")
+            raise ValueError("a reference rotation is not a unit quaternion")
     return database
 
 

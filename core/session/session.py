@@ -51,7 +51,7 @@ class Session:
         self.rig = rig
         cameras = rig.cameras if rig else ()
         self._has_one_camera = len(cameras) == 1
-        self._model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
+        self._model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
         self.solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
         self.labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)

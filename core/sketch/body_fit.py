@@ -48,8 +48,8 @@ class BodyFit:
     def __init__(self, skeleton: Skeleton, database: Database, joints: tuple[str, ...]) -> None:
         markers = tuple(Marker(name, name, (0.0, 0.0, 0.0), torso=True) for name in joints)
         subject = Subject("sketch", skeleton, MarkerSet("sketch", markers))
-        self.zero = database.zero_of(skeleton)
-        self._model = SubjectModel(subject, self.zero)
+        self.reference_pose = database.reference_pose_of(skeleton)
+        self._model = SubjectModel(subject, self.reference_pose)
         frames = np.arange(0, database.frames, max(1, database.frames // _SAMPLES))
         poses = np.asarray(database.poses[frames], dtype=np.float64).reshape(len(frames), -1)
         covariance = _CHANGE_SHARE * np.atleast_2d(np.cov(poses.T, ddof=0))
@@ -63,7 +63,7 @@ class BodyFit:
         margin = np.array([[-_LIMIT_MARGIN_RAD], [_LIMIT_MARGIN_RAD]])
         limits = np.percentile(poses, _LIMIT_PERCENTILES, axis=0) + margin
         # everybody can stretch out arms and legs, also where the database's motion never does
-        straight = pose_from_rotations(np.tile(rot.identity(), (len(skeleton), 1)), self.zero).ravel()
+        straight = pose_from_rotations(np.tile(rot.identity(), (len(skeleton), 1)), self.reference_pose).ravel()
         hinges = np.isin(np.repeat(skeleton.names[1:], 3), _HINGES)
         reached = np.array((np.minimum(limits[0], straight), np.maximum(limits[1], straight)))
         self._limits = np.where(hinges, reached, limits)

@@ -58,8 +58,8 @@ class MotionLibrary:
         indices = np.array([skeleton.index(name) for name in self.joints])
         self._scales = np.array([_leg_m(skeleton) / _leg_m(database.skeletons[c.skeleton]) for c in database.clips])
         self._floors_m = np.zeros(len(database.clips))
-        zero = database.zero_of(skeleton)
-        local_m = markers_at_rest(skeleton, indices, np.zeros((len(indices), 3)), zero, database.poses)
+        reference = database.reference_pose_of(skeleton)
+        local_m = markers_at_rest(skeleton, indices, np.zeros((len(indices), 3)), reference, database.poses)
         # joint by joint in memory, as they are searched
         self.planar: Planar = np.empty(local_m.shape[:2], dtype=np.complex64, order="F")
         self.heights_m: FloatArray = np.empty(local_m.shape[:2], dtype=np.float32, order="F")

@@ -233,7 +233,7 @@ class SketchSolver:
     def _inputs(self, sketch: Sketch, settings: SketchSettings, base: BaseMotion) -> _FitInputs:
         """Return the targets that bend the database's motion to the keys."""
         skeleton, joints = self._skeleton, target_joints(sketch)
-        rotations = rotations_from_pose(base.poses, self.database.zero_of(skeleton), base.root_rotations)
+        rotations = rotations_from_pose(base.poses, self.database.reference_pose_of(skeleton), base.root_rotations)
         base_m = forward_kinematics(skeleton, rotations, base.root_positions_m)[0]
         base_m = base_m[:, [skeleton.index(name) for name in joints]]
         targets = targets_of(sketch, skeleton, base_m, base.standing, settings.follow, settings.hold_feet)
@@ -267,7 +267,7 @@ class SketchSolver:
 
     def _motion(self, sketch: Sketch, poses: Array, turns: Array, places: Array) -> Motion:
         """Return poses (F, 28, 3) and roots as a motion of the character."""
-        rotations = rotations_from_pose(poses, self.database.zero_of(self._skeleton), turns)
+        rotations = rotations_from_pose(poses, self.database.reference_pose_of(self._skeleton), turns)
         return Motion(sketch.name, sketch.fps, self._skeleton, rotations, places)
 
 

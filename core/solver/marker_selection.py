@@ -104,7 +104,7 @@ def worn_in(take: MarkerTake, subject: Subject) -> Subject:
 def _covariance(subject: Subject, database: Database) -> Array:
     """Return the covariance (3 J + 3 M, 3 J + 3 M) of joints and markers, root free."""
     frames = np.unique(np.linspace(0, database.frames - 1, _SAMPLES).astype(np.int64))
-    model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
+    model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
     poses = np.asarray(database.poses[frames], dtype=np.float64)
     joints = forward_kinematics(subject.skeleton, model.rotations(poses, ROOT_AT_REST), np.zeros(3))[0]
     places = np.concatenate((joints, model.markers(poses)), axis=1)

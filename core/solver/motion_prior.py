@@ -139,17 +139,17 @@ class MotionPrior:
     """A network prepared for one subject.
 
     Args:
-        subject: with the zero that its poses are relative to.
-        common_zero: (J, 4) of the database; the network knows no other.
+        subject: Body with the reference pose that its poses are relative to.
+        common_reference_pose: Reference pose (J, 4) of the database, the only one that the network was trained on.
     """
 
-    def __init__(self, network: Network, subject: SubjectModel, common_zero: Array) -> None:
+    def __init__(self, network: Network, subject: SubjectModel, common_reference_pose: Array) -> None:
         self._network = network
-        turn = rot.multiply(rot.conjugate(common_zero), subject.mean_rotations)
+        turn = rot.multiply(rot.conjugate(common_reference_pose), subject.mean_rotations)
         self._body = SubjectModel(subject.subject, rot.multiply(network.mean_rotations, turn))
         joints = subject.joints
         self._offsets_m = rot.rotate(turn[joints], subject.offsets_m)
-        # from a joint's rotation by the network to that from the subject's zero: one matrix, as both factors are fixed
+        # from the network's joint rotation to one relative to the subject's reference pose; both factors are fixed
         self._back = rot.to_matrix(rot.conjugate(turn[1:]))
         before = rot.multiply(rot.conjugate(subject.mean_rotations), network.mean_rotations)[1:, None]
         self._change = rot.multiply(rot.multiply(before, np.eye(4)), turn[1:, None]).swapaxes(-1, -2)
@@ -216,7 +216,7 @@ class MotionPrior:
         within = np.minimum(np.maximum(features, -_FASTEST_M_S), _FASTEST_M_S).astype(np.float32)
         means, sigmas = self._run(within, np.isfinite(in_frames[..., 0]).any(axis=1))
         turns = rot.multiply(np.array([frame.rotation for frame in frames]), rot.from_rotation_vector(means[:, :3]))
-        poses = self._from_zero(means[:, _ROOT:], sigmas[:, _ROOT:])
+        poses = self._relative_to_subject(means[:, _ROOT:], sigmas[:, _ROOT:])
         result = []
         for frame, pose, turn, mean, sigma in zip(frames, poses, turns, means, sigmas, strict=True):
             turned, moved = sigma[:3], sigma[3:_ROOT]
@@ -241,8 +241,8 @@ class MotionPrior:
         sigma = np.hypot(network.spread[0] * scale * np.exp(log_sigma.astype(np.float64)), network.spread[1])
         return offset + scale * mean.astype(np.float64), sigma
 
-    def _from_zero(self, poses: Array, sigmas: Array) -> list[Prior]:
-        """Return Gaussians of the network's poses (N, D) relative to the subject's zero."""
+    def _relative_to_subject(self, poses: Array, sigmas: Array) -> list[Prior]:
+        """Return Gaussians of the network's poses (N, D) relative to the subject's reference pose."""
         vectors = poses.reshape(len(poses), -1, 3)
         moved = rot.to_rotation_vector((self._change @ rot.from_rotation_vector(vectors)[..., None])[..., 0])
         before, after = exponential_and_right_jacobian(np.array((vectors, moved)))[1]

@@ -84,7 +84,7 @@ def subject(truth: Motion) -> Subject:
 @pytest.fixture(scope="session")
 def model(subject: Subject, database: Database) -> SubjectModel:
     """The person's markers as a function of the database's poses."""
-    return SubjectModel(subject, database.zero_of(subject.skeleton))
+    return SubjectModel(subject, database.reference_pose_of(subject.skeleton))
 
 
 @pytest.fixture(scope="session")

@@ -342,7 +342,7 @@ def compare_searches(title: str, truth: Motion, database: Database) -> list[Row]
 def _searches(truth: Motion, database: Database) -> list[Row]:
     """Time each search, and compare its poses with those of the exhaustive one."""
     subject = true_subject(truth)
-    model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
+    model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
     markers = simulate_markers(truth, subject)[0].positions_m[:_COMPARED_FRAMES]
     exhaustive = PoseSolver(model, database, SolveSettings(search="exhaustive"))
     errors = {

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
+from perfanim.core.database.reference_poses import relative_poses
 from perfanim.core.database.store import Clip, Database, open_database, save_database
-from perfanim.core.database.zeros import poses_from_zeros
 from perfanim.core.errors import DatabaseError
 
 
@@ -35,9 +35,9 @@ def write_database(
         raise DatabaseError("has no motion to store", where=str(path), advice="add files with motion")
     if rotations.shape[1:] != (len(JOINT_NAMES), 4):
         raise DatabaseError(f"rotations have shape {rotations.shape}, not (F, {len(JOINT_NAMES)}, 4)", where=str(path))
-    mean_rotations, zeros, poses = poses_from_zeros(rotations, clips)
+    mean_rotations, references, poses = relative_poses(rotations, clips)
     parts = (tuple(clips), tuple(skeletons), mean_rotations, poses, rotations[:, 0], root_positions_m)
-    save_database(Database(Path(path), fps, *parts, zeros=zeros))
+    save_database(Database(Path(path), fps, *parts, reference_poses=references))
 
 
 def write_subset(database: Database, path: str | Path, kept: Iterable[tuple[Clip, int, int]]) -> Database:

@@ -121,7 +121,7 @@ def _motion(database: Database, clip: Clip) -> Motion:
 def _compared(truth: Motion, database: Database) -> list[dict[str, Any]]:
     subject = true_subject(truth)
     markers = simulate_markers(truth, subject)[0].positions_m
-    model = _Model(subject, database.zero_of(subject.skeleton, subject.name))
+    model = _Model(subject, database.reference_pose_of(subject.skeleton, subject.name))
     rows = []
     for method, settings in COMPARED.items():
         exhaustive = PoseSolver(model, database, replace(settings, search="exhaustive"))
@@ -182,7 +182,7 @@ def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: 
 def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
     """Return each search's time for true queries, and its share of the exhaustive's."""
     subject = true_subject(truth)
-    model = SubjectModel(subject, database.zero_of(subject.skeleton, subject.name))
+    model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
     true_poses = pose_from_rotations(truth.rotations, model.mean_rotations)
     markers = model.markers(true_poses)
     stored = database_markers(model, database)

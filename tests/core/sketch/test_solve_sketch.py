@@ -45,8 +45,8 @@ def changed(sketch, joint, change):
 def assert_sound(solution, database):
     """Check that a motion is a body's: finite, no joint wrung, no jump."""
     motion = solution.motion
-    zero = database.zero_of(motion.skeleton)
-    poses = pose_from_rotations(motion.rotations, zero).reshape(motion.frames, -1)
+    reference = database.reference_pose_of(motion.skeleton)
+    poses = pose_from_rotations(motion.rotations, reference).reshape(motion.frames, -1)
     known = database.poses.reshape(database.frames, -1)
     assert np.isfinite(motion.rotations).all()
     assert np.isfinite(motion.root_positions_m).all()

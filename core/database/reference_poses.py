@@ -1,10 +1,10 @@
-"""Zeros: each recorded subject's rest of hands and thumbs, found from the data.
+"""Reference poses: the rest rotations of each recorded subject's hands and thumbs, estimated from the data.
 
-Every studio fits the rest of hands and thumbs to a body in its own way: one subject's straight hand is bent by 40
-degrees in the file of another. Poses are stored relative to each subject's own zero, so that equal poses have equal
-numbers. A zero is the median of the subject's clips, drawn to that of all subjects by as much as clips of
-one subject differ among themselves (random effects, Laird and Ware 1982): what a subject merely happened to do is no
-zero. Where nothing shows them (fewer than three subjects, or none with two clips) all keep the common zero.
+Every studio fits the rest pose of hands and thumbs in its own way: a hand that is straight in one file is bent by 40
+degrees in another. Poses are stored relative to the subject's own reference pose, so that equal poses have equal
+numbers. A reference pose is the median of the subject's clips, shrunk towards that of all subjects according to the
+variance between clips of one subject (random effects, Laird and Ware 1982), because a subject's clips also differ in
+what was performed. With fewer than three subjects, or one clip each, all subjects use the common reference pose.
 """
 
 import os
@@ -19,13 +19,13 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, Mask
 from .frame_file import FrameFile
-from .store import Clip, Database, Zero, pose_from_rotations
+from .store import Clip, Database, ReferencePose, pose_from_rotations
 
 _MEAN_SAMPLES = 20_000  # frames that the mean rotations are taken over
 _CLIP_SAMPLES = 60  # frames of each clip that medians are taken over
 _FEWEST_SUBJECTS = 3
-_FARTHEST_CLIP_RAD = 1.0  # a clip further from its subject's zero counts as this far: recordings have flipped joints
-_IMPOSSIBLE_RAD = np.radians(100.0)  # from its zero no end of a limb turns so far: it is flipped in the recording
+_FARTHEST_CLIP_RAD = 1.0  # cap of a clip's distance from its subject's median: recordings have flipped joints
+_IMPOSSIBLE_RAD = np.radians(100.0)  # rotation that the end of a limb cannot reach: it is flipped in the recording
 _CHUNK = 4096  # frames computed at once
 _MEDIAN_STEPS, _MEDIAN_RAD = 30, 0.01  # Weiszfeld's, and the distance that he divides by at least
 _SETTLED_RAD = 1e-7  # by which the steps that are left may move a median
@@ -37,25 +37,25 @@ def _joints(middle: Sequence[str], of_sides: Sequence[str]) -> list[int]:
     return [JOINT_NAMES.index(name) for name in (*middle, *(side + name for side in "lr" for name in of_sides))]
 
 
-# Feet and head differ as much between clips of one subject as between subjects: no zero can be found.
+# Feet and head differ as much between clips of one subject as between subjects, so they have no reference pose.
 _JOINTS = _joints((), ("wrist", "hand", "fingers", "thumb"))
 _ENDS = _joints(("upperneck", "head"), ("foot", "toes", "hand", "fingers", "thumb"))
 
 _Person = tuple[str, int, bool]
 
 
-def poses_from_zeros(
+def relative_poses(
     rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]
-) -> tuple[Array, tuple[Zero, ...], FloatArray]:
-    """Return the common zero (J, 4), the subjects' zeros and poses (F, J - 1, 3).
+) -> tuple[Array, tuple[ReferencePose, ...], FloatArray]:
+    """Return the common reference pose (J, 4), the subjects' own and poses (F, J - 1, 3).
 
     Ends of limbs that are flipped in the recording keep the rotation of the last frame in which they are not.
 
     Args:
         rotations: (F, J, 4) local rotations of the clips' frames.
     """
-    common, zeros = find_zeros(rotations, clips)
-    own = {_person(zero): zero.rotations for zero in zeros}
+    common, references = find_reference_poses(rotations, clips)
+    own = {_person(reference): reference.rotations for reference in references}
     poses = np.empty((len(rotations), len(JOINT_NAMES) - 1, 3), dtype=np.float32)
 
     def fill(clip: Clip) -> None:
@@ -68,11 +68,13 @@ def poses_from_zeros(
     with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
         for _ in threads.map(fill, clips):
             pass
-    return common, zeros, poses
+    return common, references, poses
 
 
-def find_zeros(rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]) -> tuple[Array, tuple[Zero, ...]]:
-    """Return the common zero (J, 4) of all joints, and those of the subjects."""
+def find_reference_poses(
+    rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]
+) -> tuple[Array, tuple[ReferencePose, ...]]:
+    """Return the common reference pose (J, 4), and those of the subjects."""
 
     def samples_of(clip: Clip) -> Array:
         chosen = np.linspace(0, clip.stop - clip.start - 1, _CLIP_SAMPLES).astype(np.int64)
@@ -98,16 +100,16 @@ def find_zeros(rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]) -> tu
     shares = (between / (between + uncertain + 1e-12))[:, :, None]
     turned = np.repeat(common[None], len(away), axis=0)
     turned[:, _JOINTS] = rot.multiply(common[_JOINTS], rot.from_rotation_vector(shares * away))
-    return common, tuple(Zero(*person, turn) for person, turn in zip(persons, turned, strict=True))
+    return common, tuple(ReferencePose(*person, turn) for person, turn in zip(persons, turned, strict=True))
 
 
-def zeros_report(database: Database) -> dict[str, dict[str, float]]:
-    """Return by subject how far each joint's zero is from the common one, degrees."""
+def reference_pose_report(database: Database) -> dict[str, dict[str, float]]:
+    """Return by subject each joint's angle from the common reference pose, degrees."""
     result = {}
-    for zero in database.zeros:
-        turned = np.degrees(rot.angle_between(zero.rotations, database.mean_rotations))
-        if not zero.mirrored:
-            result[zero.subject] = {JOINT_NAMES[joint]: round(float(turned[joint]), 1) for joint in _JOINTS}
+    for reference in database.reference_poses:
+        turned = np.degrees(rot.angle_between(reference.rotations, database.mean_rotations))
+        if not reference.mirrored:
+            result[reference.subject] = {JOINT_NAMES[joint]: round(float(turned[joint]), 1) for joint in _JOINTS}
     return result
 
 
@@ -156,5 +158,5 @@ def _hold_flipped(poses: FloatArray) -> None:
             vectors[:] = vectors[np.where(kept < 0, np.argmin(flipped), kept)]
 
 
-def _person(of: Clip | Zero) -> _Person:
+def _person(of: Clip | ReferencePose) -> _Person:
     return of.subject, of.skeleton, of.mirrored
