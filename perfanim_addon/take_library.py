@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import TakeError
-from ..core.formats.take_file.edit import append_notes
-from ..core.formats.take_file.reading import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
+from ..core.formats.take_file.take_edits import append_notes
+from ..core.formats.take_file.take_reader import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
 from ..core.system.lock import is_locked
 from .preferences.paths import user_folder
 

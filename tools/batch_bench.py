@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import resampled, sliced
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_set import load_marker_set

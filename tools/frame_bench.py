@@ -25,8 +25,8 @@ from bench.speed import part_of, reference_ms
 from perfanim.core.body.motion import Motion
 from perfanim.core.database.store import Database, identity, open_database
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
-from perfanim.core.formats.take_file.setup import TakeSetup
-from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.formats.take_file.take_setup import TakeSetup
+from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.marker_frame_codec import pack_stamped, unpack_stamped
 from perfanim.core.markers.marker_set import load_marker_set

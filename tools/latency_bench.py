@@ -26,7 +26,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.subject import Subject, subject_tables

@@ -19,7 +19,7 @@ from mathutils import Matrix
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build_database import build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.geometry.arrays import Array, Image
 from perfanim.core.geometry.camera import Camera

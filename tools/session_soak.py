@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 from perfanim.core.body.motion import resampled
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.arrays import Array

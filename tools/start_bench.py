@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from bench.speed import reference_ms
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, subject_tables

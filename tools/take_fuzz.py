@@ -33,9 +33,9 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import BuildSettings, build_database
-from perfanim.core.formats.take_file.edit import recover
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.database.build_database import BuildSettings, build_database
+from perfanim.core.formats.take_file.take_edits import recover
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_frame_codec import pack
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, subject_tables

@@ -35,9 +35,9 @@ from pathlib import Path
 from typing import Any
 
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.vmc.frames import MOST_PACKETS_S
+from perfanim.core.formats.vmc.frame_assembler import MOST_PACKETS_S
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, subject_tables
 from perfanim.core.simulate.markers import simulate_markers

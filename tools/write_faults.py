@@ -37,15 +37,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import PerfanimError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.motion.write_motion import write_motion
-from perfanim.core.formats.take_file.edit import append_notes
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.formats.take_file.take_edits import append_notes
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_set import load_marker_set

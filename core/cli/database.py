@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..body.standard_skeleton import JOINT_NAMES
-from ..database.build import BuildSettings, build_database
+from ..database.build_database import BuildSettings, build_database
 from ..database.culling import DEFAULT_CULL_DEG
 from ..database.public_collections import get_collection, public_collections
 from ..database.reference_poses import reference_pose_report

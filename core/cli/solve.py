@@ -10,7 +10,7 @@ from ..database.store import Database
 from ..errors import FormatError
 from ..formats.markers.marker_files import READABLE, is_recorded
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion
-from ..formats.take_file.reading import ENDING
+from ..formats.take_file.take_reader import ENDING
 from ..labelling.take_import import UPS
 from ..markers.label_matching import AUTO
 from ..markers.marker_take import MarkerTake

@@ -14,10 +14,10 @@ from ..database.store import Database, identity
 from ..errors import SettingsError, TakeError
 from ..formats.markers.marker_files import is_recorded, read_take, write_take
 from ..formats.markers.recorded_take import take_of_poses
-from ..formats.take_file.reading import read_take_file
-from ..formats.take_file.setup import TakeSetup
-from ..formats.take_file.whole import write_whole_take
-from ..formats.take_file.writer import record_frames
+from ..formats.take_file.take_reader import read_take_file
+from ..formats.take_file.take_setup import TakeSetup
+from ..formats.take_file.take_writer import record_frames
+from ..formats.take_file.whole_take import write_whole_take
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import save_rig
 from ..labelling.trajectory_linking import track_markers

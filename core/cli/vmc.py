@@ -11,10 +11,10 @@ from ..body.motion import Motion, resampled
 from ..formats.markers.marker_files import WRITABLE, check_ending, is_recorded, write_take
 from ..formats.motion.read_motion import read_motion
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
-from ..formats.take_file.reading import ENDING, read_take_file
+from ..formats.take_file.take_reader import ENDING, read_take_file
 from ..formats.vmc.humanoid import BONES
-from ..formats.vmc.link import Receiver, play, record
 from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
+from ..formats.vmc.vmc_udp import Receiver, play, record
 from ..session.solve_take import resample_uniform
 from ..system.progress import Progress
 from .options import add_text, positive, rate_hz

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..database.store import Database, identity
-from ..formats.take_file.setup import TakeSetup
+from ..formats.take_file.take_setup import TakeSetup
 from ..geometry.camera import CameraRig
 from ..markers.prop import Prop
 from ..markers.subject import Subject

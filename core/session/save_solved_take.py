@@ -8,9 +8,9 @@ from typing import Any
 from ..database.store import Database
 from ..formats.take_file.chunks import ChunkKind
 from ..formats.take_file.pose_codec import TimedPose
-from ..formats.take_file.reading import TakeFile
-from ..formats.take_file.setup import TakeNotes
-from ..formats.take_file.whole import write_whole_take
+from ..formats.take_file.take_reader import TakeFile
+from ..formats.take_file.take_setup import TakeNotes
+from ..formats.take_file.whole_take import write_whole_take
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject

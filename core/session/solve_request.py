@@ -18,7 +18,7 @@ from ..formats.markers.prop_csv import write_prop_csv
 from ..formats.markers.recorded_take import marker_take
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import write_motion
-from ..formats.take_file.reading import TakeFile, read_take_file
+from ..formats.take_file.take_reader import TakeFile, read_take_file
 from ..geometry.arrays import runs
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig

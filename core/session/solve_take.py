@@ -11,7 +11,7 @@ from ..body.scene_pose import PerformerPose, ScenePose
 from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database
 from ..errors import TakeError
-from ..formats.take_file.reading import TakeFile
+from ..formats.take_file.take_reader import TakeFile
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, Mask
 from ..markers.filtering import smooth_on_body

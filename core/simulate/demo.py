@@ -15,7 +15,7 @@ from ..body.calibration_poses import CALIBRATION
 from ..body.motion import Motion, sliced
 from ..body.motion_metrics import evaluate
 from ..body.scene_pose import PerformerPose
-from ..database.build import build_database
+from ..database.build_database import build_database
 from ..database.store import Database, open_database
 from ..formats.motion.bvh import write_bvh
 from ..geometry.arrays import Array, Image

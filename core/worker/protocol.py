@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import CaptureError
 from ..formats.take_file.pose_codec import TimedPose, unpack_solved
-from ..formats.take_file.setup import plain
+from ..formats.take_file.take_setup import plain
 from ..geometry.arrays import Image
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped

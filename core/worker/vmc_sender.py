@@ -5,7 +5,7 @@ from collections.abc import Callable
 from ..body.scene_pose import ScenePose
 from ..body.skeleton import Skeleton
 from ..errors import CaptureError
-from ..formats.vmc.link import Sender
+from ..formats.vmc.vmc_udp import Sender
 
 
 class VmcSender:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.body.foot_lock import floor_of
 from ...core.body.scene_pose import DOUBTFUL, ScenePose
-from ...core.formats.take_file.reading import TakeFile
+from ...core.formats.take_file.take_reader import TakeFile
 from ...core.geometry.arrays import Array, Mask
 from ...core.markers.prop import Prop
 from ...core.retarget.retargeter import RetargetPlan

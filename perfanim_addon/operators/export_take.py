@@ -8,7 +8,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ...core.errors import PerfanimError, TakeError
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
-from ...core.formats.take_file.reading import read_take_file, summarise
+from ...core.formats.take_file.take_reader import read_take_file, summarise
 from ...core.markers.frame_rate import frame_rate
 from ...core.retarget.joint_naming import OWN
 from .. import take_library

@@ -7,7 +7,7 @@ import bpy
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import TakeError
-from ...core.formats.take_file.reading import TakeFile, read_take_file, take_name, unused_path
+from ...core.formats.take_file.take_reader import TakeFile, read_take_file, take_name, unused_path
 from ...core.session.pose_filters import FilterSettings
 from .. import take_library
 from ..capture import request

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import SubjectError, TakeError
-from ...core.formats.take_file.reading import summarise
+from ...core.formats.take_file.take_reader import summarise
 from ...core.markers.subject import Subject, load_subject, save_subject
 from ..jobs import activity
 from ..panels import takes

@@ -8,7 +8,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import SettingsError, TakeError
 from ...core.formats.markers.marker_files import READABLE
-from ...core.formats.take_file.reading import summarise, unused_path
+from ...core.formats.take_file.take_reader import summarise, unused_path
 from ...core.labelling.take_import import UPS
 from ...core.solver.settings import METHODS
 from ...core.system.files import is_file

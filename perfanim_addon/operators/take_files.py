@@ -5,8 +5,8 @@ from pathlib import Path
 import bpy
 
 from ...core.errors import TakeError
-from ...core.formats.take_file.reading import summarise
-from ...core.formats.take_file.setup import MOST_STARS
+from ...core.formats.take_file.take_reader import summarise
+from ...core.formats.take_file.take_setup import MOST_STARS
 from .. import take_library
 from ..panels.takes import KEY as PANEL
 from ..preferences.property_kinds import choice, draw_props, string, switch, whole_number

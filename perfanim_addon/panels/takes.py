@@ -7,9 +7,9 @@ from typing import Any
 import bpy
 
 from ...core.errors import PerfanimError
-from ...core.formats.take_file.edit import append_notes
-from ...core.formats.take_file.reading import TakeSummary, summarise
-from ...core.formats.take_file.setup import MOST_STARS
+from ...core.formats.take_file.take_edits import append_notes
+from ...core.formats.take_file.take_reader import TakeSummary, summarise
+from ...core.formats.take_file.take_setup import MOST_STARS
 from ...core.solver.settings import SolveSettings
 from .. import take_library
 from ..capture.live_capture import LiveCapture

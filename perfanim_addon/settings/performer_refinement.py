@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...core.formats.take_file.reading import unused_path
+from ...core.formats.take_file.take_reader import unused_path
 from ...core.markers.subject import Subject
 
 ENDING = ".toml"

@@ -18,9 +18,9 @@ from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.take_file.chunks import scan
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_set import load_marker_set

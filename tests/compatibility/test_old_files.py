@@ -14,7 +14,7 @@ from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.cli.batch.plan import read_plan
 from perfanim.core.database.store import identity, open_database
 from perfanim.core.formats.markers.marker_files import read_take
-from perfanim.core.formats.take_file.reading import TakeFile, read_take_file, summarise
+from perfanim.core.formats.take_file.take_reader import TakeFile, read_take_file, summarise
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig

@@ -1,7 +1,7 @@
 """VMC frames built by the OSC library alone, for comparison with what is sent."""
 
 import numpy as np
-from perfanim.core.formats.vmc.packets import AVAILABLE, BONE, ROOT, TIME
+from perfanim.core.formats.vmc.vmc_packets import AVAILABLE, BONE, ROOT, TIME
 from perfanim.core.geometry import rotations as rot
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder

@@ -3,7 +3,7 @@
 import numpy as np
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
-from perfanim.core.formats.take_file.reading import TakeFile
+from perfanim.core.formats.take_file.take_reader import TakeFile
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 

@@ -9,7 +9,7 @@ import pytest
 from bench.subset import write_database
 from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.skeleton import marker_positions
-from perfanim.core.database.labels import behaviour_of
+from perfanim.core.database.file_selection import behaviour_of
 from perfanim.core.database.store import Clip, Database, open_database
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.system.assets import MOTION
 from prior_training.motion import read_recordings

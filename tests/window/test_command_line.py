@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from motion_synthesis import perform
 from perfanim.core.body.motion import sliced
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.markers.marker_set import load_marker_set

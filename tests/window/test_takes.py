@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from desktop import BlenderWindow, Desktop
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 
 LEAST_FRAMES = 40
 

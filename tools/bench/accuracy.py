@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
-from perfanim.core.database.labels import subject_of
+from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import open_database
 from perfanim.core.simulate.markers import simulate_markers
 from perfanim.core.system.progress import Progress

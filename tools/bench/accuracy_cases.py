@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.database.build import BuildSettings, build_database
-from perfanim.core.database.labels import subject_of
+from perfanim.core.database.build_database import BuildSettings, build_database
+from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.system.assets import MOTION
 from perfanim.core.system.progress import Progress

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from perfanim.core.body.motion import Motion, resampled, sliced
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import Clip, Database, open_database
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.motion.motion_sources import MotionFile, motion_files

@@ -11,7 +11,7 @@ import numpy as np
 from perfanim.core.body.calibration_poses import CALIBRATION
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
-from perfanim.core.database.labels import subject_of
+from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.geometry.arrays import Mask
 from perfanim.core.geometry.camera import CameraRig

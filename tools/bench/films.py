@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.database.labels import subject_of
+from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.geometry.arrays import Array, Mask, runs
 from perfanim.core.geometry.camera import CameraRig

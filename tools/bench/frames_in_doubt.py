@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.session.session import Session
 from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query

@@ -9,7 +9,7 @@ import numpy as np
 from perfanim.core.body.joint_angle_frames import with_angle_frames
 from perfanim.core.body.motion import Motion, resampled
 from perfanim.core.body.skeleton import joint_angles
-from perfanim.core.database.labels import behaviour_of, subject_of
+from perfanim.core.database.file_selection import behaviour_of, subject_of
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.arrays import Array

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.database.labels import subject_of
+from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import Database
 from perfanim.core.solver.settings import SolveSettings
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import DOUBTFUL
-from perfanim.core.database.labels import subject_of
+from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import Array, Mask
 from perfanim.core.solver.settings import SolveSettings

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database, save_database
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.take_frames import take_frames

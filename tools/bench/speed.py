@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from perfanim.core.body.motion import Motion, sliced
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, FloatArray, Image, IntArray

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from perfanim.core.database.build import build_database
+from perfanim.core.database.build_database import build_database
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import Array, Image
 from perfanim.core.geometry.camera import Camera, CameraRig

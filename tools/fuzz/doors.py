@@ -21,7 +21,7 @@ from perfanim.core.formats.motion.asf import parse_asf, read_asf
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.motion.read_motion import read_motion_parts
 from perfanim.core.formats.take_file.pose_codec import unpack_solved
-from perfanim.core.formats.take_file.reading import read_take_file, summarise
+from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
 from perfanim.core.formats.vmc.tracker_stream import TrackerStream
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.label_matching import load_names

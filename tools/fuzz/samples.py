@@ -13,9 +13,9 @@ from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import plain
-from perfanim.core.formats.vmc.packets import FramePackets
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import plain
+from perfanim.core.formats.vmc.vmc_packets import FramePackets
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.subject import load_subject, skeleton_table, subject_tables

@@ -8,7 +8,7 @@ from typing import Any
 from ... import __version__
 from ...errors import PerfanimError
 from ...formats.markers.marker_files import is_recorded
-from ...formats.take_file.reading import read_take_file
+from ...formats.take_file.take_reader import read_take_file
 from ...system.files import is_file, is_folder, open_foreign
 from .plan import KEYS, Kind, TakePlan
 

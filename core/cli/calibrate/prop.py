@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...formats.markers.marker_files import is_recorded, read_take
-from ...formats.take_file.reading import read_take_file
+from ...formats.take_file.take_reader import read_take_file
 from ...labelling.trajectory_linking import track_markers
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake

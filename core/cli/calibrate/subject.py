@@ -12,7 +12,7 @@ from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
 from ...errors import SettingsError, SubjectError
 from ...formats.markers.marker_files import is_recorded, read_take
-from ...formats.take_file.reading import read_take_file
+from ...formats.take_file.take_reader import read_take_file
 from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
 from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake

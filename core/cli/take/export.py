@@ -11,7 +11,7 @@ from ...formats.markers.marker_files import WRITABLE, check_ending, is_recorded,
 from ...formats.markers.prop_csv import write_prop_csv
 from ...formats.markers.recorded_take import marker_take
 from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
-from ...formats.take_file.reading import ENDING, TakeFile, read_take_file
+from ...formats.take_file.take_reader import ENDING, TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...session.solve_take import resample_uniform
 from ...system.progress import Progress

@@ -10,8 +10,8 @@ from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
 from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, TakeError
 from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
-from ...formats.take_file.edit import recover
-from ...formats.take_file.reading import ENDING, read_take_file, take_name, unused_path
+from ...formats.take_file.take_edits import recover
+from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
 from ...labelling.take_import import UPS, import_take
 from ...markers.label_matching import AUTO, load_names, match_best_set, rename_labels
 from ...markers.marker_set import MarkerSet, load_marker_set

@@ -10,7 +10,7 @@ import numpy as np
 from ...body.scene_pose import doubtful_stretches
 from ...errors import PerfanimError
 from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
-from ...formats.take_file.reading import TakeFile, read_take_file
+from ...formats.take_file.take_reader import TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...markers.subject import Subject
 from ...system.lock import is_locked

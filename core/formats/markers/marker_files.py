@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...errors import FormatError
 from ...markers.marker_take import MarkerTake, load_take, save_take
-from ..take_file.reading import ENDING
+from ..take_file.take_reader import ENDING
 from . import c3d, qualisys_tsv, trc
 from .c3d import read_c3d
 from .c3d_write import write_c3d

@@ -11,7 +11,7 @@ from ...errors import TakeError
 from ...geometry.camera import CameraRig
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake, SingleViews
-from ..take_file.reading import TakeFile, read_take_file
+from ..take_file.take_reader import TakeFile, read_take_file
 
 
 def read_recorded_take(path: Path | str) -> MarkerTake:

@@ -12,7 +12,7 @@ from ...errors import TakeError
 from ...system.files import reading
 from ...system.schema import Key, Schema
 from .chunks import HEADER_BYTES, ChunkKind, read_chunk
-from .setup import json_object
+from .take_setup import json_object
 
 _MAGIC = b"PFTAKEND"
 _FACTS = struct.Struct("<I")  # bytes of the facts, which follow as JSON

@@ -7,9 +7,9 @@ from ...markers.label_matching import match_labels
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
 from ...system.steady_clock import SteadyClock
-from .frames import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
-from .packets import TRACKERS
+from .frame_assembler import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
 from .tracker_points import AXES, axis_names, axis_points
+from .vmc_packets import TRACKERS
 
 _SIGMA_M = 0.001  # uncertainty given to positions that come without one
 _PAUSE_S = 0.25  # between two frames: the numbers of those that are missing are left out

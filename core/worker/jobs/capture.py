@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 from ...body.foot_lock import floor_of
 from ...database.store import Database, identity, open_database
 from ...errors import PerfanimError, SettingsError
-from ...formats.take_file.setup import TakeNotes, TakeSetup
-from ...formats.take_file.writer import TakeWriter
+from ...formats.take_file.take_setup import TakeNotes, TakeSetup
+from ...formats.take_file.take_writer import TakeWriter
 from ...geometry.camera import CameraRig
 from ...geometry.rig_file import rig_from
 from ...markers.prop import prop_from

@@ -9,7 +9,7 @@ import numpy as np
 from ...body.scene_pose import PerformerPose
 from ...errors import CaptureError, PerfanimError
 from ...formats.take_file.pose_codec import TimedPose, pack_solved
-from ...formats.take_file.writer import TakeWriter
+from ...formats.take_file.take_writer import TakeWriter
 from ...geometry.arrays import Image
 from ...markers.marker_frame import MarkerFrame
 from ..channel import Channel

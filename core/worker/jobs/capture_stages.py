@@ -5,7 +5,7 @@ import time
 from typing import TYPE_CHECKING
 
 from ...formats.take_file.pose_codec import TimedPose, pack_solved
-from ...formats.take_file.writer import TakeWriter
+from ...formats.take_file.take_writer import TakeWriter
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...session.pose_filters import FilterSettings, PoseFilter

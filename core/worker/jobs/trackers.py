@@ -9,8 +9,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from ...formats.vmc.link import Receiver
 from ...formats.vmc.tracker_stream import TrackerStream
+from ...formats.vmc.vmc_udp import Receiver
 from ...markers.label_matching import join_names
 from ...markers.marker_set import marker_set_from
 from ..channel import Channel, open_when_free

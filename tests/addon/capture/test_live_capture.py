@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.session.pose_filters import FilterSettings, filter_poses

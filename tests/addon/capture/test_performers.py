@@ -12,12 +12,12 @@ import pytest
 from clicked import run_job
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.take_file.pose_codec import TimedPose
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set

@@ -9,8 +9,8 @@ import numpy as np
 from clicked import run_job
 from mathutils import Matrix, Quaternion, Vector
 from perfanim.core.body.scene_pose import PropPose
-from perfanim.core.database.build import BuildSettings, build_database
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.database.build_database import BuildSettings, build_database
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop, save_prop
 from perfanim.core.simulate.studio.source import open_simulated

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from perfanim.core.body.body_parts import PARTS
-from perfanim.core.database.build import BuildSettings, build_database
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.database.build_database import BuildSettings, build_database
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.system.assets import MOTION
 from played import curves_of
 from ticking import tick_until

@@ -18,8 +18,8 @@ from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.pose_codec import TimedPose
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.markers import simulate_markers

@@ -13,9 +13,9 @@ import pytest
 from clicked import PATIENCE_S, run_job
 from measured_layout import Context, Layout, cut_off, stand_in
 from perfanim.core.cli.main import main
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import TakeNotes
-from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import TakeNotes
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from wrong_performer import record_walk_of_a_wrong_performer
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from motion_synthesis import perform
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.markers import simulate_markers

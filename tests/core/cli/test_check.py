@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.cli.main import main
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.simulate.faults import studio_with
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_pictures

@@ -13,7 +13,7 @@ from perfanim.core.database.store import open_database
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.reading import read_take_file, summarise
+from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
 from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.markers.marker_frame_codec import pack
 from perfanim.core.markers.marker_take import MarkerTake

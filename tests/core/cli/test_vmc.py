@@ -12,10 +12,10 @@ from perfanim.core.database.store import identity
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.pose_codec import TimedPose
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole import write_whole_take
-from perfanim.core.formats.vmc.link import Receiver
-from perfanim.core.formats.vmc.packets import read_packet
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
+from perfanim.core.formats.vmc.vmc_packets import read_packet
+from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_take import load_take
 from pythonosc.osc_message_builder import OscMessageBuilder
 

@@ -8,8 +8,8 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
 from perfanim.core.errors import PropError
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.subjects.prop_calibration import calibrate_prop

@@ -16,7 +16,7 @@ from perfanim.core.errors import MOST_TEXT, FormatError, PerfanimError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.reading import has_frames, read_take_file, summarise
+from perfanim.core.formats.take_file.take_reader import has_frames, read_take_file, summarise
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.label_matching import load_names
 from perfanim.core.markers.marker_set import load_marker_set

@@ -8,9 +8,9 @@ import cv2
 import pytest
 from busy import busy_machine
 from motion_synthesis import perform
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.subject import subject_tables
 from perfanim.core.simulate.studio.source import open_simulated

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from motion_synthesis import perform
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.pose_codec import pack_solved
-from perfanim.core.formats.take_file.reading import read_take_file, summarise
-from perfanim.core.formats.vmc.link import Receiver
-from perfanim.core.formats.vmc.packets import Clock, read_packet
+from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
+from perfanim.core.formats.vmc.vmc_packets import Clock, read_packet
+from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop, prop_tables
 from perfanim.core.markers.subject import Subject, subject_tables

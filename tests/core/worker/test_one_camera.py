@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from motion_synthesis import performance
-from perfanim.core.database.build import BuildSettings, build_database
+from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import rig_tables

@@ -6,8 +6,8 @@ from osc_frames import frame_packet
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.formats.take_file.pose_codec import TimedPose, unpack_solved
 from perfanim.core.formats.vmc.humanoid import bone_poses
-from perfanim.core.formats.vmc.link import Receiver
-from perfanim.core.formats.vmc.packets import BONE, Placement, read_packet
+from perfanim.core.formats.vmc.vmc_packets import BONE, Placement, read_packet
+from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
 from perfanim.core.worker.jobs.capture_stages import PoseOutput
 from perfanim.core.worker.vmc_sender import VmcSender

@@ -7,7 +7,7 @@ from perfanim.core.body.calibration_poses import CALIBRATION, t_pose
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.cli.main import main
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import Subject, load_subject, save_subject

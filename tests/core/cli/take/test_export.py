@@ -12,13 +12,13 @@ from perfanim.core.database.store import identity
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file import writer as writer_module
+from perfanim.core.formats.take_file import take_writer as writer_module
 from perfanim.core.formats.take_file.chunks import scan
-from perfanim.core.formats.take_file.edit import append_notes
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
-from perfanim.core.formats.take_file.reading import read_take_file, summarise
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.formats.take_file.take_edits import append_notes
+from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.labelling.take_import import import_take

@@ -9,9 +9,9 @@ from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.markers.subject import save_subject
 from performers import AHEAD, side_by_side
 from props import FPS, Film

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.database.store import identity
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop, save_prop
 from props import FPS, Film, held_poses, markers_of

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.formats.take_file import writer as writer_module
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.formats.take_file import take_writer as writer_module
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.rig import default_rig

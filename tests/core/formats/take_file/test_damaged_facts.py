@@ -11,11 +11,11 @@ from fuzz.containers import change_end, change_take
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MOST_TEXT, TakeError
 from perfanim.core.formats.take_file.chunks import ChunkKind, encode_chunk, preamble, scan
-from perfanim.core.formats.take_file.edit import append_notes, recover
 from perfanim.core.formats.take_file.footer import Footer, duration_s, find_footer
-from perfanim.core.formats.take_file.reading import Gap, read_take_file, summarise
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup, event_facts
-from perfanim.core.formats.take_file.whole import take_facts, write_chunks, write_whole_take
+from perfanim.core.formats.take_file.take_edits import append_notes, recover
+from perfanim.core.formats.take_file.take_reader import Gap, read_take_file, summarise
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup, event_facts
+from perfanim.core.formats.take_file.whole_take import take_facts, write_chunks, write_whole_take
 from perfanim.core.markers.marker_frame import MarkerFrame
 from records import frame_record, frames_of
 

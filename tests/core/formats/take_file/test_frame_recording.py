@@ -4,10 +4,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, FormatError
-from perfanim.core.formats.take_file import writer
-from perfanim.core.formats.take_file.reading import read_take_file
-from perfanim.core.formats.take_file.setup import TakeSetup
-from perfanim.core.formats.take_file.writer import record_frames
+from perfanim.core.formats.take_file import take_writer
+from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_setup import TakeSetup
+from perfanim.core.formats.take_file.take_writer import record_frames
 from perfanim.core.markers.marker_frame import MarkerFrame
 
 
@@ -25,7 +25,7 @@ def test_frames_are_in_the_file_while_others_are_to_come(tmp_path: Path, setup: 
         yield from frames(20)
         (path,) = tmp_path.iterdir()
         while not read_take_file(path).frames:
-            time.sleep(writer.WRITE_EVERY_S)
+            time.sleep(take_writer.WRITE_EVERY_S)
         seen.append(read_take_file(path))
         yield MarkerFrame(20, 20 / 30.0)
 
@@ -59,7 +59,7 @@ def test_a_full_disk_is_an_error(tmp_path: Path, setup: TakeSetup, monkeypatch: 
         def no_space(handle: int, data: bytes) -> int:
             raise OSError(28, "No space left on device")
 
-        monkeypatch.setattr(writer.os, "write", no_space)
+        monkeypatch.setattr(take_writer.os, "write", no_space)
 
     with pytest.raises(FormatError, match="No space left on device"):
         record_frames(tmp_path / "walk.perftake", setup, full())

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from perfanim.core.errors import PerfanimError, TakeError
 from perfanim.core.formats.take_file.chunks import PREAMBLE_BYTES, encode_chunk, preamble
-from perfanim.core.formats.take_file.edit import append_notes
-from perfanim.core.formats.take_file.reading import read_take_file, summarise, unused_path
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.take_edits import append_notes
+from perfanim.core.formats.take_file.take_reader import read_take_file, summarise, unused_path
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from records import frame_record, frames_of, pose_record, poses_of
 
 Write = Callable[..., Path]

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import PerfanimError, PropError, SubjectError, TakeError
-from perfanim.core.formats.take_file.reading import read_take_file, summarise
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole import write_whole_take
+from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.markers.prop import load_prop, prop_tables
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 from perfanim.core.errors import TakeError
-from perfanim.core.formats.take_file import writer as writer_module
+from perfanim.core.formats.take_file import take_writer as writer_module
 from perfanim.core.formats.take_file.chunks import HEADER_BYTES, ChunkKind, scan
-from perfanim.core.formats.take_file.edit import append_notes, recover
-from perfanim.core.formats.take_file.reading import read_take_file, summarise
-from perfanim.core.formats.take_file.setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.formats.take_file.take_edits import append_notes, recover
+from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.system.lock import is_locked
 from records import frame_record, frames_of, pose_record, poses_of
 

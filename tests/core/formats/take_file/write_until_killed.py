@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.formats.take_file.setup import TakeSetup
-from perfanim.core.formats.take_file.writer import TakeWriter
+from perfanim.core.formats.take_file.take_setup import TakeSetup
+from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.rig import default_rig

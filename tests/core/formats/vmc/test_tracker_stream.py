@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from perfanim.core.formats.vmc.frames import MOST_BYTES_S, MOST_PACKETS_S, MOST_PLACED
-from perfanim.core.formats.vmc.packets import TRACKERS
+from perfanim.core.formats.vmc.frame_assembler import MOST_BYTES_S, MOST_PACKETS_S, MOST_PLACED
 from perfanim.core.formats.vmc.tracker_stream import TrackerStream
+from perfanim.core.formats.vmc.vmc_packets import TRACKERS
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from trackers_sent import tracker_packet

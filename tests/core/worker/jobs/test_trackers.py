@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.formats.vmc import frames
-from perfanim.core.formats.vmc.link import Receiver
-from perfanim.core.formats.vmc.packets import BONE
+from perfanim.core.formats.vmc import frame_assembler
+from perfanim.core.formats.vmc.vmc_packets import BONE
+from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
 from perfanim.core.worker.jobs import trackers
@@ -131,7 +131,7 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
 
 
 def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "MOST_PACKETS_S", 2)
+    monkeypatch.setattr(frame_assembler, "MOST_PACKETS_S", 2)
     told = "too much comes"
     with Running() as job, Program(job.port) as program:
         job.until(lambda: any(told in text for text in job.blender.told), lambda: program.send(b"junk"))
@@ -142,7 +142,7 @@ def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_frames_of_a_flood_do_not_pile_up_and_its_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "MOST_FRAMES_S", 80)  # more than may wait for the solver, so that both limits show
+    monkeypatch.setattr(frame_assembler, "MOST_FRAMES_S", 80)  # more than the queue of the solver holds
     monkeypatch.setattr(trackers, "_FLOOD_S", 2.0)
     with Running() as job, Program(job.port) as program:
         sent = 0

@@ -11,10 +11,10 @@ from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from .frames import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
+from .frame_assembler import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones
-from .packets import BONE, ROOT, TRACKERS
 from .tracker_points import AXES, axis_names, axis_points
+from .vmc_packets import BONE, ROOT, TRACKERS
 
 _ON_A_FRAME = 0.01  # of a frame: nearer than this to a frame is that frame; stamps are 32-bit numbers
 _TURNED = np.radians(3.0)  # by less a tracker does not turn: nobody measures how it is turned

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from ...errors import FormatError
-from .packets import TRACKERS, Clock, Placement, read_packet
+from .vmc_packets import TRACKERS, Clock, Placement, read_packet
 
 MOST_PACKETS_S = 20_000  # within a second; a program that sends every bone by itself at 120 Hz sends a third
 MOST_BYTES_S = 600_000  # within a second, of a body with its face at 60 Hz less than half; the rest is not read

@@ -14,8 +14,8 @@ from perfanim.core.body.mirroring import mirrored_rotations
 from perfanim.core.body.motion import Motion, resampled
 from perfanim.core.body.standard_skeleton import default_skeleton, scaled
 from perfanim.core.cli.main import main
-from perfanim.core.database.build import BuildSettings, build_database
-from perfanim.core.database.labels import behaviour_of, subject_of
+from perfanim.core.database.build_database import BuildSettings, build_database
+from perfanim.core.database.file_selection import behaviour_of, subject_of
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError
 from perfanim.core.formats.motion.bvh import write_bvh

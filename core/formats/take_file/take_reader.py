@@ -25,7 +25,7 @@ from .chunks import (
 )
 from .footer import Footer, find_footer
 from .pose_codec import TimedPose, unpack_solved
-from .setup import TakeNotes, TakeSetup, event_facts
+from .take_setup import TakeNotes, TakeSetup, event_facts
 
 ENDING = ".perftake"
 

@@ -12,9 +12,9 @@ from ...system.lock import is_locked, lock
 from ...system.outputs import check_no_input
 from .chunks import ChunkKind, encode_chunk
 from .footer import Footer, find_footer
-from .reading import TakeFile
-from .setup import TakeNotes
-from .whole import take_facts, write_chunks
+from .take_reader import TakeFile
+from .take_setup import TakeNotes
+from .whole_take import take_facts, write_chunks
 
 
 def append_notes(path: Path | str, notes: TakeNotes) -> None:

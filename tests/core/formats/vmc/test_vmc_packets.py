@@ -7,7 +7,7 @@ import pytest
 from osc_frames import frame_packet
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.vmc.humanoid import BONES, bone_poses
-from perfanim.core.formats.vmc.packets import BONE, ROOT, Clock, Placement, read_packet
+from perfanim.core.formats.vmc.vmc_packets import BONE, ROOT, Clock, Placement, read_packet
 from perfanim.core.geometry import rotations as rot
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message_builder import OscMessageBuilder

@@ -23,8 +23,8 @@ from ...system.files import atomic_path
 from ...system.lock import lock
 from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
 from .footer import Footer, duration_s
-from .reading import take_name, unused_path
-from .setup import TakeNotes, TakeSetup
+from .take_reader import take_name, unused_path
+from .take_setup import TakeNotes, TakeSetup
 
 WRITE_EVERY_S = 0.1
 SYNC_EVERY_S = 0.5
@@ -123,7 +123,7 @@ class TakeWriter:
         self._events_in.append({"text": text, **facts})
 
     def add_gap(self, text: str, after: int, seconds: float) -> None:
-        """Write a gap; arguments as of `reading.Gap`."""
+        """Write a gap; arguments as of `take_reader.Gap`."""
         self.add_event(text, gap={"after": after, "seconds": seconds})
 
     def close(self, orphaned: bool = False) -> None:

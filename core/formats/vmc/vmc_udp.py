@@ -14,8 +14,8 @@ from ...errors import CaptureError
 from ...geometry.arrays import Array
 from ...system.progress import Progress
 from .humanoid import BONES, Humanoid
-from .packets import FramePackets
-from .recording import Recording
+from .vmc_packets import FramePackets
+from .vmc_recording import Recording
 
 _LARGEST_PACKET = 65535
 _BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy

@@ -5,11 +5,11 @@ import pytest
 from osc_frames import frame_packet
 from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.errors import CaptureError, TakeError
-from perfanim.core.formats.vmc.frames import MOST_PLACED
+from perfanim.core.formats.vmc.frame_assembler import MOST_PLACED
 from perfanim.core.formats.vmc.humanoid import bone_poses, motion_of_bones
-from perfanim.core.formats.vmc.link import Receiver, play, record
-from perfanim.core.formats.vmc.packets import BONE, ROOT, TIME
-from perfanim.core.formats.vmc.recording import Recording
+from perfanim.core.formats.vmc.vmc_packets import BONE, ROOT, TIME
+from perfanim.core.formats.vmc.vmc_recording import Recording
+from perfanim.core.formats.vmc.vmc_udp import Receiver, play, record
 from perfanim.core.geometry import rotations as rot
 from pythonosc.osc_message_builder import OscMessageBuilder
 from trackers_sent import tracker_packet

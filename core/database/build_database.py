@@ -19,10 +19,10 @@ from ..formats.motion.motion_sources import MotionFile, motion_files
 from ..geometry.arrays import FloatArray
 from ..system.files import remove_left_behind, writing
 from ..system.progress import Progress, no_progress
+from .clip_reader import ReadClip, read_files
 from .culling import clips_after_culling, near_duplicates
+from .file_selection import behaviour_of, select_files, subject_of
 from .frame_file import FrameFile
-from .labels import behaviour_of, select_files, subject_of
-from .reading import ReadClip, read_files
 from .reference_poses import reference_pose_report, relative_poses
 from .store import Clip, Database, same_bones, save_database
 

@@ -10,7 +10,7 @@ from ...system.files import atomic_path
 from .chunks import ChunkKind, encode_chunk, join_records, preamble
 from .footer import Footer, duration_s
 from .pose_codec import TimedPose, pack_solved
-from .setup import TakeNotes, TakeSetup
+from .take_setup import TakeNotes, TakeSetup
 
 _RECORDS_PER_CHUNK = 64  # lost by one damaged byte
 
