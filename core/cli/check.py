@@ -69,7 +69,7 @@ def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, An
 
 def _check_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..subjects.setup_check.board_faults import board_faults
-    from ..vision.calibration.board import BoardView, find_board, parse_board
+    from ..vision.calibration.calibration_board import BoardView, find_board, parse_board
     from ..vision.sources.source_kinds import open_image_source
 
     board = parse_board(args.board)

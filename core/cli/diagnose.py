@@ -44,7 +44,7 @@ def library_facts(name: str) -> str:
 
 def _cameras() -> list[dict[str, Any]]:
     try:
-        from ..vision.sources.cameras import find_cameras
+        from ..vision.sources.camera_source import find_cameras
     except ImportError:  # the libraries' lines say why
         return []
     return [{"device": camera.device, "size": camera.size} for camera in find_cameras()]

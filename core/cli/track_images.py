@@ -32,7 +32,7 @@ from ..session.session import Session
 from ..session.solve_take import solve_frames
 from ..system.files import atomic_path
 from ..system.progress import Progress
-from ..vision.calibration.floor import rig_on_floor
+from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.image_take import image_take
 from ..vision.pipeline import MarkerPipeline

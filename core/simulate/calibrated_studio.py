@@ -7,10 +7,10 @@ import numpy as np
 from ..errors import CaptureError
 from ..geometry.camera import CameraRig
 from ..geometry.triangulation import triangulate
-from ..vision.calibration.board import find_board
 from ..vision.calibration.calibrate import CalibrationResult, calibrate_from_points
-from ..vision.calibration.floor import rig_on_floor
+from ..vision.calibration.calibration_board import find_board
 from ..vision.calibration.rig_fit import CameraViews
+from ..vision.calibration.rig_on_floor import rig_on_floor
 from .studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures, draw_board
 from .studio.source import SimulatedSource
 

@@ -16,7 +16,7 @@ from ..geometry.arrays import Array, Image
 from ..geometry.camera import CameraRig
 from ..markers.marker_set import MarkerSet
 from ..subjects.setup_check.finding import Fault
-from ..vision.calibration.board import Board, BoardView, find_board
+from ..vision.calibration.calibration_board import Board, BoardView, find_board
 from ..vision.sources.image_set import ImageSet
 from .studio.boards import DEFAULT_BOARD, board_pictures
 from .studio.discs import draw_disc

@@ -15,7 +15,7 @@ from ..body.skeleton import Skeleton
 from ..errors import CaptureError
 from ..geometry.arrays import Array, Image
 from ..geometry.camera import Camera
-from ..vision.sources.files import write_image
+from ..vision.sources.image_files import write_image
 from .studio.body import Body, make_body
 from .studio.lens import undistorted_grid
 from .studio.limb_outlines import Colour, draw_body, outlines

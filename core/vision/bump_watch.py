@@ -12,7 +12,7 @@ from ..geometry.arrays import Array, FloatArray
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..system.backoff import Backoff
-from .calibration.refine import Refinement, refine_rig
+from .calibration.rig_refinement import Refinement, refine_rig
 from .matching.stereo import EPIPOLAR_PX
 
 Start = Callable[..., "Future[Refinement | None]"]

@@ -5,8 +5,8 @@ from typing import Any
 
 from ..errors import SettingsError
 from ..vision.sources.camera_controls import CameraControls
-from ..vision.sources.cameras import CameraSource
-from ..vision.sources.images import ImageFileSource
+from ..vision.sources.camera_source import CameraSource
+from ..vision.sources.image_file_source import ImageFileSource
 from ..vision.sources.source_kinds import ImageSource, frame_rate, listed_values, open_videos
 
 

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-CAMERAS = "perfanim.core.vision.sources.cameras"
+CAMERAS = "perfanim.core.vision.sources.camera_source"
 _begun_s: list[float] = []  # all cameras of a process play the same moments
 
 

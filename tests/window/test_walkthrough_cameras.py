@@ -22,7 +22,7 @@ from perfanim.core.simulate.studio.floor_markers import FloorMarkers
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.source import open_simulated
-from perfanim.core.vision.calibration.board import parse_board
+from perfanim.core.vision.calibration.calibration_board import parse_board
 from pointing import Hand
 from sidebar_steps import opened, received, wait_for_frames
 from test_walkthrough import desktop  # noqa: F401 - the fixture

@@ -35,8 +35,8 @@ from perfanim.core.sketch.sketch import read_sketch
 from perfanim.core.sketch.sketch_messages import settings_from, sketch_from
 from perfanim.core.system.files import read_bytes
 from perfanim.core.vision.calibration.board_points import load_board_points
-from perfanim.core.vision.sources.files import read_image
-from perfanim.core.vision.sources.videos import VideoSource
+from perfanim.core.vision.sources.image_files import read_image
+from perfanim.core.vision.sources.video_source import VideoSource
 from perfanim.core.worker.open_source import open_source
 from perfanim.core.worker.process import JOBS
 from perfanim.core.worker.protocol import Decoder, Message, MessageKind

@@ -15,8 +15,8 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ...vision.calibration.board import parse_board
     from ...vision.calibration.board_pdf import write_board_pdf
+    from ...vision.calibration.calibration_board import parse_board
 
     paper = write_board_pdf(parse_board(args.spec), args.spec, args.out)
     return {"out": str(args.out), "paper": paper}

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         square_m = 0.0
         result = calibrate_from_points(points_m, cameras)
     else:
-        from ...vision.calibration.board import parse_board
+        from ...vision.calibration.calibration_board import parse_board
 
         patterns = _patterns(args)
         if not args.board:
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 def _from_files(patterns: dict[str, str], board: Any, progress: Progress, *, left_right: bool) -> Any:
     from ...vision.calibration.calibrate_images import calibrate_images
     from ...vision.calibration.calibrate_videos import calibrate_videos
-    from ...vision.sources.images import is_image_pattern
+    from ...vision.sources.image_file_source import is_image_pattern
 
     videos = [name for name, pattern in patterns.items() if is_file(pattern) and not is_image_pattern(pattern)]
     if videos and len(videos) < len(patterns):

@@ -32,8 +32,8 @@ def add_parser(group: Any) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ...errors import CalibrationError
     from ...geometry.rig_file import load_rig, save_rig
-    from ...vision.calibration.floor import rig_on_floor
-    from ...vision.calibration.floor_markers import scaled_to
+    from ...vision.calibration.floor_watch import scaled_to
+    from ...vision.calibration.rig_on_floor import rig_on_floor
 
     rig = load_rig(args.cameras)
     watch = _watch(args, rig, progress)
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
-    from ...vision.calibration.floor_markers import FloorWatch
+    from ...vision.calibration.floor_watch import FloorWatch
     from ...vision.sources.source_kinds import open_image_source
     from ..track_images import make_pipeline
 

@@ -27,7 +27,7 @@ def add_parser(group: Any) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ...errors import CalibrationError
     from ...geometry.rig_file import load_rig, save_rig
-    from ...vision.calibration.refine import refine_rig
+    from ...vision.calibration.rig_refinement import refine_rig
     from ...vision.pipeline import MarkerPipeline
     from ...vision.sources.source_kinds import open_image_source
 

@@ -10,7 +10,7 @@ from ...errors import SettingsError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, FloatArray, Image
 from ...geometry.camera import Camera, CameraRig
-from ...vision.calibration.board import Board, charuco_board
+from ...vision.calibration.calibration_board import Board, charuco_board
 from ...vision.sources.image_set import ClosableSource, ImageSet
 from .lens import undistorted_grid
 from .render import Renderer

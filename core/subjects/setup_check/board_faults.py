@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...vision.calibration.board import Board, BoardView
+from ...vision.calibration.calibration_board import Board, BoardView
 from .finding import Fault, Finding
 
 _SMALLEST_SQUARE_PX = 12.0  # corners of smaller squares disturb each other, and show little of the lens

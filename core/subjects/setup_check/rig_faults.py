@@ -8,7 +8,7 @@ from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...geometry.camera import CameraRig
 from ...markers.marker_frame import MarkerFrame
-from ...vision.calibration.refine import refine_rig
+from ...vision.calibration.rig_refinement import refine_rig
 from ...vision.common_space import CommonSpace, common_space
 from ...vision.matching.camera_swap import EXCHANGED
 from .finding import Fault, Finding

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...geometry.arrays import Array, Image, Mask
 from ...geometry.camera import Camera, CameraRig
-from .board import Board, BoardView
 from .board_quality import edge_widths
 from .board_watch import BoardPlacement, placement_of
+from .calibration_board import Board, BoardView
 
 REGIONS = 3  # of an image, each way
 ENOUGH_COVERED = 0.45  # of the part of an image that all cameras can see together

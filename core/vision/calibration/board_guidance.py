@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ...geometry.arrays import Image
-from .board import Board
 from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered
 from .board_watch import BoardObservation, BoardPlacement
+from .calibration_board import Board
 
 Region = tuple[int, int]
 Target = tuple[int, Region]

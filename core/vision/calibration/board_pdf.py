@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...system.files import atomic_path
-from .board import Board, charuco_board
+from .calibration_board import Board, charuco_board
 
 _PAPERS_MM = {
     "A4": (210.0, 297.0),

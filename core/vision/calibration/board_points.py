@@ -9,7 +9,7 @@ import numpy as np
 from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...system.files import read_bytes, reading
-from .board import BoardView
+from .calibration_board import BoardView
 from .rig_fit import CameraViews
 
 _LAYOUT = (

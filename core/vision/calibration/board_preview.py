@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from ...geometry.arrays import Image, Mask
-from .board import BoardView
 from .board_coverage import REGIONS
+from .calibration_board import BoardView
 
 Colour = tuple[int, int, int]
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from ...geometry.arrays import Array, Image
-from .board import Board, BoardView, edge_reach, grey_of
+from .calibration_board import Board, BoardView, edge_reach, grey_of
 
 _PROFILE_STEP_PX = 0.5
 _LEAST_CONTRAST = 20.0  # grey levels between black and white squares

@@ -13,11 +13,11 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Image, Mask
-from .board import Board, BoardView, find_board, glimpse_board, seen_grid
 from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered, update_reachable
 from .board_guidance import OtherBoardProbe, Target, TargetRegions, is_alike, move_advice, visibility_advice
 from .board_watch import BoardObservation, BoardWatch, placement_of
 from .calibrate import CalibrationResult, are_sides_exchanged, calibrate_from_points
+from .calibration_board import Board, BoardView, find_board, glimpse_board, seen_grid
 from .rig_fit import MINIMUM_VIEWS, CameraViews
 
 Start = Callable[..., "Future[Any]"]

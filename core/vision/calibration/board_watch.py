@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ...geometry.arrays import Array, Image
-from .board import Board, BoardView
+from .calibration_board import Board, BoardView
 
 STILL_S = 0.5
 _STILL = 2.0 / 640.0  # of the image width: what a hand trembles within that time; less smears no corner

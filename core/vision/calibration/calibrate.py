@@ -15,9 +15,9 @@ from ...errors import CalibrationError
 from ...geometry.arrays import Array
 from ...geometry.camera import WORLD_FROM_CAMERA, Camera, CameraRig
 from ...geometry.rigid_transform import nearest_rotation
-from .board import BoardView
 from .board_quality import Coverage, coverage
 from .bundle import Bundle, CornerObservation, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
+from .calibration_board import BoardView
 from .relative_pose import Transform, inverse
 from .rig_fit import (
     MINIMUM_VIEWS,

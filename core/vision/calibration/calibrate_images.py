@@ -9,10 +9,10 @@ import numpy as np
 
 from ...errors import CalibrationError, CaptureError
 from ...system.progress import Progress
-from ..sources.files import by_number, list_images, read_image
-from .board import Board, BoardView, find_board, seen_grid
+from ..sources.image_files import by_number, list_images, read_image
 from .board_quality import edge_widths
 from .calibrate import CalibrationResult, calibrate_from_points
+from .calibration_board import Board, BoardView, find_board, seen_grid
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 _PROBES = 5

@@ -14,10 +14,10 @@ import numpy as np
 from ...errors import CalibrationError, CaptureError
 from ...geometry.arrays import Array, Image
 from ...system.progress import Progress
-from ..sources.videos import VideoSource
-from .board import Board, BoardView, find_board, grey_of
+from ..sources.video_source import VideoSource
 from .board_quality import edge_widths
 from .calibrate import CalibrationResult, calibrate_from_points
+from .calibration_board import Board, BoardView, find_board, grey_of
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 _LOOKED_AT = 240  # moments of a recording

@@ -8,7 +8,6 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Array, Mask
-from .board import BoardView
 from .bundle import (
     INTRINSICS,
     Bundle,
@@ -23,6 +22,7 @@ from .bundle import (
     rms,
     rms_by_moment,
 )
+from .calibration_board import BoardView
 from .relative_pose import Transform, compose, half_turn, inverse, relative_poses, seen_alike
 
 MINIMUM_VIEWS = 3

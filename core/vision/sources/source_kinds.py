@@ -13,9 +13,9 @@ from ...errors import CaptureError, SettingsError
 from ...geometry.arrays import Image
 from ...system.files import is_file, is_folder
 from .addresses import camera_name, is_address, is_stream
-from .cameras import CameraSource
-from .images import ImageFileSource, is_image_pattern
-from .videos import VideoSource
+from .camera_source import CameraSource
+from .image_file_source import ImageFileSource, is_image_pattern
+from .video_source import VideoSource
 
 
 class ImageSetLike(Protocol):

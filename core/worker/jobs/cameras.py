@@ -28,7 +28,7 @@ from ...geometry.rig_file import rig_from
 from ...system.files import reading
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
-from ...vision.live import live_frames, live_settings
+from ...vision.live_frames import live_frames, live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel, Stopped, open_when_free

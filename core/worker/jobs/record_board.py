@@ -24,11 +24,11 @@ from ...simulate.studio.boards import BoardPose, CarriedBoard, board_poses
 from ...simulate.studio.render import Renderer
 from ...simulate.studio.rig import default_rig
 from ...subjects.setup_check.board_faults import board_faults
-from ...vision.calibration.board import Board, parse_board
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from ...vision.calibration.board_session import BoardSession, Guidance
 from ...vision.calibration.calibrate import calibration_summary
-from ...vision.sources.files import write_image
+from ...vision.calibration.calibration_board import Board, parse_board
+from ...vision.sources.image_files import write_image
 from ...vision.sources.image_set import camera_title, moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel

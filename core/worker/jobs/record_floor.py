@@ -17,10 +17,10 @@ from ...errors import CalibrationError
 from ...geometry.arrays import Image
 from ...geometry.rig_file import rig_from, rig_tables
 from ...simulate.studio.boards import board_on_floor
-from ...vision.calibration.board import Board, find_board, parse_board
 from ...vision.calibration.board_preview import draw_corners
 from ...vision.calibration.board_watch import BoardObservation, BoardWatch
-from ...vision.calibration.floor import board_in_space, rig_on_floor
+from ...vision.calibration.calibration_board import Board, find_board, parse_board
+from ...vision.calibration.rig_on_floor import board_in_space, rig_on_floor
 from ...vision.sources.image_set import moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel

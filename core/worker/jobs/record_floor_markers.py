@@ -16,9 +16,9 @@ from ...geometry.rig_file import rig_from, rig_tables
 from ...simulate.studio.floor_markers import FloorMarkers
 from ...simulate.studio.rig import default_rig
 from ...vision.blob_preview import draw_blobs
-from ...vision.calibration.floor import rig_on_floor
-from ...vision.calibration.floor_markers import FloorWatch, scaled_to
-from ...vision.live import live_settings
+from ...vision.calibration.floor_watch import FloorWatch, scaled_to
+from ...vision.calibration.rig_on_floor import rig_on_floor
+from ...vision.live_frames import live_settings
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import moment_of
 from ...vision.sources.source_kinds import ImageSource

@@ -24,7 +24,7 @@ from ...markers.marker_set import load_marker_set
 from ...markers.marker_take import MarkerTake
 from ...simulate.studio.placement import ARRIVAL_S
 from ...subjects.pose_calibration import check_poses
-from ...vision.calibration.floor import rig_on_floor
+from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
 from ..source_traits import is_live, is_simulated

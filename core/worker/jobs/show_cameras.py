@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...vision.blob_preview import write_line
-from ...vision.sources.cameras import find_cameras
+from ...vision.sources.camera_source import find_cameras
 from ...vision.sources.device_names import device_name
 from ..channel import Channel
 from .camera_preview import PreviewSender

@@ -10,7 +10,7 @@ import pytest
 import scipy
 from perfanim.core.cli.main import main
 from perfanim.core.vision.sources import cameras
-from perfanim.core.vision.sources.cameras import FoundCamera
+from perfanim.core.vision.sources.camera_source import FoundCamera
 
 
 def test_versions_and_cameras_are_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,7 +27,7 @@ def test_a_library_that_cannot_be_loaded_is_told_and_the_rest_as_well(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "cv2", None)
-    monkeypatch.delitem(sys.modules, "perfanim.core.vision.sources.cameras", raising=False)
+    monkeypatch.delitem(sys.modules, "perfanim.core.vision.sources.camera_source", raising=False)
     assert main(["diagnose", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["libraries"]["cv2"].startswith("cannot be loaded: ModuleNotFoundError")

@@ -26,7 +26,7 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
 from perfanim.core.simulate.studio.settings import StudioSettings
 from perfanim.core.simulate.studio.source import open_simulated, simulated_source, with_return
-from perfanim.core.vision.calibration.board import find_board, parse_board
+from perfanim.core.vision.calibration.calibration_board import find_board, parse_board
 
 FPS = 60.0
 QUIET = StudioSettings(noise_sigma=0.0, clutter=False)

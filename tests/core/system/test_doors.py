@@ -24,7 +24,7 @@ from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import load_subject
 from perfanim.core.retarget.bone_map_files import load_bone_map, read_bone_map
 from perfanim.core.system.files import exists, is_file, is_folder, open_foreign, read_bytes, read_toml, reading
-from perfanim.core.vision.sources.files import read_image
+from perfanim.core.vision.sources.image_files import read_image
 from perfanim.core.vision.sources.source_kinds import open_image_source
 
 

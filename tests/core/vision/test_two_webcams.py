@@ -10,7 +10,7 @@ from perfanim.core.vision.calibration.board_points import load_board_points
 from perfanim.core.vision.calibration.calibrate import calibrate_from_points
 from perfanim.core.vision.pipeline import MarkerPipeline
 from perfanim.core.vision.reprojection import labelled_rms_px
-from perfanim.core.vision.sources.images import ImageFileSource
+from perfanim.core.vision.sources.image_file_source import ImageFileSource
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.vision.calibration.board_points import load_board_points
 from perfanim.core.vision.calibration.calibrate import calibrate_from_points
 from perfanim.core.vision.detection.background import background_from_take
+from perfanim.core.vision.sources.image_file_source import ImageFileSource
 from perfanim.core.vision.sources.image_set import ImageSet
-from perfanim.core.vision.sources.images import ImageFileSource
 
 
 @pytest.fixture(scope="module")

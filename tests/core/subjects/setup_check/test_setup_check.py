@@ -12,7 +12,7 @@ from perfanim.core.subjects.setup_check.board_faults import board_faults, square
 from perfanim.core.subjects.setup_check.check import check_pictures, check_setup
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.subjects.setup_check.rig_faults import place_fault
-from perfanim.core.vision.calibration.board import Board, BoardView
+from perfanim.core.vision.calibration.calibration_board import Board, BoardView
 from perfanim.core.vision.detection.background import learn_backgrounds
 
 

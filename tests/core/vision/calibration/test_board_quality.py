@@ -1,8 +1,8 @@
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.vision.calibration.board import Board, BoardView, find_board
 from perfanim.core.vision.calibration.board_quality import coverage, edge_widths
+from perfanim.core.vision.calibration.calibration_board import Board, BoardView, find_board
 
 BOARD = Board("chessboard", 7, 5, 0.03)
 SQUARE = 40

@@ -3,8 +3,8 @@ from collections.abc import Iterator, Sequence
 import cv2
 import numpy as np
 import pytest
-from perfanim.core.vision.calibration.board import Board, BoardView, parse_board
 from perfanim.core.vision.calibration.board_watch import BoardWatch, placement_of
+from perfanim.core.vision.calibration.calibration_board import Board, BoardView, parse_board
 
 BOARD = parse_board("chessboard:9x6:24mm")
 CORNERS = BOARD.points_m[:, :2] * 5000.0 + 40.0  # pixels

@@ -6,9 +6,9 @@ import pytest
 from perfanim.core.errors import CalibrationError, FormatError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.vision.calibration.board import Board, BoardView
 from perfanim.core.vision.calibration.board_points import load_board_points
 from perfanim.core.vision.calibration.calibrate import calibrate_from_points
+from perfanim.core.vision.calibration.calibration_board import Board, BoardView
 from perfanim.core.vision.calibration.rig_fit import CameraViews
 
 BOARD = Board("chessboard", 8, 6, 0.06)  # looks the same after half a turn

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.rig_file import load_rig
-from perfanim.core.vision.calibration.board import parse_board
 from perfanim.core.vision.calibration.calibrate_images import calibrate_images
 from perfanim.core.vision.calibration.calibrate_videos import calibrate_videos
+from perfanim.core.vision.calibration.calibration_board import parse_board
 
 
 def silent(fraction: float, text: str) -> None:

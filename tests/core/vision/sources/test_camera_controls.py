@@ -6,7 +6,7 @@ import pytest
 from perfanim.core.errors import SettingsError
 from perfanim.core.vision.sources import cameras
 from perfanim.core.vision.sources.camera_controls import CameraControls, apply_controls
-from perfanim.core.vision.sources.cameras import CameraSource
+from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.worker.open_source import open_source
 
 

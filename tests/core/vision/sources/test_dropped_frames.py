@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.vision.sources import cameras, videos
-from perfanim.core.vision.sources.cameras import CameraSource
+from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import next_number
-from perfanim.core.vision.sources.videos import VideoSource
+from perfanim.core.vision.sources.video_source import VideoSource
 
 PICTURE = np.zeros((48, 64, 3), np.uint8)
 

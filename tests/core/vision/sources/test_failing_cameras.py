@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.vision.sources import cameras
-from perfanim.core.vision.sources.cameras import CameraSource
+from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.vision.sources.pairing import ImagePairing
 

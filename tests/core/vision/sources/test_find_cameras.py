@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.vision.sources import device_names
-from perfanim.core.vision.sources.cameras import FoundCamera, find_cameras
+from perfanim.core.vision.sources.camera_source import FoundCamera, find_cameras
 
 SIZES = {0: (640, 480), 2: None, 3: (1280, 720)}  # device 1 is none
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.vision.sources.files import IMAGE_SUFFIXES, read_image
+from perfanim.core.vision.sources.image_files import IMAGE_SUFFIXES, read_image
 from perfanim.core.vision.sources.image_header import check_image_size, image_size
 
 IMAGE = np.tile(np.arange(50, dtype=np.uint8)[:, None, None], (1, 37, 3))
@@ -78,7 +78,8 @@ CASES = {
 def test_a_small_file_that_declares_much_takes_no_memory(data: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(data)
     program = (
-        "import resource, sys; from pathlib import Path; from perfanim.core.vision.sources.files import read_image\n"
+        "import resource, sys; from pathlib import Path\n"
+        "from perfanim.core.vision.sources.image_files import read_image\n"
         "from perfanim.core.errors import CaptureError; before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "try: read_image(Path(sys.argv[1]))\n"
         "except CaptureError as error: print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, error)"

@@ -10,7 +10,7 @@ from mjpeg_server import MjpegServer
 from perfanim.core.errors import CaptureError
 from perfanim.core.vision.sources import cameras
 from perfanim.core.vision.sources.addresses import is_stream
-from perfanim.core.vision.sources.cameras import CameraSource
+from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.vision.sources.pairing import ImagePairing
 from perfanim.core.vision.sources.source_kinds import open_image_source

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
 from perfanim.core.vision.sources import image_header
-from perfanim.core.vision.sources.cameras import CameraSource
+from perfanim.core.vision.sources.camera_source import CameraSource
+from perfanim.core.vision.sources.image_file_source import ImageFileSource
 from perfanim.core.vision.sources.image_header import check_image_size
-from perfanim.core.vision.sources.images import ImageFileSource
 from perfanim.core.vision.sources.source_kinds import open_image_source
-from perfanim.core.vision.sources.videos import VideoSource
+from perfanim.core.vision.sources.video_source import VideoSource
 from perfanim.core.worker.open_source import open_source
 
 
@@ -60,7 +60,7 @@ def test_a_file_that_leads_to_a_pipe_is_not_waited_for(tmp_path, name, text):
         (tmp_path / name).write_bytes(video(tmp_path / "a.avi", 3).read_bytes())
     else:
         (tmp_path / name).write_text(text)
-    code = "import sys\nfrom perfanim.core.vision.sources.videos import VideoSource\nVideoSource([sys.argv[1]])"
+    code = "import sys\nfrom perfanim.core.vision.sources.video_source import VideoSource\nVideoSource([sys.argv[1]])"
     done = subprocess.run(
         [sys.executable, "-c", code, name], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
     )

@@ -5,7 +5,8 @@ from perfanim.core.errors import CalibrationError, SettingsError
 from perfanim.core.simulate.studio.boards import board_pictures
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.vision.calibration.board import (
+from perfanim.core.vision.calibration.board_pdf import write_board_pdf
+from perfanim.core.vision.calibration.calibration_board import (
     Board,
     charuco_board,
     find_board,
@@ -13,7 +14,6 @@ from perfanim.core.vision.calibration.board import (
     parse_board,
     seen_grid,
 )
-from perfanim.core.vision.calibration.board_pdf import write_board_pdf
 
 PIXELS_PER_SQUARE = 60
 

@@ -3,8 +3,8 @@ import pytest
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.vision.calibration.board import Board, BoardView
-from perfanim.core.vision.calibration.floor import board_in_space, rig_on_floor
+from perfanim.core.vision.calibration.calibration_board import Board, BoardView
+from perfanim.core.vision.calibration.rig_on_floor import board_in_space, rig_on_floor
 
 NOISE_M = 0.001
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
-from .files import list_images, pair_by_number, read_image
+from .image_files import list_images, pair_by_number, read_image
 from .image_set import ClosableSource, ImageSet
 
 # a time of day as cameras write it into names: 14-57-01~73, 10-21-36%593, 10-21-36.593

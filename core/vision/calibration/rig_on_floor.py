@@ -13,7 +13,7 @@ from ...geometry.arrays import Array
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.rigid_transform import principal_axes
 from ...geometry.triangulation import triangulate
-from .board import Board, BoardView
+from .calibration_board import Board, BoardView
 
 _SIGMA_PX = 0.3  # of a corner
 _LARGEST_ERROR = 3.0 / 640.0  # of the image width: a camera was moved since

@@ -15,7 +15,7 @@ from ...geometry.arrays import Image
 from ...system.files import is_file, open_foreign, reading
 from .addresses import is_address
 from .camera_watch import is_repeated
-from .files import open_address
+from .image_files import open_address
 from .image_header import check_image_size
 from .image_set import ClosableSource, ImageSet, next_number
 

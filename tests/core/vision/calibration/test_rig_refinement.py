@@ -5,7 +5,7 @@ import pytest
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.vision.calibration.refine import refine_rig
+from perfanim.core.vision.calibration.rig_refinement import refine_rig
 
 NOISE_PX = 0.1
 

@@ -17,7 +17,7 @@ from ...geometry.arrays import Image
 from .addresses import camera_name
 from .camera_controls import CameraControls, apply_controls
 from .device_names import device_numbers
-from .files import open_address
+from .image_files import open_address
 from .image_set import ClosableSource, ImageSet
 from .pairing import ImagePairing
 

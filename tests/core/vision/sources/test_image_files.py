@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.vision.sources.files import by_number, list_images, pair_by_number, read_image
+from perfanim.core.vision.sources.image_file_source import ImageFileSource
+from perfanim.core.vision.sources.image_files import by_number, list_images, pair_by_number, read_image
 from perfanim.core.vision.sources.image_set import ImageSet
-from perfanim.core.vision.sources.images import ImageFileSource
 
 
 def write(folder: Path, *names: str) -> None:
