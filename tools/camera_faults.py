@@ -38,7 +38,7 @@ import numpy as np
 from mjpeg_server import MjpegServer
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry.arrays import Image
-from perfanim.core.vision.sources import cameras
+from perfanim.core.vision.sources import camera_source
 
 FAULTS = ("stall", "taken", "slow", "fast", "size", "backward", "torn", "stream", "cut")
 FPS = 60.0
@@ -131,7 +131,7 @@ def _measured(
     fault: str, chance: random.Random, drivers: Sequence[Driver], right: int | str, failing: Driver | MjpegServer
 ) -> dict[str, Any]:
     """Return the figures of one fault of the right camera."""
-    really_open = cameras._open
+    really_open = camera_source._open
 
     def opened(device: int | str, *asked: Any) -> tuple[Any, Image]:
         return really_open(device, *asked) if isinstance(device, str) else drivers[device].open()
@@ -140,8 +140,8 @@ def _measured(
     end_s = begin_s + FAILS_S
     reported_s = recovered_s = float("inf")
     note, used = "", 0
-    with patch.object(cameras, "_open", opened):
-        source = cameras.CameraSource([0, right], fps=FPS)
+    with patch.object(camera_source, "_open", opened):
+        source = camera_source.CameraSource([0, right], fps=FPS)
         timers = [
             threading.Timer(begin_s - time.perf_counter(), failing.begin, [fault]),
             threading.Timer(end_s - time.perf_counter(), failing.mend),

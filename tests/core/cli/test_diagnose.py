@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import scipy
 from perfanim.core.cli.main import main
-from perfanim.core.vision.sources import cameras
+from perfanim.core.vision.sources import camera_source
 from perfanim.core.vision.sources.camera_source import FoundCamera
 
 
 def test_versions_and_cameras_are_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cameras, "find_cameras", lambda: [FoundCamera(0, (640, 480)), FoundCamera(2, None)])
+    monkeypatch.setattr(camera_source, "find_cameras", lambda: [FoundCamera(0, (640, 480)), FoundCamera(2, None)])
     assert main(["diagnose", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     versions = {"numpy": np.__version__, "scipy": scipy.__version__, "cv2": cv2.__version__}

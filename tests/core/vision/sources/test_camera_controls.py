@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import SettingsError
-from perfanim.core.vision.sources import cameras
+from perfanim.core.vision.sources import camera_source
 from perfanim.core.vision.sources.camera_controls import CameraControls, apply_controls
 from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.worker.open_source import open_source
@@ -66,7 +66,7 @@ def test_what_a_camera_does_not_take_is_told(monkeypatch):
     picture = np.zeros((48, 64, 3), np.uint8)
     coarse = {cv2.CAP_PROP_EXPOSURE: 100.0, cv2.CAP_PROP_GAIN: 1.0}  # tenths of a millisecond: 2 ms become 0
     drivers = [Driver("V4L2", coarse), Driver("V4L2", EVERYTHING)]
-    monkeypatch.setattr(cameras, "_open", lambda device, *_: (drivers[device], picture))
+    monkeypatch.setattr(camera_source, "_open", lambda device, *_: (drivers[device], picture))
     told = CameraControls(exposure_s=0.002, gain=10.0, focus=5.0)
     source = CameraSource([0, 1], controls=[told, told])
     source.close()
@@ -76,7 +76,7 @@ def test_what_a_camera_does_not_take_is_told(monkeypatch):
 
 def test_a_description_carries_them_and_without_any_the_camera_is_left_alone(monkeypatch):
     drivers = [Driver("V4L2", EVERYTHING), Driver("V4L2", EVERYTHING)]
-    monkeypatch.setattr(cameras, "_open", lambda device, *_: (drivers[device], np.zeros((48, 64, 3), np.uint8)))
+    monkeypatch.setattr(camera_source, "_open", lambda device, *_: (drivers[device], np.zeros((48, 64, 3), np.uint8)))
     open_source({"kind": "cameras", "devices": [0, 1], "controls": [{"exposure_s": 0.004, "gain": None}]}).close()
     assert drivers[0].values == {cv2.CAP_PROP_EXPOSURE: 40.0}
     assert drivers[1].told == []

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.vision.sources import cameras, videos
+from perfanim.core.vision.sources import camera_source, video_source
 from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import next_number
 from perfanim.core.vision.sources.video_source import VideoSource
@@ -60,8 +60,8 @@ def test_a_frame_that_is_late_is_not_a_frame_that_is_lost() -> None:
 
 def test_cameras_number_their_frames_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     played = PlayedCapture(TIMES_S)
-    monkeypatch.setattr(cameras, "_open", lambda *_: (played, PICTURE))
-    monkeypatch.setattr(cameras, "time", played)
+    monkeypatch.setattr(camera_source, "_open", lambda *_: (played, PICTURE))
+    monkeypatch.setattr(camera_source, "time", played)
     source = CameraSource([0])
     numbers = [image_set.number for _, image_set in zip(KEPT, source, strict=False)]
     source.close()
@@ -69,7 +69,7 @@ def test_cameras_number_their_frames_by_the_clock(monkeypatch: pytest.MonkeyPatc
 
 
 def test_videos_number_their_frames_by_their_time_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(videos, "_open", lambda _: PlayedCapture(TIMES_S))
+    monkeypatch.setattr(video_source, "_open", lambda _: PlayedCapture(TIMES_S))
     sets = list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
     assert [image_set.number for image_set in sets] == KEPT
     np.testing.assert_allclose([image_set.times_s[0] for image_set in sets], np.array(KEPT) / 60)
@@ -93,7 +93,7 @@ def test_a_frame_that_one_video_lost_or_shows_twice_is_left_out_there_only(monke
     left = [n for n in range(20) if n != 9]
     right = [n for n in range(20) if n not in (4, 5, 9)]
     monkeypatch.setattr(
-        videos, "_open", lambda path: PlayedVideo(left) if "left" in path else PlayedVideo(right, doubled=(12,))
+        video_source, "_open", lambda path: PlayedVideo(left) if "left" in path else PlayedVideo(right, doubled=(12,))
     )
     source = VideoSource([Path("left.mkv"), Path("right.mkv")])
     sets = list(source)
@@ -111,15 +111,15 @@ def test_a_frame_that_one_video_lost_or_shows_twice_is_left_out_there_only(monke
 
 def test_the_last_frame_may_be_lost_too(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = list(range(20))
-    monkeypatch.setattr(videos, "_open", lambda path: PlayedVideo(whole[:19] if "left" in path else whole))
+    monkeypatch.setattr(video_source, "_open", lambda path: PlayedVideo(whole[:19] if "left" in path else whole))
     assert [s.number for s in VideoSource([Path("left.mkv"), Path("right.mkv")])] == whole[:19]
-    monkeypatch.setattr(videos, "_open", lambda path: PlayedVideo(whole[:15] if "left" in path else whole))
+    monkeypatch.setattr(video_source, "_open", lambda path: PlayedVideo(whole[:15] if "left" in path else whole))
     with pytest.raises(CaptureError, match=r"left\.mkv: ends after 15 frames, before the other video"):
         list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
 
 
 def test_still_videos_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(videos, "_open", lambda _: PlayedVideo(list(range(20)), doubled=(7, 8)))
+    monkeypatch.setattr(video_source, "_open", lambda _: PlayedVideo(list(range(20)), doubled=(7, 8)))
     source = VideoSource([Path("left.mkv"), Path("right.mkv")])
     assert all(all(image_set.usable) for image_set in source)
     assert source.warnings == ()

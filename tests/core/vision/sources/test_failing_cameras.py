@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
-from perfanim.core.vision.sources import cameras
+from perfanim.core.vision.sources import camera_source
 from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.vision.sources.pairing import ImagePairing
@@ -172,7 +172,7 @@ class Device:
 @pytest.fixture
 def devices(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Device]]:
     both = [Device(), Device()]
-    monkeypatch.setattr(cameras, "_open", lambda device, *_: both[device].open())
+    monkeypatch.setattr(camera_source, "_open", lambda device, *_: both[device].open())
     yield both
     for device in both:
         device.answers.set()
@@ -200,7 +200,7 @@ def test_a_pulled_cable_and_a_hanging_driver_hold_up_no_other_camera(devices: li
 
 
 def test_when_no_camera_is_left_the_end_is_told(devices: list[Device], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cameras, "_ALL_LOST_S", 0.3)
+    monkeypatch.setattr(camera_source, "_ALL_LOST_S", 0.3)
     source = CameraSource([0, 1])
     sets = iter(source)
     next(sets)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mjpeg_server import MjpegServer
 from perfanim.core.errors import CaptureError
-from perfanim.core.vision.sources import cameras
+from perfanim.core.vision.sources import camera_source
 from perfanim.core.vision.sources.addresses import is_stream
 from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import ImageSet
@@ -41,7 +41,7 @@ def until(sets: Iterator[ImageSet], condition: Callable[[ImageSet], bool]) -> Im
 def test_a_stream_that_stalls_for_ever_is_told_and_done_without(
     servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cameras, "_STREAM_STALLS_MS", 300)
+    monkeypatch.setattr(camera_source, "_STREAM_STALLS_MS", 300)
     source = open_source({"kind": "videos", "paths": [server.address for server in servers], "fps": FPS})
     sets = iter(source)
     try:
@@ -72,7 +72,7 @@ def test_a_stream_that_was_cut_is_opened_again(servers: list[MjpegServer]) -> No
 
 
 def test_a_short_stall_leaves_the_connection(servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cameras, "_STREAM_STALLS_MS", 60000)
+    monkeypatch.setattr(camera_source, "_STREAM_STALLS_MS", 60000)
     source = CameraSource([server.address for server in servers], fps=FPS)
     sets = iter(source)
     try:
@@ -89,7 +89,7 @@ def test_a_short_stall_leaves_the_connection(servers: list[MjpegServer], monkeyp
 def test_a_stream_that_does_not_answer_is_not_waited_for(
     servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cameras, "_STREAM_OPENS_MS", 200)
+    monkeypatch.setattr(camera_source, "_STREAM_OPENS_MS", 200)
     servers[0].begin("stream")
     with pytest.raises(CaptureError, match=r"camera http://127.*does not open.*check the address"):
         open_image_source(servers[0].address)
@@ -99,7 +99,7 @@ def test_the_login_of_a_camera_is_in_no_message(
     servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Messages come into takes, and takes are given to others."""
-    monkeypatch.setattr(cameras, "_STREAM_OPENS_MS", 200)
+    monkeypatch.setattr(camera_source, "_STREAM_OPENS_MS", 200)
     servers[0].begin("stream")
     (tmp_path / "1.png").touch()
     address = servers[0].address.replace("://", "://anna:s3cr@t/1@")
