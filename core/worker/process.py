@@ -27,20 +27,21 @@ from ..errors import CaptureError, PerfanimError
 from .channel import Channel, Stopped
 from .requests import check_request
 
-JOBS = (
-    "capture",
-    "cameras",
-    "trackers",
-    "command",
-    "record board",
-    "record floor",
-    "record floor markers",
-    "record pose",
-    "calibrate performer",
-    "show cameras",
-    "check setup",
-    "sketch",
-)
+# job -> its module in `jobs`
+JOBS = {
+    "capture": "run_capture",
+    "cameras": "camera_frames",
+    "trackers": "tracker_frames",
+    "command": "run_command",
+    "record board": "record_board",
+    "record floor": "record_floor",
+    "record floor markers": "record_floor_markers",
+    "record pose": "record_pose",
+    "calibrate performer": "calibrate_performer",
+    "show cameras": "show_cameras",
+    "check setup": "check_setup",
+    "sketch": "sketch_solutions",
+}
 
 
 def main(port: int, token: str, name: str) -> int:
@@ -76,4 +77,4 @@ def _job(name: str) -> ModuleType:
     """Import and return the module of a job; the others' libraries are slow to load."""
     if name not in JOBS:
         raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")
-    return import_module(f".jobs.{name.replace(' ', '_')}", __package__)
+    return import_module(f".jobs.{JOBS[name]}", __package__)

@@ -46,7 +46,7 @@ def test_every_module_imports_without_blender() -> None:
 
 
 def test_a_capture_starts_the_cameras_process_before_it_loads_what_is_slow() -> None:
-    code = "import sys, perfanim.core.worker.jobs.capture; print(*{'scipy', 'cv2'} & set(sys.modules))"
+    code = "import sys, perfanim.core.worker.jobs.run_capture; print(*{'scipy', 'cv2'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=True)
     assert done.stdout.strip() == ""
 
@@ -66,6 +66,6 @@ def test_packages_depend_downwards() -> None:
 
 
 def test_the_solver_s_process_loads_no_images_libraries() -> None:
-    code = "import sys, perfanim.core.worker.jobs.capture; print('cv2' in sys.modules)"
+    code = "import sys, perfanim.core.worker.jobs.run_capture; print('cv2' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=True)
     assert done.stdout == "False\n"

@@ -18,7 +18,7 @@ from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed_recor
 from .thumbnail_strip import write_strip
 
 if TYPE_CHECKING:
-    from .worker import CommandLine
+    from .take_server import CommandLine
 
 
 def run_task(task: Task, commands: "CommandLine") -> Record:

@@ -34,8 +34,8 @@ from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
 from ..open_source import open_source
 from ..source_traits import is_live, is_simulated
-from .camera_preview import PreviewSender
-from .cameras import learn_room
+from .camera_frames import learn_room
+from .preview_sender import PreviewSender
 from .record_board import camera_names
 from .record_pose import count_down
 

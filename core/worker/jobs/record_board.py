@@ -2,7 +2,7 @@
 
 Request: "source" (see `source_kinds`), "board" (its SPEC), "limit" (views at which it ends though the result is not
 good), "every_s" (null: a view is taken when the board is held still; else seconds between two views), "out" (folder;
-gets a folder for each camera with the pictures taken), "preview" (see `camera_preview`).
+gets a folder for each camera with the pictures taken), "preview" (see `preview_sender`).
 
 A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, "pictures", the
 folders, and "rig", the calibration as tables: Blender writes it, so that a cancelled calibration replaces none.
@@ -33,7 +33,7 @@ from ...vision.sources.image_set import camera_title, moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..open_source import open_source
-from .camera_preview import PreviewSender
+from .preview_sender import PreviewSender
 
 _SIMULATED_PLACES = 40
 _SHOWN_S = 0.6  # that a view was taken

@@ -1,7 +1,7 @@
 """Find the floor from the board lying on it.
 
 Request: "source" (see `source_kinds`), "board" (its SPEC), "rig" (tables of a calibration), "preview" (see
-`camera_preview`).
+`preview_sender`).
 The RESULT has "rig", the calibration as tables in a world with its origin in the board's middle and its floor at y = 0,
 and "scale", size of the board by the calibration / by its SPEC. There is none after a STOP.
 """
@@ -24,7 +24,7 @@ from ...vision.calibration.rig_on_floor import board_in_space, rig_on_floor
 from ...vision.sources.image_set import moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel
-from .camera_preview import PreviewSender
+from .preview_sender import PreviewSender
 from .record_board import camera_names, open_board
 
 

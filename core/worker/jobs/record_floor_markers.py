@@ -24,8 +24,8 @@ from ...vision.sources.image_set import moment_of
 from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel, Stopped
 from ..source_traits import is_simulated
-from .camera_preview import PreviewSender
-from .cameras import open_pipeline
+from .camera_frames import open_pipeline
+from .preview_sender import PreviewSender
 
 _EMPTY_FRAMES = 30  # of the simulated room
 

@@ -28,7 +28,7 @@ from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
 from ..source_traits import is_live, is_simulated
-from .cameras import open_pipeline
+from .camera_frames import open_pipeline
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 

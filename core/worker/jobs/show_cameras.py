@@ -14,7 +14,7 @@ from ...vision.blob_preview import write_line
 from ...vision.sources.camera_source import find_cameras
 from ...vision.sources.device_names import device_name
 from ..channel import Channel
-from .camera_preview import PreviewSender
+from .preview_sender import PreviewSender
 
 _BLANK: Image = np.zeros((480, 640, 3), dtype=np.uint8)
 

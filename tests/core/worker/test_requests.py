@@ -14,7 +14,7 @@ import pytest
 from perfanim.core.errors import CaptureError, PerfanimError, SettingsError
 from perfanim.core.geometry.npz import write_arrays
 from perfanim.core.worker import process
-from perfanim.core.worker.jobs.cameras import _read_backgrounds
+from perfanim.core.worker.jobs.camera_frames import _read_backgrounds
 from perfanim.core.worker.requests import check_request
 from perfanim.core.worker.restart_point import RestartPoint
 

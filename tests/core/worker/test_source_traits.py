@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.vision.sources.image_set import ImageSet
-from perfanim.core.worker.jobs.cameras import _remaining
+from perfanim.core.worker.jobs.camera_frames import _remaining
 from perfanim.core.worker.source_traits import is_live, is_repeatable, is_simulated
 
 IMAGE = (np.zeros((4, 4, 3), np.uint8),)

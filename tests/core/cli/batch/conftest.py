@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from perfanim.core.cli.batch.command import worker
+from perfanim.core.cli.batch.batch_command import take_server
 from perfanim.core.cli.batch.plan import TakePlan, plan_of
 from perfanim.core.cli.batch.processes import in_processes
-from perfanim.core.cli.batch.run import BatchResult, DoTasks, run_batch
+from perfanim.core.cli.batch.run_batch import BatchResult, DoTasks, run_batch
 from perfanim.core.cli.batch.take_record import Record, Task
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.markers.marker_take import MarkerTake
@@ -69,13 +69,13 @@ def inputs(make_takes, database_file, subject, tmp_path_factory) -> Inputs:
 
 def in_others(jobs: int, tasks: Sequence[Task]) -> Generator[Record, None, None]:
     """Do takes in other processes."""
-    yield from in_processes(worker.serve, jobs, tasks)
+    yield from in_processes(take_server.serve, jobs, tasks)
 
 
 def do_here(tasks: Sequence[Task]) -> Generator[Record, None, None]:
     """Do takes in this process, whose libraries may reckon with several threads, which give other last bits."""
     for task in tasks:
-        yield Record.of_text(worker.serve_task(task.text()))
+        yield Record.of_text(take_server.serve_task(task.text()))
 
 
 def run(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks = do_here) -> BatchResult:

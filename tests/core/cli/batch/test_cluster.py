@@ -4,7 +4,7 @@ from functools import partial
 
 import pytest
 from perfanim.core.cli.batch.cluster import on_cluster
-from perfanim.core.cli.batch.worker import serve_task
+from perfanim.core.cli.batch.take_server import serve_task
 from perfanim.core.errors import SettingsError
 from perfanim.tests.core.cli.batch.conftest import files, run
 

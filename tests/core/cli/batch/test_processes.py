@@ -24,17 +24,17 @@ def serve():
 # as if a library printed something with each take
 LOUD = """
 import os
-from perfanim.core.cli.batch import worker as batch_worker
+from perfanim.core.cli.batch import take_server
 
-serve_task = batch_worker.serve_task
+serve_task = take_server.serve_task
 
 def loud(text):
     os.write(1, b"a line of a library\\n")
     return serve_task(text)
 
 def serve():
-    batch_worker.serve_task = loud
-    batch_worker.serve()
+    take_server.serve_task = loud
+    take_server.serve()
 """
 
 

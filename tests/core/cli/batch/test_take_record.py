@@ -10,7 +10,7 @@ from dataclasses import replace
 import pytest
 from perfanim.core.cli.batch.html_report import page_text
 from perfanim.core.cli.batch.plan import TakePlan
-from perfanim.core.cli.batch.run import run_batch
+from perfanim.core.cli.batch.run_batch import run_batch
 from perfanim.core.cli.batch.take_record import (
     BAD,
     GOOD,

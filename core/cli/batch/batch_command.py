@@ -32,10 +32,10 @@ from ..options import (
 )
 from ..partial_result import PartialResult
 from ..retarget import check_blender
-from . import worker
+from . import take_server
 from .plan import ALSO, KEYS, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
 from .processes import in_processes
-from .run import BatchResult, DoTasks, run_batch
+from .run_batch import BatchResult, DoTasks, run_batch
 from .summary import counts, facts, text_table
 from .take_record import BAD
 
@@ -112,10 +112,10 @@ def _plan(args: argparse.Namespace) -> Plan:
 
 def _task_runner(args: argparse.Namespace) -> DoTasks:
     if args.scheduler is None:
-        return partial(in_processes, worker.serve, args.jobs or os.cpu_count() or 1)
+        return partial(in_processes, take_server.serve, args.jobs or os.cpu_count() or 1)
     from .cluster import on_cluster  # Dask is slow to load, and not needed without a cluster
 
-    return partial(on_cluster, args.scheduler, worker.serve_task)
+    return partial(on_cluster, args.scheduler, take_server.serve_task)
 
 
 def _check(plan: Plan) -> None:
@@ -146,12 +146,12 @@ def _check(plan: Plan) -> None:
 
 
 def _check_options(take: TakePlan) -> None:
-    worker.parse_options("solve", [take.take or "x.take.npz", *take.options_of("solve"), "--out", "x.bvh"])
+    take_server.parse_options("solve", [take.take or "x.take.npz", *take.options_of("solve"), "--out", "x.bvh"])
     if take.is_tracked:
         line = [*take.options_of("track"), *take.options_of("label"), "--out", "x.take.npz"]
-        worker.parse_options("track", line)
+        take_server.parse_options("track", line)
     if take.options_of("retarget"):
-        worker.parse_options("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
+        take_server.parse_options("retarget", ["x.bvh", *take.options_of("retarget"), "--out", "x.blend"])
 
 
 def _summary(result: BatchResult, out: str) -> PartialResult:

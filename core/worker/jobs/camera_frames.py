@@ -3,7 +3,7 @@
 Request: "source" (see `source_kinds`), "rig" (tables of a calibration; null for the simulated performer with known
 cameras), "background_s" (seconds to learn the empty room, cameras only), "threshold" (grey levels or null), "in_flight"
 (frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview" (see
-`camera_preview`), "background_file" (keeps the backgrounds for a process that takes this one's place).
+`preview_sender`), "background_file" (keeps the backgrounds for a process that takes this one's place).
 A process that takes another's place also gets "after" (`RestartPoint` as a table). It uses the other's backgrounds, as
 the performer stands before the cameras now.
 """
@@ -34,7 +34,7 @@ from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel, Stopped, open_when_free
 from ..open_source import open_source
 from ..source_traits import is_live, is_repeatable, is_simulated
-from .camera_preview import PreviewSender
+from .preview_sender import PreviewSender
 
 _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer

@@ -14,7 +14,7 @@ from perfanim.core.formats.vmc.vmc_packets import BONE
 from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
-from perfanim.core.worker.jobs import trackers
+from perfanim.core.worker.jobs import tracker_frames
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 60.0
@@ -51,7 +51,7 @@ class Running:
     def __init__(self, sender: str = "127.0.0.1", **more: Any) -> None:
         self.port, self.blender = free_port(), Blender()
         request = {"source": {"kind": "vmc", "port": self.port, "sender": sender}, "marker_set": MARKER_SET, **more}
-        self._thread = threading.Thread(target=trackers.run, args=(request, self.blender))
+        self._thread = threading.Thread(target=tracker_frames.run, args=(request, self.blender))
 
     def __enter__(self) -> "Running":
         self._thread.start()
@@ -75,7 +75,7 @@ class Running:
 
 @pytest.fixture(autouse=True)
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trackers, "_SILENT_S", 0.4)
+    monkeypatch.setattr(tracker_frames, "_SILENT_S", 0.4)
 
 
 def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back() -> None:
@@ -115,19 +115,19 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
     with Receiver(0, "127.0.0.1") as other:
         taken = {"source": {"kind": "vmc", "port": other.port, "sender": ""}, "marker_set": MARKER_SET}
         with pytest.raises(CaptureError, match=f"port {other.port}: cannot be listened to .* choose another port"):
-            trackers.run(taken, blender)
+            tracker_frames.run(taken, blender)
         # who takes the place of a process that has not given it back yet waits for it, while it is wanted
         blender.stop_requested.set()
         with pytest.raises(CaptureError):
-            trackers.run({**taken, "after": {"number": 7}}, blender)
+            tracker_frames.run({**taken, "after": {"number": 7}}, blender)
         blender.stop_requested.clear()
         threading.Timer(0.2, other._socket.close).start()
         threading.Timer(0.5, blender.stop_requested.set).start()
-        trackers.run({**taken, "after": {"number": 7}}, blender)
+        tracker_frames.run({**taken, "after": {"number": 7}}, blender)
     assert blender.told[0] == f"waiting for trackers on port {other.port}"
     unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "marker_set": MARKER_SET}
     with pytest.raises(CaptureError, match="no such computer: is no computer that is known"):
-        trackers.run(unknown, blender)
+        tracker_frames.run(unknown, blender)
 
 
 def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,7 +143,7 @@ def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_frames_of_a_flood_do_not_pile_up_and_its_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_assembler, "MOST_FRAMES_S", 80)  # more than the queue of the solver holds
-    monkeypatch.setattr(trackers, "_FLOOD_S", 2.0)
+    monkeypatch.setattr(tracker_frames, "_FLOOD_S", 2.0)
     with Running() as job, Program(job.port) as program:
         sent = 0
 

@@ -25,7 +25,7 @@ from perfanim.core.sketch.sketch_messages import (
 )
 from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
 from perfanim.core.system.assets import MOTION
-from perfanim.core.worker.jobs import sketch as job
+from perfanim.core.worker.jobs import sketch_solutions as job
 
 WALK = sliced(resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0), 0, 31)
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 from perfanim.core.cli.batch.plan import plan_of
-from perfanim.core.cli.batch.run import run_batch
+from perfanim.core.cli.batch.run_batch import run_batch
 from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed_record
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
@@ -98,11 +98,11 @@ from pathlib import Path
 from perfanim.core.cli.batch.plan import plan_of
 from perfanim.core.cli.batch.processes import in_processes
 from perfanim.core.cli.batch.plan import plan_of
-from perfanim.core.cli.batch.run import run_batch
-from perfanim.core.cli.batch import worker as batch_worker
+from perfanim.core.cli.batch.run_batch import run_batch
+from perfanim.core.cli.batch import take_server
 
 def dying(tasks):
-    for number, record in enumerate(in_processes(batch_worker.serve, 2, tasks)):
+    for number, record in enumerate(in_processes(take_server.serve, 2, tasks)):
         if number == 2:
             os.kill(os.getpid(), signal.SIGKILL)
         yield record
