@@ -49,13 +49,13 @@ class InitialLabels:
         labels: (N,) marker of each point, -1 for none.
         cost: minus the logarithm of their likelihood, up to a constant.
         expected_m: (M, 3) the markers of the closest example, where the body stands.
-        rivals: other labels (N,) and their costs, the likeliest first.
+        alternatives: other labels (N,) and their costs, the likeliest first.
     """
 
     labels: IntArray
     cost: float
     expected_m: Array
-    rivals: tuple[tuple[IntArray, float], ...]
+    alternatives: tuple[tuple[IntArray, float], ...]
 
 
 @dataclass(frozen=True)
@@ -213,8 +213,8 @@ class InitialLabeller:
         away = self._examples[:, labels[seen]] - _to_local(points_m[seen], placement)
         markers = self._examples[int(np.argmin(np.einsum("smc,smc->s", away, away)))].astype(np.float64)
         turns, shifts, _ = _fit_torsos(markers[self._torso], points_m, placement.torso[None])
-        rivals = tuple((other.labels, other.cost) for other in found[1:])
-        return InitialLabels(labels, cost, np.asarray(markers @ turns[0].T + shifts[0]), rivals)
+        alternatives = tuple((other.labels, other.cost) for other in found[1:])
+        return InitialLabels(labels, cost, np.asarray(markers @ turns[0].T + shifts[0]), alternatives)
 
     def _limb_candidates(self, local: FloatArray, is_free: Mask) -> IntArray:
         """Return the likeliest points (P, L, C) of each limb, -1 where there are fewer."""

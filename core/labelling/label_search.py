@@ -45,7 +45,7 @@ class LabelSearch:
 
     def labellings(self) -> list[tuple[IntArray, float]]:
         """Return all labels (N,) of the first points with costs, likeliest first."""
-        return [(self.found.labels, self.found.cost), *self.found.rivals] if self.found else []
+        return [(self.found.labels, self.found.cost), *self.found.alternatives] if self.found else []
 
     def carry(self, labels: IntArray) -> tuple[Labeller, IntArray]:
         """Return a labeller that has followed labels (N,) to the last frame's (N,)."""

@@ -37,7 +37,7 @@ class _Seen:
 
     Args:
         is_steady: (M,) whether it was where it was going.
-        is_sure: (M,) whether it was followed without a doubt since all were known.
+        is_confident: (M,) whether it was followed without a doubt since all were known.
         lone_m, lone_frames: (M, 3), (M,) the point without a name that only this marker can be, and for how long.
     """
 
@@ -45,7 +45,7 @@ class _Seen:
     velocities_m_s: Array
     lost_s: Array
     is_steady: Mask
-    is_sure: Mask
+    is_confident: Mask
     lone_m: Array
     lone_frames: IntArray
 
@@ -75,16 +75,16 @@ class LabelledBlobs:
 
 
 @dataclass(frozen=True)
-class Turns:
+class Priority:
     """Order of the markers (M,) when points or blobs are given to them.
 
     Args:
-        lately: seen in the last frame: they come first.
+        tracked: seen in the last frame: they come first.
         torso: those of them on the torso.
         returning: of the torso, hidden briefly: they come first, too, where none of these may be.
     """
 
-    lately: Mask
+    tracked: Mask
     torso: Mask
     returning: Mask
 
@@ -106,19 +106,19 @@ class Labeller:
         lost_s = np.full(count, np.inf)
         self._seen = _Seen(unknown, unknown.copy(), lost_s, never, never.copy(), unknown.copy(), none)
 
-    def begin(self, points_m: Array, labels: IntArray, is_sure: Mask | None = None) -> None:
-        """Start from labels (N,) of points (N, 3), -1 for none; `is_sure` (M,): no marker."""
+    def begin(self, points_m: Array, labels: IntArray, is_confident: Mask | None = None) -> None:
+        """Start from labels (N,) of points (N, 3), -1 for none; `is_confident` (M,): no marker."""
         self._remember(points_m, labels, 0.0)
-        self._seen.is_sure = np.zeros(len(self.names), dtype=bool) if is_sure is None else is_sure.copy()
+        self._seen.is_confident = np.zeros(len(self.names), dtype=bool) if is_confident is None else is_confident.copy()
 
     @property
-    def is_sure(self) -> Mask:
-        """(M,) markers followed without a doubt since the last `vouch`."""
-        return self._seen.is_sure.copy()
+    def is_confident(self) -> Mask:
+        """(M,) markers followed without a doubt since the last `confirm`."""
+        return self._seen.is_confident.copy()
 
-    def vouch(self, markers: Mask) -> None:
+    def confirm(self, markers: Mask) -> None:
         """Take the last frame's labels of these markers (M,) for certain."""
-        self._seen.is_sure |= markers & (self._seen.lost_s == 0.0)
+        self._seen.is_confident |= markers & (self._seen.lost_s == 0.0)
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) by one assignment of points to the predicted markers.
@@ -129,11 +129,11 @@ class Labeller:
             elapsed_s: time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        lately = self._seen.lost_s == 0.0
-        returning = self._torso & ~lately & (self._seen.lost_s <= _BRIEFLY_S)
-        turns = Turns(lately, self._torso & lately, returning)
+        tracked = self._seen.lost_s == 0.0
+        returning = self._torso & ~tracked & (self._seen.lost_s <= _BRIEFLY_S)
+        priority = Priority(tracked, self._torso & tracked, returning)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        rows, columns = assign_points(points_m, covariances_m2, expected, gates, turns)
+        rows, columns = assign_points(points_m, covariances_m2, expected, gates, priority)
         labels[rows] = columns
         rows, columns = self._lone_points(points_m, np.flatnonzero(labels < 0), expected, columns)
         labels[rows] = columns
@@ -160,16 +160,16 @@ class Labeller:
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        lately = self._seen.lost_s == 0.0
+        tracked = self._seen.lost_s == 0.0
         # in an image a marker is hidden by what has come before it, so the nearest blob is hardly its own
-        never = np.zeros_like(lately)
-        turns = Turns(lately, never, never)
+        never = np.zeros_like(tracked)
+        priority = Priority(tracked, never, never)
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
         normalised = np.full((count, len(cameras), 2), np.nan)
         strangeness = np.full((count, len(cameras)), np.inf)
         for index, camera in enumerate(cameras):
-            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, turns)
+            rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, priority)
             blobs[columns, index] = rows
             strangeness[columns, index] = shares
         gates[self._take_lone_points(frame, blobs, expected)] = _REACH_M
@@ -240,7 +240,7 @@ class Labeller:
         seen = self._seen
         located = labels >= 0
         markers, points = labels[located], points_m[located]
-        self._doubt(points_m, labels, elapsed_s)
+        self._update_confidence(points_m, labels, elapsed_s)
         if elapsed_s > 0.0:
             known = seen.lost_s[markers] < _MEMORY_S
             velocity = (points - seen.positions_m[markers]) / (elapsed_s + seen.lost_s[markers][:, None])
@@ -249,7 +249,7 @@ class Labeller:
         seen.lost_s[markers] = 0.0
         seen.positions_m[markers] = points
 
-    def _doubt(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
+    def _update_confidence(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
         """Take markers for unsure that jumped, met others, or were lost."""
         seen, points = self._seen, np.flatnonzero(labels >= 0)
         markers = labels[points]
@@ -263,14 +263,14 @@ class Labeller:
         others = np.minimum(away.min(axis=1, initial=np.inf)[points], away.min(axis=0, initial=np.inf)[markers])
         steady = own < _STEADY_M
         seen.is_steady[markers] = steady
-        seen.is_sure[markers] &= steady & (others > own + _STEADY_M)
-        seen.is_sure &= gone_s < _MEMORY_S
+        seen.is_confident[markers] &= steady & (others > own + _STEADY_M)
+        seen.is_confident &= gone_s < _MEMORY_S
         if 2 * np.sum(steady) <= len(steady):  # a cut, or a body that was hidden
-            seen.is_sure[:] = False
+            seen.is_confident[:] = False
 
 
 def assign_points(
-    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, turns: Turns | None = None
+    points_m: Array, covariances_m2: Array, expected_m: Array, gates_m: Array, priority: Priority | None = None
 ) -> tuple[IntArray, IntArray]:
     """Return (points, markers) that belong together.
 
@@ -278,43 +278,45 @@ def assign_points(
         points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
         expected_m: (M, 3) where each marker should be.
         gates_m: (M,) how far off it may be.
-        turns: which markers come first; default all.
+        priority: which markers come first; default all.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
-    return _assign_in_turn((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2, turns)
+    return _assign_by_priority((distances / (gates_m[None] + 2.0 * deviation[:, None])) ** 2, priority)
 
 
 def assign_blobs(
-    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, turns: Turns | None = None
+    blobs: FloatArray, camera: Camera, expected_m: Array, gates_m: Array, priority: Priority | None = None
 ) -> tuple[IntArray, IntArray, Array]:
     """Return matching (blobs, markers) of one image, and distances as shares of gates.
 
     Args:
         blobs: (n, 5) as a `MarkerFrame` has them.
-        expected_m, gates_m, turns: as of `assign_points`.
+        expected_m, gates_m, priority: as of `assign_points`.
     """
     pixels = blobs[:, :2].astype(np.float64)
     depth = np.maximum(camera.to_camera(expected_m)[:, 2], 0.1)
     with np.errstate(invalid="ignore"):
         distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
     limits = gates_m * camera.focal_px / depth
-    rows, columns = _assign_in_turn((np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2, turns)
+    rows, columns = _assign_by_priority(
+        (np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2, priority
+    )
     return rows, columns, distances[rows, columns] / limits[columns]
 
 
-def _assign_in_turn(costs: Array, turns: Turns | None) -> tuple[IntArray, IntArray]:
+def _assign_by_priority(costs: Array, priority: Priority | None) -> tuple[IntArray, IntArray]:
     """Return rows and columns assigned: first those that come first.
 
     Together they would leave as few as possible over: a lost marker, allowed anywhere near, would push others aside.
     """
-    if turns is None or turns.lately.all():
+    if priority is None or priority.tracked.all():
         return assign(costs)
-    first = np.flatnonzero(turns.lately | turns.returning)
+    first = np.flatnonzero(priority.tracked | priority.returning)
     own = costs[:, first]
-    if turns.returning.any():
-        is_taken = np.any(costs[:, turns.torso] < 1.0, axis=1)
-        own = np.where(is_taken[:, None] & turns.returning[first], np.inf, own)
+    if priority.returning.any():
+        is_taken = np.any(costs[:, priority.torso] < 1.0, axis=1)
+        own = np.where(is_taken[:, None] & priority.returning[first], np.inf, own)
     rows, columns = assign(own)
     columns = first[columns]
     is_left, is_other = np.ones(len(costs), dtype=bool), np.ones(costs.shape[1], dtype=bool)

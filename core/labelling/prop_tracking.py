@@ -99,7 +99,7 @@ class PropTracker:
         self._last: Placed | None = None
         self._before: Placed | None = None
         self._pose = PropPose(rot.identity(), np.zeros(3))
-        self._doubted_since_s: float | None = None  # since when it has been where it may be by chance
+        self._unconfirmed_since_s: float | None = None  # since when it has been where it may be by chance
 
     def step(self, frame: MarkerFrame) -> PropDetection:
         """Return the prop's pose in the next frame, and the frame without its markers."""
@@ -232,11 +232,13 @@ class PropTracker:
 
     def _accept(self, placed: Placed, rms_m: float, seen: int, sure: bool, rest: MarkerFrame) -> PropDetection:
         if self._last is None:
-            self._doubted_since_s = placed.time_s
-        if self._doubted_since_s is not None and (sure or placed.time_s - self._doubted_since_s >= _CONFIRMED_S):
-            self._doubted_since_s = None
+            self._unconfirmed_since_s = placed.time_s
+        if self._unconfirmed_since_s is not None and (
+            sure or placed.time_s - self._unconfirmed_since_s >= _CONFIRMED_S
+        ):
+            self._unconfirmed_since_s = None
         self._before, self._last = self._last, placed
-        if self._doubted_since_s is not None:
+        if self._unconfirmed_since_s is not None:
             return PropDetection(self.last_pose(), rest)
         quaternion = rot.from_matrix(placed.turn)
         sign = 1.0 if np.dot(quaternion, self._pose.rotation) >= 0.0 else -1.0
@@ -254,7 +256,7 @@ class PropTracker:
         return self._miss(rest)
 
     def _miss(self, rest: MarkerFrame) -> PropDetection:
-        if self._doubted_since_s is not None:  # it was chance
+        if self._unconfirmed_since_s is not None:  # it was chance
             self._forget()
         return PropDetection(self.last_pose(), rest)
 
@@ -263,7 +265,7 @@ class PropTracker:
         return PropPose(self._pose.rotation, self._pose.position_m)
 
     def _forget(self) -> None:
-        self._last = self._before = self._doubted_since_s = None
+        self._last = self._before = self._unconfirmed_since_s = None
 
 
 def _without_own(frame: MarkerFrame, blobs: IntArray) -> MarkerFrame:

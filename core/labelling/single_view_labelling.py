@@ -24,7 +24,7 @@ _BODY_MOST_M, _TORSO_MOST_M = 0.20, 0.06
 # costs are minus twice the logarithm of a likelihood
 _UNLIKELY = 20.0  # above this a blob is not the marker's
 _SURE = 4.0  # below this no other name is thought of
-_RIVAL = 12.0  # by which another assignment may be worse than the best and still be the right one
+_ALTERNATIVE_COST = 12.0  # by which another assignment may be worse than the best and still be the right one
 _NEAREST_M = 0.1  # to the camera
 
 
@@ -43,7 +43,7 @@ class SingleViewLabeller:
         self._lost_s = np.full(len(torso), np.inf)
 
     def proposals(self, points: Array, predicted_m: Array, elapsed_s: float) -> list[tuple[float, IntArray]]:
-        """Return cost and labels (N,), -1 for none, of the best assignment and its rivals.
+        """Return cost and labels (N,), -1 for none, of the best assignment and its alternatives.
 
         Args:
             points: (N, 2) undistorted normalised coordinates of the blobs.
@@ -58,9 +58,11 @@ class SingleViewLabeller:
                 continue
             others = costs.copy()
             others[blob, marker] = _UNLIKELY
-            rival = _name_blobs(others)
-            if rival[0] < best[0] + _RIVAL and not any(np.array_equal(rival[1], labels) for _, labels in found):
-                found.append(rival)
+            alternative = _name_blobs(others)
+            if alternative[0] < best[0] + _ALTERNATIVE_COST and not any(
+                np.array_equal(alternative[1], labels) for _, labels in found
+            ):
+                found.append(alternative)
         return sorted(found, key=lambda pair: pair[0])
 
     def after(self, points: Array, labels: IntArray, elapsed_s: float) -> "SingleViewLabeller":

@@ -17,7 +17,7 @@ from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
-from .label_check import LabelCheck, Rival
+from .label_check import Alternative, LabelCheck
 
 _EXAMPLES = 2048  # poses of the database that a body without a past is compared with,
 _SAME_M = 0.02  # distance up to which two points are the same
@@ -26,7 +26,7 @@ _NOTHING_COST = 8.0  # of each point of a frame without any label
 _FIT_M, _UNFIT_M = 0.01, 0.03  # deviation of a marker from the solved body, and the most that counts
 
 
-class RivalLabels(NamedTuple):
+class AlternativeLabels(NamedTuple):
     """Other labels of a frame than a pose has.
 
     Args:
@@ -34,7 +34,7 @@ class RivalLabels(NamedTuple):
         adds: whether they only name points that had no name.
         keeps_torso: whether the torso's markers have the same points, so that the pose shows where the torso is.
         labeller: has these labels, those of the frame at `time_s`.
-        rival: as the check of labels found it.
+        alternative: as the check of labels found it.
     """
 
     observation: Observation
@@ -43,7 +43,7 @@ class RivalLabels(NamedTuple):
     keeps_torso: bool
     labeller: Labeller
     time_s: float
-    rival: Rival
+    alternative: Alternative
 
 
 class BodyExamples:
@@ -74,7 +74,7 @@ class FrameLabeller:
     """Labels the marker frames of one body in order.
 
     Attributes:
-        has_searched: whether the last frame was labelled without a past, which is dear.
+        searched: whether the last frame was labelled without a past, which is dear.
     """
 
     def __init__(
@@ -89,57 +89,59 @@ class FrameLabeller:
         """Forget the motion so far."""
         self._labeller = Labeller(self._names, self._torso)
         self._search: LabelSearch | None = None
-        self.has_searched = False
+        self.searched = False
         self._check = LabelCheck(self._initial, self._names, self._torso)
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
         """Return the share of its confidence that a pose with these labels deserves."""
         return self._check.confidence(frame, observed_m)
 
-    def find_rival(
+    def find_alternative(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
-    ) -> RivalLabels | None:
+    ) -> AlternativeLabels | None:
         """Return other labels of a solved frame that turn out to be likely, if any.
 
         A search for them rests while `busy`.
         """
-        rival = self._check.step(frame, elapsed_s, pose, self._labeller.is_sure, busy)
-        if rival is None:  # of a pose that has just become doubtful nothing is sure
+        alternative = self._check.step(frame, elapsed_s, pose, self._labeller.is_confident, busy)
+        if alternative is None:  # of a pose that has just become doubtful nothing is sure
             if self._check.confidence(frame, pose.observed_m) == 1.0:
-                self._labeller.vouch(self._check.confirmed_markers)
+                self._labeller.confirm(self._check.confirmed_markers)
             return None
-        labeller, labels = rival.search.carry(rival.labels)
-        is_sure = self._labeller.is_sure & (not rival.contradicts)
+        labeller, labels = alternative.search.carry(alternative.labels)
+        is_confident = self._labeller.is_confident & (not alternative.contradicts)
         away = np.linalg.norm(frame.points_m[:, None] - pose.observed_m[None], axis=-1)
         points, markers = np.nonzero(away < _SAME_M)
-        labels[np.isin(labels, np.flatnonzero(is_sure))] = -1
+        labels[np.isin(labels, np.flatnonzero(is_confident))] = -1
         # a point without a name there keeps its own: it got it since the search began, or lost a wrong one just now
-        kept = is_sure[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
+        kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
         if is_same.all() and np.sum(labels >= 0) == len(points):  # it has been seen, or its markers are hidden
-            self._check.put_off(rival.renaming)
+            self._check.put_off(alternative.renaming)
             return None
-        labeller.begin(frame.points_m, labels, is_sure)
+        labeller.begin(frame.points_m, labels, is_confident)
         observation = Observation.of_points(self._by_marker(frame.points_m, labels))
         moved_m = np.linalg.norm(observation.points_m - pose.observed_m, axis=1)[self._torso]
         keeps_torso = bool(np.any(moved_m < _SAME_M) and not np.any(moved_m >= _SAME_M))
         adds = bool(is_same.all() and len(points))
-        return RivalLabels(observation, rival.nearer, adds, keeps_torso, labeller, frame.time_s, rival)
+        return AlternativeLabels(
+            observation, alternative.nearer, adds, keeps_torso, labeller, frame.time_s, alternative
+        )
 
-    def refute_rival(self, rival: RivalLabels) -> None:
+    def refute_alternative(self, alternative: AlternativeLabels) -> None:
         """Keep the labels so far, and doubt others that do not fit the body."""
-        self._check.refute(rival.rival.renaming)
+        self._check.refute(alternative.alternative.renaming)
 
-    def follow_rival(self, rival: RivalLabels) -> None:
+    def follow_alternative(self, alternative: AlternativeLabels) -> None:
         """Go on with other labels than those so far."""
         check = self._check
         self.reset()
         self.labellings += 1
-        self._labeller = rival.labeller
-        if rival.adds:  # evidence for other names of the rest stays
+        self._labeller = alternative.labeller
+        if alternative.adds:  # evidence for other names of the rest stays
             self._check = check
-        self._check.begin(rival.time_s)
+        self._check.begin(alternative.time_s)
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return the expected marker positions (M, 3) and their uncertainty (M,), metres."""
@@ -162,7 +164,7 @@ class FrameLabeller:
 
         `predicted_m` (M, 3) are the markers of the last synthesized pose, None without a past.
         """
-        self.has_searched = predicted_m is None and not is_labelled(frame)
+        self.searched = predicted_m is None and not is_labelled(frame)
         if is_labelled(frame):
             return self._observe_known_labels(frame)
         if predicted_m is None:

@@ -27,9 +27,9 @@ _MOST_FRAME_COST = 60.0  # of one frame: a single odd one must not decide
 _HOPELESS = 25.0  # costlier than the best by so much, a hypothesis is given up
 _START_COST = 15.0  # of a hypothesis that starts from an example
 _SAME_M = 0.02  # hypotheses with markers so close are one
-_DOUBTFUL = 0.6  # confidence below which labels may be wrong, as when a blob has no name
+_SUSPECT = 0.6  # confidence below which labels may be wrong, as when a blob has no name
 _CERTAIN = 0.5  # confidence from which the root is certain
-_DOUBTFUL_FRAMES = 4  # in a row, until other labels are searched
+_SUSPECT_FRAMES = 4  # in a row, until other labels are searched
 _SEARCH_S = 0.2  # between two such searches, and two for a performer who has not started
 _UNCERTAIN_S = 0.2  # after which the last certain root is searched as well
 _STARTS = 2  # of each root
@@ -73,7 +73,7 @@ class HypothesisTracker:
         self._hypotheses: list[Hypothesis] = []
         self._time_s = 0.0
         self._certain: tuple[float, RootPose] | None = None
-        self._doubtful_frames = 0
+        self._suspect_frames = 0
         self._searched_s = -np.inf
 
     def step(self, frame: MarkerFrame, confidence: float) -> Hypothesis | None:
@@ -124,17 +124,17 @@ class HypothesisTracker:
         self._hypotheses = _prune(hypotheses)
 
     def _spawn_hypotheses(self, frame: MarkerFrame, confidence: float) -> None:
-        """Add hypotheses from examples while the best labels are doubtful."""
+        """Add hypotheses from examples while the best labels are suspect."""
         best, now_s = self._hypotheses[0], frame.time_s
         if best.solution is None:
             return
         root = best.solution.root
         if confidence > _CERTAIN:
             self._certain = (now_s, root)
-        doubtful = confidence < _DOUBTFUL or np.any(best.labels < 0)
-        self._doubtful_frames = self._doubtful_frames + 1 if doubtful else 0
+        suspect = confidence < _SUSPECT or np.any(best.labels < 0)
+        self._suspect_frames = self._suspect_frames + 1 if suspect else 0
         due = now_s - self._searched_s > _SEARCH_S and len(frame.single_points) > 0
-        if self._doubtful_frames < _DOUBTFUL_FRAMES or not due:
+        if self._suspect_frames < _SUSPECT_FRAMES or not due:
             return
         self._searched_s = now_s
         roots = [root]

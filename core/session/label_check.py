@@ -13,9 +13,9 @@ from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 
 _FIRST_S, _RARE_S = 0.03, 1.0  # wait between checks; each further one is doubled while labels are certain
-_DOUBTFUL_S = 0.1  # longest wait for a doubtful pose, and between two looks for examples
-_DOUBTFUL = 0.5  # confidence, for the markers located, below which a pose is doubtful
-_STRAYS = 2  # points without a marker beside as many markers without a point, from which labels are doubtful
+_SUSPECT_S = 0.1  # longest wait for a suspect pose, and between two looks for examples
+_SUSPECT = 0.5  # confidence, for the markers located, below which a pose is suspect
+_STRAYS = 2  # points without a marker beside as many markers without a point, from which labels are suspect
 _TORSO_MARKERS = 2  # fewest by which the torso is seen
 _ENOUGH = 0.6  # share of the markers that must be seen, for a check to have a meaning
 _SAME_M = 0.02  # distance up to which two points are the same
@@ -24,9 +24,9 @@ _UNCERTAIN = 0.3  # share of its confidence that a pose with uncertain labels ha
 # gains are logarithms of the likelihood of other labels over that of the present ones
 _CERTAIN = -2.0  # below this one check makes the present labels certain,
 _UNCLEAR = -0.8  # above this it does not confirm them; several between these make them certain, too
-_CONFIRMATIONS = 3.0  # times as much is needed for the labels of a doubtful pose
+_CONFIRMATIONS = 3.0  # times as much is needed for the labels of a suspect pose
 _BETTER = 1.0  # above this labels are uncertain again
-_PLAUSIBLE = -4.0  # above this, others than the present labels of a doubtful pose are right, if
+_PLAUSIBLE = -4.0  # above this, others than the present labels of a suspect pose are right, if
 _NEARER = 0.7  # the closest example is nearer to them than this share of the present distance
 _LEAST = -10.0  # of sums of gains: more against other labels is forgotten
 _PROVEN = 5.0  # sum of gains, above which others are right if an example is nearer to them; or that name more points
@@ -39,7 +39,7 @@ Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
 _NEW = -2  # in one: a point without a name gets one
 
 
-class Rival(NamedTuple):
+class Alternative(NamedTuple):
     """Labels (N,) of a search's points, right if an example is so much nearer.
 
     Args:
@@ -66,19 +66,19 @@ class LabelCheck:
         self._search: LabelSearch | None = None
         self._present_m, self._present_cost = np.empty((0, 3)), 0.0
         self._is_sure: Mask = np.zeros(0, dtype=bool)
-        self._confirmed, self._was_doubtful, self._were_certain = 0.0, False, False
+        self._confirmed, self._was_suspect, self._were_certain = 0.0, False, False
         self._compared: Mask = np.ones(len(names), dtype=bool)
         self._evidence: dict[Renaming, float] = {}
         self._contradicting: set[Renaming] = set()
         self._weighed_s, self._stepped_s = -np.inf, -np.inf
         self._tried: set[Renaming] = set()
-        self._wait_s, self._checked_s, self._looked_s = _FIRST_S, -np.inf, -np.inf
+        self._wait_s, self._checked_s, self._tried_s = _FIRST_S, -np.inf, -np.inf
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
         """Judge labels that a search has just found by those that it found besides."""
         self._checked_s, self._were_certain = time_s, False
         if start is not None:
-            self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.rivals), default=-np.inf))
+            self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.alternatives), default=-np.inf))
 
     @property
     def confirmed_markers(self) -> Mask:
@@ -87,56 +87,56 @@ class LabelCheck:
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
         """Return the share of its confidence that a pose with these labels deserves."""
-        certain = self._is_certain(self._was_doubtful) and _strays(frame, observed_m) < _STRAYS
+        certain = self._is_certain(self._was_suspect) and _strays(frame, observed_m) < _STRAYS
         return 1.0 if certain else _UNCERTAIN
 
     def step(
-        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_sure: Mask, busy: bool = False
-    ) -> Rival | None:
+        self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_confident: Mask, busy: bool = False
+    ) -> Alternative | None:
         """Return other labels that have just turned out to be likely, if any.
 
         Args:
-            is_sure: (M,) markers followed without a doubt since the labels were certain.
+            is_confident: (M,) markers followed without a doubt since the labels were certain.
             busy: whether the frame has cost much already, so that a search rests.
         """
         self._compared = self._compared & np.isfinite(pose.observed_m[:, 0])
         if _GONE_S < pose.time_s - self._stepped_s < np.inf:
             self._confirmed = 0.0
         self._stepped_s = pose.time_s
-        doubtful = self._is_doubtful(frame, pose)
+        suspect = self._is_suspect(frame, pose)
         if self._search is not None:
             self._search.follow(frame.points_m, elapsed_s)
-        elif self._is_due(frame, pose, doubtful):
+        elif self._is_due(frame, pose, suspect):
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._names, self._torso))
-            self._present_m, self._is_sure = pose.observed_m, is_sure
+            self._present_m, self._is_sure = pose.observed_m, is_confident
             ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
             self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
-        if self._search is None or busy or not self._search.advance(self._work(frame, pose, doubtful)):
+        if self._search is None or busy or not self._search.advance(self._work(frame, pose, suspect)):
             return None
         search, self._search = self._search, None
-        return self._judge(search, doubtful, pose.time_s)
+        return self._judge(search, suspect, pose.time_s)
 
-    def _is_doubtful(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
+    def _is_suspect(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
         """Return whether the pose, or points without a name, speak against the labels."""
         located = np.isfinite(pose.observed_m[:, 0])
         explained = pose.confidence / (self.confidence(frame, pose.observed_m) * max(np.mean(located), 1e-3))
         unseen = np.sum(located & self._torso) < _TORSO_MARKERS
-        return bool(explained < _DOUBTFUL or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
+        return bool(explained < _SUSPECT or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
 
-    def _work(self, frame: MarkerFrame, pose: PerformerPose, doubtful: bool) -> float:
+    def _work(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> float:
         """Return a frame's share of a search, less while nothing speaks against labels."""
-        is_certain = self._is_certain(doubtful)
+        is_certain = self._is_certain(suspect)
         self._were_certain |= is_certain
         likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0
         in_doubt = not is_certain and likely
         return WORK if in_doubt or _strays(frame, pose.observed_m) else WORK_UNHURRIED
 
-    def _is_due(self, frame: MarkerFrame, pose: PerformerPose, doubtful: bool) -> bool:
+    def _is_due(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> bool:
         """Return whether to compare the labels with others now."""
-        turned, self._was_doubtful = doubtful and not self._was_doubtful, doubtful
+        turned, self._was_suspect = suspect and not self._was_suspect, suspect
         if turned:
             self._confirmed = 0.0
-        if not self._is_certain(doubtful):
+        if not self._is_certain(suspect):
             self._wait_s = _FIRST_S
         waited_s = pose.time_s - self._checked_s
         if waited_s == 0.0 or (waited_s < self._wait_s and not turned):
@@ -144,13 +144,13 @@ class LabelCheck:
         if len(frame.points_m) < _ENOUGH * len(self._names):
             return False
         self._checked_s = pose.time_s
-        self._wait_s = min(2.0 * self._wait_s, _DOUBTFUL_S if doubtful else _RARE_S)
+        self._wait_s = min(2.0 * self._wait_s, _SUSPECT_S if suspect else _RARE_S)
         return True
 
-    def _is_certain(self, doubtful: bool) -> bool:
-        return self._confirmed >= (_CONFIRMATIONS if doubtful else 1.0)
+    def _is_certain(self, suspect: bool) -> bool:
+        return self._confirmed >= (_CONFIRMATIONS if suspect else 1.0)
 
-    def _judge(self, search: LabelSearch, doubtful: bool, time_s: float) -> Rival | None:
+    def _judge(self, search: LabelSearch, suspect: bool, time_s: float) -> Alternative | None:
         """Return the likeliest labels but the present ones, if likely enough."""
         present = tuple(range(len(self._names)))
         found = [(self._renaming(labels, search.points_m), labels, cost) for labels, cost in search.labellings()]
@@ -180,24 +180,24 @@ class LabelCheck:
         labels, gain, contradicts = others[best]
         names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._present_m[:, 0]))
         if gain > (_PROVEN if names_more else _DECISIVE):
-            return Rival(search, labels, best, np.inf, contradicts)
+            return Alternative(search, labels, best, np.inf, contradicts)
         is_better = self._evidence[best] > _PROVEN
-        uncertain = doubtful or not self._is_certain(doubtful) or best not in self._tried
+        uncertain = suspect or not self._is_certain(suspect) or best not in self._tried
         is_plausible = uncertain and min(gain, self._evidence[best]) > _PLAUSIBLE
-        if not (is_better or is_plausible) or time_s - self._looked_s < _DOUBTFUL_S:
+        if not (is_better or is_plausible) or time_s - self._tried_s < _SUSPECT_S:
             return None
-        self._looked_s = time_s
+        self._tried_s = time_s
         self._tried.add(best)
-        return Rival(search, labels, best, 1.0 if is_better else _NEARER, contradicts)
+        return Alternative(search, labels, best, 1.0 if is_better else _NEARER, contradicts)
 
-    def put_off(self, rival: Renaming) -> None:
+    def put_off(self, alternative: Renaming) -> None:
         """Take the present labels for uncertain, as others could not be tried yet."""
-        self._confirmed, self._looked_s = 0.0, -np.inf
-        self._tried.discard(rival)
+        self._confirmed, self._tried_s = 0.0, -np.inf
+        self._tried.discard(alternative)
 
-    def refute(self, rival: Renaming) -> None:
+    def refute(self, alternative: Renaming) -> None:
         """Count it against other labels that the body does not fit them."""
-        self._evidence[rival] = _LEAST
+        self._evidence[alternative] = _LEAST
 
     def _weigh(self, gains: Mapping[Renaming, float], contradicting: set[Renaming], time_s: float) -> None:
         """Add gains to the evidence for each way to rename markers.

@@ -64,7 +64,7 @@ class MultiTargetSession:
             session.labeller.cost(frame, each) for session, each in zip(self._sessions, pose.performers, strict=True)
         )
 
-    def step(self, frame: MarkerFrame, doubts: bool = True) -> ScenePose:
+    def step(self, frame: MarkerFrame, check_labels: bool = True) -> ScenePose:
         """Return the poses of all performers and props; `doubts` as of `Session.step`."""
         if not self._times.admit(frame.time_s):
             waiting = [session.step(frame) for session in self._sessions]
@@ -82,7 +82,7 @@ class MultiTargetSession:
             if not detection.pose.found:
                 hidden.append(f"{tracker.prop.name} hidden")
         shares = self._assignment.split_frame(frame) if len(self._sessions) > 1 else [frame]
-        return self._solve(frame.notes, shares, tuple(props), hidden, doubts)
+        return self._solve(frame.notes, shares, tuple(props), hidden, check_labels)
 
     def step_labelled(self, frame: MarkerFrame, known: ScenePose) -> ScenePose:
         """Return the poses in the next frame with the labels and props of known poses."""
@@ -90,7 +90,7 @@ class MultiTargetSession:
         shares = [_labelled_share(frame, pose) for pose in known.performers]
         pairs = zip(self._props, known.props, strict=True)
         hidden = [f"{prop.name} hidden" for prop, pose in pairs if not pose.found]
-        return self._solve(frame.notes, shares, known.props, hidden, doubts=False)
+        return self._solve(frame.notes, shares, known.props, hidden, check_labels=False)
 
     def solve_two_ways(self, poses: Sequence[ScenePose], progress: Callable[[float], None]) -> list[ScenePose]:
         """Return poses of a recorded take, with their labels, solved in both directions."""
@@ -117,9 +117,11 @@ class MultiTargetSession:
         shares: Sequence[MarkerFrame],
         props: tuple[PropPose, ...],
         hidden: list[str],
-        doubts: bool,
+        check_labels: bool,
     ) -> ScenePose:
-        performers = tuple(session.step(share, doubts) for session, share in zip(self._sessions, shares, strict=True))
+        performers = tuple(
+            session.step(share, check_labels) for session, share in zip(self._sessions, shares, strict=True)
+        )
         further = [
             f"{subject.name}: {note}"
             for subject, performer in zip(self.subjects[1:], performers[1:], strict=True)

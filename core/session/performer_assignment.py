@@ -19,7 +19,7 @@ from .session import Session
 
 _NOBODY = -1
 _PATIENCE_S = 1.0  # wait for all untracked performers before a body is assigned out of order
-_LOOK_S = 0.1  # between two searches for several bodies, each as slow as solving some frames
+_SEARCH_S = 0.1  # between two searches for several bodies, each as slow as solving some frames
 _UNLIKE = 1e3  # cost of a body that the markers do not fit
 _ORDER_COST = 1.0  # of one place out of order, against the cost of labels
 
@@ -36,7 +36,7 @@ class PerformerAssignment:
         rig = sessions[0].rig
         self._cameras = rig.cameras if rig else ()
         self._waiting_since_s: float | None = None
-        self._looked_s = -np.inf
+        self._searched_s = -np.inf
 
     def split_frame(self, frame: MarkerFrame) -> list[MarkerFrame]:
         """Return each performer's share of a frame; labels of a source go to the first."""
@@ -86,9 +86,9 @@ class PerformerAssignment:
         """Return the share of each untracked performer: one body, or none while in doubt."""
         if self._waiting_since_s is None:
             self._waiting_since_s = frame.time_s
-        if frame.time_s - self._looked_s < _LOOK_S:
+        if frame.time_s - self._searched_s < _SEARCH_S:
             return [_nothing(frame)] * len(waiting)
-        self._looked_s = frame.time_s
+        self._searched_s = frame.time_s
         bodies = self._find_bodies(frame, waiting)
         given = self._assign_bodies(frame, waiting, bodies)
         in_order = [(row, row) for row in range(len(waiting))]

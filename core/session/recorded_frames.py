@@ -69,7 +69,7 @@ def _follow_back(
     found: list[ScenePose] = []
     evidence, best, kept, agreeing, after = 0.0, _CLEAR, 0, 0, poses[first]
     for index in range(first - 1, -1, -1):
-        present, pose = poses[index], session.step(_mirrored(frames[index]), doubts=False)
+        present, pose = poses[index], session.step(_mirrored(frames[index]), check_labels=False)
         gain = session.label_cost(frames[index], present) - session.label_cost(frames[index], pose)
         if index >= at and gain <= 0.0:
             pose, gain = present, 0.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.calibration_poses import t_pose
-from ..body.pose_easing import PoseEaser
+from ..body.pose_slew_limit import PoseSlewLimit
 from ..body.scene_pose import PerformerPose
 from ..database.store import Database
 from ..geometry.arrays import Array
@@ -65,11 +65,11 @@ class Session:
         """Forget the motion so far."""
         self._last: PerformerPose | None = None
         self._times = FrameTimes()
-        self._easer = PoseEaser(self._model.skeleton, self._model.joints, self._model.offsets_m)
+        self._slew_limit = PoseSlewLimit(self._model.skeleton, self._model.joints, self._model.offsets_m)
         self._pose_noise = PoseNoiseFilter()
         self.restart()
 
-    def step(self, frame: MarkerFrame, doubts: bool = True) -> PerformerPose:
+    def step(self, frame: MarkerFrame, check_labels: bool = True) -> PerformerPose:
         """Return the next frame's pose; the last one for a frame with an impossible time.
 
         Without `doubts`, labels of a tracked body are not compared with others.
@@ -92,7 +92,7 @@ class Session:
         self._last = pose
         if self._quality.is_lost(pose):
             self.restart()
-        elif doubts and solution and not is_labelled(frame):
+        elif check_labels and solution and not is_labelled(frame):
             self._compare_labels(frame, elapsed_s, before, observation, pose, solution)
         return pose
 
@@ -128,7 +128,7 @@ class Session:
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         smoothed = observation.smoothed(*self._smoother.step(frame.time_s, observation.points_m))
         # no frame pays for two dear things
-        solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.has_searched)
+        solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, smoothed, solution)
         return observation, solution
@@ -156,28 +156,34 @@ class Session:
         solution: Solution,
     ) -> None:
         """Go on with other labels of a solved frame where they explain it better."""
-        rival = self.labeller.find_rival(frame, elapsed_s, pose, busy=solution.looked)
-        if rival is None:
+        alternative = self.labeller.find_alternative(frame, elapsed_s, pose, busy=solution.reinitialised)
+        if alternative is None:
             return
-        limit_m, fresh = rival.nearer * solution.nearest_m, self.solver.initial_state
-        if rival.keeps_torso:
+        limit_m, fresh = alternative.nearer * solution.nearest_m, self.solver.initial_state
+        if alternative.keeps_torso:
             fresh = self.solver.begin_at_torso(solution)
-            if limit_m < np.inf and not rival.adds:  # its past alone may keep the present pose from an example
-                limit_m = min(limit_m, rival.nearer * self.solver.closest_m(fresh, observation))
-        if rival.adds and limit_m < np.inf and not self.solver.closest_m(fresh, rival.observation) < limit_m:
+            if limit_m < np.inf and not alternative.adds:  # its past alone may keep the present pose from an example
+                limit_m = min(limit_m, alternative.nearer * self.solver.closest_m(fresh, observation))
+        if (
+            alternative.adds
+            and limit_m < np.inf
+            and not self.solver.closest_m(fresh, alternative.observation) < limit_m
+        ):
             return
-        found, state = self.solver.step(before if rival.adds else fresh, rival.observation, frame.time_s, True, limit_m)
+        found, state = self.solver.step(
+            before if alternative.adds else fresh, alternative.observation, frame.time_s, True, limit_m
+        )
         if found is None:
             return
         # only by the markers that both have: with more of them any fit is worse
-        seen = rival.observation.located & np.isfinite(pose.observed_m[:, 0])
-        away_m = np.linalg.norm(found.markers_m[seen] - rival.observation.points_m[seen], axis=1)
+        seen = alternative.observation.located & np.isfinite(pose.observed_m[:, 0])
+        away_m = np.linalg.norm(found.markers_m[seen] - alternative.observation.points_m[seen], axis=1)
         if np.any(seen) and np.sqrt(np.mean(away_m**2)) > pose.marker_rms_m + _WORSE_M:
-            self.labeller.refute_rival(rival)
+            self.labeller.refute_alternative(alternative)
             return
-        if not rival.adds:
+        if not alternative.adds:
             self._quality.reset()
-        self.labeller.follow_rival(rival)
+        self.labeller.follow_alternative(alternative)
         self._state = state
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> tuple[Observation, Solution | None]:
@@ -200,16 +206,17 @@ class Session:
         rotations = self._model.rotations(solution.pose, solution.root)
         errors_deg = self._part_errors.expected_deg(solution)
         doubtful, known, root_m = doubtful_joints(errors_deg), is_labelled(frame), solution.root.position_m
-        rotations = self._easer.step(frame.time_s, rotations, root_m, shown.points_m, held, known, doubtful)
+        rotations = self._slew_limit.step(frame.time_s, rotations, root_m, shown.points_m, held, known, doubtful)
         if self._smooth:
             rotations, root_m = self._pose_noise.step(frame.time_s, rotations, root_m)
-        is_sure = self._has_one_camera or known
+        is_confident = self._has_one_camera or known
         pose = PerformerPose(
             number=frame.number,
             time_s=frame.time_s,
             rotations=rotations,
             root_position_m=root_m,
-            confidence=fit.confidence * (1.0 if is_sure else self.labeller.confidence(frame, observation.points_m)),
+            confidence=fit.confidence
+            * (1.0 if is_confident else self.labeller.confidence(frame, observation.points_m)),
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
             single_cameras=observation.cameras,

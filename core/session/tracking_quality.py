@@ -131,7 +131,11 @@ class TrackingQuality:
         if solution is None or not solution.nearest_m > self.settings.familiar_m:
             check.reset(time_s)
             return False
-        if solution.looked or not check.is_due(time_s) or np.mean(observation.located) < self.settings.sufficient:
+        if (
+            solution.reinitialised
+            or not check.is_due(time_s)
+            or np.mean(observation.located) < self.settings.sufficient
+        ):
             return False
         check.attempt(time_s)
         return True

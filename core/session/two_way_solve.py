@@ -1,9 +1,9 @@
 """Poses of recorded takes, solved in both directions.
 
-Live, a pose knows the past alone. A recorded take is solved once more backwards, with the database's motion also
-backwards. The two err in their own ways: their poses are averaged, each part of the body by its expected errors, and
-low-passed: that is the course of what no marker shows. The markers, without their noise and with their gaps closed by
-that course, then determine the rest once more, and what still trembles is low-passed.
+Live, a pose depends on earlier frames only. A recorded take is also solved backwards, with the database's motion
+reversed in time. The two solutions have different errors, so they are averaged, each part of the body weighted by its
+expected errors, and low-passed: this is the trajectory of what no marker shows. The pose is then fitted once more to
+the smoothed markers, whose gaps that trajectory fills, and the remaining jitter is low-passed.
 """
 
 import math
@@ -39,7 +39,7 @@ _CUT_M_S = 9.0  # or half the markers faster than bodies are
 _WEIGHT_POWER = 4.0  # of the expected error, by which a solution counts less
 _WEIGHT_S = 0.25  # standard deviation of the time over which errors are averaged for this
 _UNKNOWN_DEG = 90.0  # expected error of parts about which nothing is known
-_SMOOTH_HZ = 8.0  # cut-off for the course of what no marker shows
+_SMOOTH_HZ = 8.0  # cut-off for the trajectory of what no marker shows
 # and for all in the end, as the fit follows what noise the smoothed markers still have: at most, and of the frame rate
 _CALM_HZ, _CALM_SHARE = 16.0, 0.27
 _REPORT_EVERY = 30  # frames between two signs of progress
@@ -49,7 +49,7 @@ _TORSO = list(PARTS).index("torso")  # the root's
 
 
 @dataclass(frozen=True)
-class _Course:
+class _Trajectory:
     """One solution of a stretch.
 
     Args:
@@ -85,9 +85,9 @@ class TwoWaySolver:
 
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
         observations = _smoothed(poses, [self._observation(pose) for pose in poses])
-        courses = (_live_course(poses), _backward_course(self._backward, poses, observations, progress))
+        trajectories = (_live_trajectory(poses), _backward_trajectory(self._backward, poses, observations, progress))
         fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
-        return self._calm(self._fitted(poses, _blended(courses, fps), fps, observations), fps)
+        return self._calm(self._fitted(poses, _blended(trajectories, fps), fps, observations), fps)
 
     def _observation(self, pose: PerformerPose) -> Observation:
         """Return the markers of a pose, none where they do not fit the body."""
@@ -96,11 +96,11 @@ class TwoWaySolver:
         return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
 
     def _fitted(
-        self, poses: Sequence[PerformerPose], course: _Course, fps: float, observations: Sequence[Observation]
+        self, poses: Sequence[PerformerPose], trajectory: _Trajectory, fps: float, observations: Sequence[Observation]
     ) -> list[PerformerPose]:
-        """Return the course fitted to the markers, with gaps closed by the course itself."""
+        """Return the trajectory fitted to the markers, with gaps closed by the trajectory itself."""
         model = self._solver.subject
-        motion = self._low_passed(course.rotations, course.root_positions_m, fps, _SMOOTH_HZ)
+        motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, fps, _SMOOTH_HZ)
         marker_set = model.subject.marker_set
         take = take_of_poses(poses, marker_set.names, "", fps)
         seen = np.array([observation.points_m for observation in observations])
@@ -127,8 +127,8 @@ class TwoWaySolver:
                         root_position_m=roots.position_m[row],
                         markers_m=markers_m[row],
                         marker_rms_m=_root_mean(squares[row], pose.marker_rms_m),
-                        part_errors_deg=course.errors_deg[first + row],
-                        joint_errors_deg=course.joint_errors_deg[first + row],
+                        part_errors_deg=trajectory.errors_deg[first + row],
+                        joint_errors_deg=trajectory.joint_errors_deg[first + row],
                     )
                 )
         return fitted
@@ -189,9 +189,9 @@ def _begins(before: PerformerPose, pose: PerformerPose) -> bool:
     return bool(not 0.0 < passed_s < _PAUSE_S or is_cut)
 
 
-def _live_course(poses: Sequence[PerformerPose]) -> _Course:
+def _live_trajectory(poses: Sequence[PerformerPose]) -> _Trajectory:
     """Return the live solution of a stretch."""
-    return _Course(
+    return _Trajectory(
         np.array([pose.rotations for pose in poses]),
         np.array([pose.root_position_m for pose in poses]),
         np.array([_known(pose.part_errors_deg, len(PARTS)) for pose in poses]),
@@ -199,21 +199,21 @@ def _live_course(poses: Sequence[PerformerPose]) -> _Course:
     )
 
 
-def _backward_course(
+def _backward_trajectory(
     solver: PoseSolver,
     poses: Sequence[PerformerPose],
     observations: Sequence[Observation],
     progress: Callable[[float], None],
-) -> _Course:
+) -> _Trajectory:
     """Return a stretch solved from its end; where it is not, errors are infinite.
 
     Args:
         solver: of time that runs backwards.
         poses: as live: where the last markers are, and the poses that stand for missing ones.
     """
-    live, part_errors = _live_course(poses), PartErrors(solver.subject)
+    live, part_errors = _live_trajectory(poses), PartErrors(solver.subject)
     unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
-    course = _Course(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
+    trajectory = _Trajectory(live.rotations.copy(), live.root_positions_m.copy(), *unsolved)
     state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
     seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
     times_s = np.array([pose.time_s for pose in poses])
@@ -229,14 +229,14 @@ def _backward_course(
         solution, state = solver.step(state, observations[index], -poses[index].time_s, learned=learned.pop())
         if solution is None:
             continue
-        course.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
-        course.root_positions_m[index] = solution.root.position_m
-        course.errors_deg[index] = _known(part_errors.expected_deg(solution), len(PARTS))
-        course.joint_errors_deg[index] = _known(
+        trajectory.rotations[index] = solver.subject.rotations(solution.pose, solution.root)
+        trajectory.root_positions_m[index] = solution.root.position_m
+        trajectory.errors_deg[index] = _known(part_errors.expected_deg(solution), len(PARTS))
+        trajectory.joint_errors_deg[index] = _known(
             part_errors.expected_joints_deg(solution), live.joint_errors_deg.shape[1]
         )
     progress(1.0)
-    return course
+    return trajectory
 
 
 def _known(errors_deg: Array, count: int) -> Array:
@@ -244,24 +244,24 @@ def _known(errors_deg: Array, count: int) -> Array:
     return errors_deg if len(errors_deg) else np.full(count, _UNKNOWN_DEG)
 
 
-def _blended(courses: Sequence[_Course], fps: float) -> _Course:
-    """Return the mean of courses, parts weighted by their expected errors."""
-    errors = np.array([course.errors_deg for course in courses])
+def _blended(trajectories: Sequence[_Trajectory], fps: float) -> _Trajectory:
+    """Return the mean of trajectories, parts weighted by their expected errors."""
+    errors = np.array([trajectory.errors_deg for trajectory in trajectories])
     lasting = gaussian_filter1d(np.minimum(errors, _UNKNOWN_DEG), _WEIGHT_S * fps, axis=1, mode="nearest")
     weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER
     weights /= weights.sum(axis=0)
-    first = courses[0].rotations
+    first = trajectories[0].rotations
     rotations = np.zeros_like(first)
-    root_m = np.zeros_like(courses[0].root_positions_m)
-    joint_errors = np.zeros_like(courses[0].joint_errors_deg)
-    for course, weight in zip(courses, weights, strict=True):
+    root_m = np.zeros_like(trajectories[0].root_positions_m)
+    joint_errors = np.zeros_like(trajectories[0].joint_errors_deg)
+    for trajectory, weight in zip(trajectories, weights, strict=True):
         joints = np.empty(first.shape[:2])
         joints[:, 0] = weight[:, _TORSO]
         for part, part_joints in enumerate(PART_JOINTS.values()):
             joints[:, part_joints] = weight[:, part, None]
-        side = np.where(np.sum(course.rotations * first, axis=-1) < 0.0, -1.0, 1.0)
-        rotations += (joints * side)[..., None] * course.rotations
-        root_m += weight[:, _TORSO, None] * course.root_positions_m
-        joint_errors += joints[:, 1:] * np.minimum(course.joint_errors_deg, _UNKNOWN_DEG)
+        side = np.where(np.sum(trajectory.rotations * first, axis=-1) < 0.0, -1.0, 1.0)
+        rotations += (joints * side)[..., None] * trajectory.rotations
+        root_m += weight[:, _TORSO, None] * trajectory.root_positions_m
+        joint_errors += joints[:, 1:] * np.minimum(trajectory.joint_errors_deg, _UNKNOWN_DEG)
     part_errors = np.sum(weights * np.minimum(errors, _UNKNOWN_DEG), axis=0)
-    return _Course(rot.normalize(rotations), root_m, part_errors, joint_errors)
+    return _Trajectory(rot.normalize(rotations), root_m, part_errors, joint_errors)

@@ -87,7 +87,7 @@ def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
     return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
 
 
-def widen_by_doubts(prior: Prior, other: Prior, doubts: Array, share: float) -> Prior:
+def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) -> Prior:
     """Return a prior widened at doubted joints, most where another is far away.
 
     Variances of a joint are multiplied by its doubt (J - 1,), and by this share of the doubt times the squared distance
@@ -98,8 +98,8 @@ def widen_by_doubts(prior: Prior, other: Prior, doubts: Array, share: float) -> 
         np.add.reduce(each.reshape(-1, 3), axis=1)
         for each in (np.square(prior.mean - other.mean), prior.covariance.diagonal(), other.covariance.diagonal())
     )
-    apart = np.maximum(1.0, share * doubts * shift / (mine + others))
-    widened = np.repeat(np.sqrt(np.maximum(1.0, doubts) * apart), 3)
+    apart = np.maximum(1.0, share * inflations * shift / (mine + others))
+    widened = np.repeat(np.sqrt(np.maximum(1.0, inflations) * apart), 3)
     return Prior(prior.mean, prior.covariance * widened * widened[:, None])
 
 

@@ -14,7 +14,7 @@ from ..geometry.principal_components import principal_components
 from ..system.assets import MOTION_PRIOR
 from . import gaussian_conditioning, local_model, synthesis
 from .database_markers import DatabaseMarkers
-from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_by_doubts
+from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_joints
 from .lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers, LaggedPoses
 from .motion_prior import MotionPrior, PriorEstimate, open_network
 from .observation import Observation
@@ -34,10 +34,10 @@ _FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is 
 # from it, each in its own deviations: for bodies that the database lacks, and for those it knows. By the fourth power:
 # each decides alone where it is surely better.
 _TRUSTED, _TRUSTED_KNOWN = 1.3, 5.0
-_MOST_DOUBT = 100.0
+_MOST_INFLATION = 100.0
 # For bodies that the database lacks, neighbours in doubt are doubted joint by joint: most of all where they are further
 # from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
-_DOUBT_OF_JOINTS = 0.3  # share of the doubt
+_JOINT_INFLATION_SHARE = 0.3  # share of the doubt
 # A learned prior that leaves much open is close to any markers. For joints with all their markers hidden it counts as
 # no closer than this: the others' markers do not show that it knows of these.
 _LEAST_OFF = 0.8
@@ -308,14 +308,14 @@ class BestMethod:
         off, *learned_off = deviations(priors, problem.observation, root, root_sigma, self._subject)
         widening = max(1.0, (off / _USUAL_DEVIATION) ** 2) if known else 1.0
         if learned:
-            doubt = _doubt(off, learned_off[0], known)
+            inflation = _inflation(off, learned_off[0], known)
             if known:
-                prior = Prior(prior.mean, max(widening, doubt) * prior.covariance)
+                prior = Prior(prior.mean, max(widening, inflation) * prior.covariance)
             else:
                 hidden = self._subject.hidden_joints(problem.observation.seen)
-                doubts = np.where(hidden, _doubt(off, max(learned_off[0], _LEAST_OFF)), doubt)
-                prior = widen_by_doubts(prior, learned.pose, doubts, _DOUBT_OF_JOINTS)
-            share = settings.prior_share * min(doubt, 1.0)
+                inflations = np.where(hidden, _inflation(off, max(learned_off[0], _LEAST_OFF)), inflation)
+                prior = widen_joints(prior, learned.pose, inflations, _JOINT_INFLATION_SHARE)
+            share = settings.prior_share * min(inflation, 1.0)
             prior = continue_prior(prior, learned.pose.mean, learned.pose.covariance / share)
         else:
             prior = Prior(prior.mean, widening * prior.covariance)
@@ -354,7 +354,7 @@ class BestMethod:
         return markers.reshape(count, -1), poses.reshape(count, -1)
 
 
-def _doubt(off: float, learned_off: float, known: bool = False) -> float:
+def _inflation(off: float, learned_off: float, known: bool = False) -> float:
     """Return how much the neighbours are doubted, by the markers' distances from both.
 
     Over 1 they count less, under 1 the learned prior does.
@@ -363,4 +363,4 @@ def _doubt(off: float, learned_off: float, known: bool = False) -> float:
     ratio = off / (learned_off * (_TRUSTED_KNOWN if known else _TRUSTED)) if learned_off else 1.0
     if not known:  # neighbours that explain the markers within their deviations are hardly doubted
         ratio *= min(1.0, off)
-    return min(max(ratio**4, 1.0 / _MOST_DOUBT), _MOST_DOUBT)
+    return min(max(ratio**4, 1.0 / _MOST_INFLATION), _MOST_INFLATION)

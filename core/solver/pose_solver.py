@@ -10,7 +10,6 @@ from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry.arrays import Array
 from ..system.blas_threads import use_one_blas_thread
-from .course_check import INTERVAL_S, PROVEN, CourseCheck
 from .database_markers import database_markers
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
@@ -22,10 +21,11 @@ from .search.sample import SampleSearch
 from .settings import SolveSettings
 from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
+from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
 _JUMP_M = 0.07  # RMS over the markers between two frames, from which the past may mislead
 _CUT_M = 0.3  # the same, from which the past is of another motion: nobody moves all limbs so fast
-_LOOK_S = 0.04  # after a vain look for a pose without a past, until the next
+_RETRY_S = 0.04  # after a vain look for a pose without a past, until the next
 _NEARER = 0.6  # share of the distance to the closest example, below which a pose without a past is the right one
 
 
@@ -48,9 +48,9 @@ class PoseSolver:
         search = choose_search(settings.search, database, markers)
         sample = SampleSearch(markers, np.asarray(database.poses).reshape(database.frames, -1))
         self._locator = Locator(subject, database, markers, search, sample, self._method, settings.query_alpha)
-        self._course: CourseCheck | None = None
+        self._trajectory_check: TrajectoryCheck | None = None
         if settings.method == "best":
-            self._course = CourseCheck(sample, markers, self.best.earlier_markers)
+            self._trajectory_check = TrajectoryCheck(sample, markers, self.best.earlier_markers)
         self._frame_s = 1.0 / database.fps
         history = LaggedHistory(self._method.longest_s)
         self.initial_state = SolverState(observed=history, solved=history)
@@ -64,7 +64,7 @@ class PoseSolver:
         """Return the solver of time that runs backwards, by the method "best"."""
         found = copy(self)
         found._method = self.best.backwards()
-        found._course = self._course.backwards() if self._course else None
+        found._trajectory_check = self._trajectory_check.backwards() if self._trajectory_check else None
         return found
 
     @property
@@ -121,16 +121,16 @@ class PoseSolver:
             before = state
             solution, state = self._advance(before, observation)
             if solution is not None and (nearer := self._nearer_if_misled(before, observation, solution)):
-                solution, state = self.solve_without_past(before, observation, solution, state, nearer)
-            elif solution is not None and self._course and state.time_s - state.compared_s >= INTERVAL_S:
-                solution, state = self._check_course(self._course, before, observation, solution, state)
+                solution, state = self.reinitialise(before, observation, solution, state, nearer)
+            elif solution is not None and self._trajectory_check and state.time_s - state.compared_s >= INTERVAL_S:
+                solution, state = self._check_trajectory(self._trajectory_check, before, observation, solution, state)
         observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
         if solution is None:
             return None, replace(state, observed=observed)
         solved = state.solved.remember(state.time_s, solution.pose.ravel())
         return solution, replace(state, observed=observed, solved=solved)
 
-    def solve_without_past(
+    def reinitialise(
         self, state: SolverState, observation: Observation, solution: Solution, after: SolverState, nearer: float
     ) -> tuple[Solution, SolverState]:
         """Return the pose solved without a past if the database is nearer to it.
@@ -145,11 +145,16 @@ class PoseSolver:
         away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
         found, first = self._begin(fresh, observation, True, nearer * away_m)
         if found is not None:
-            return replace(found, looked=True), first
-        return replace(solution, looked=True), replace(after, looked_s=state.time_s)
+            return replace(found, reinitialised=True), first
+        return replace(solution, reinitialised=True), replace(after, reinitialise_failed_s=state.time_s)
 
-    def _check_course(
-        self, check: CourseCheck, before: SolverState, observation: Observation, solution: Solution, state: SolverState
+    def _check_trajectory(
+        self,
+        check: TrajectoryCheck,
+        before: SolverState,
+        observation: Observation,
+        solution: Solution,
+        state: SolverState,
     ) -> tuple[Solution, SolverState]:
         """Return the pose solved without earlier poses once these are proven wrong."""
         in_space = self._in_space(before, observation)
@@ -162,7 +167,7 @@ class PoseSolver:
         if located is None:
             return solution, replace(state, compared_s=state.time_s, evidence=evidence)
         better, state = self._estimate(fresh, observation, located)
-        return replace(better, looked=True), replace(state, compared_s=state.time_s)
+        return replace(better, reinitialised=True), replace(state, compared_s=state.time_s)
 
     def _begin(
         self, state: SolverState, observation: Observation, hurried: bool, limit_m: float
@@ -180,11 +185,11 @@ class PoseSolver:
         return (again, second) if again is not None else (first, after)
 
     def _nearer_if_misled(self, state: SolverState, observation: Observation, solution: Solution) -> float:
-        """Return `nearer` for `solve_without_past`; 0 where the past does no harm.
+        """Return `nearer` for `reinitialise`; 0 where the past does no harm.
 
         After a cut a pose without the past must only be no further.
         """
-        waits = state.time_s - state.looked_s < _LOOK_S
+        waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
             return 0.0  # an example is off anyway
         seen = observation.located

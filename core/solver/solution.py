@@ -37,7 +37,7 @@ class Solution:
         nearest_m: RMS distance of the observed markers to those of the closest example, metres; NaN when none.
         iterations: of Levenberg-Marquardt or Gauss-Newton.
         sigmas_rad: (J - 1, 3) standard deviations of the pose, uncalibrated; None of other methods than "best".
-        looked: whether a pose without a past was looked for, too, which is dear.
+        reinitialised: The pose was also solved without history, which is expensive.
     """
 
     pose: Array
@@ -48,7 +48,7 @@ class Solution:
     nearest_m: float
     iterations: int
     sigmas_rad: Array | None = None
-    looked: bool = False
+    reinitialised: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class SolverState:
         found: frames of the last search, from which the next may begin.
         observed: earlier observed markers.
         solved: earlier solved poses.
-        looked_s: time of the last vain look for a pose without a past.
+        reinitialise_failed_s: Time of the last failed re-initialisation.
         compared_s: time of the last comparison with the whole database.
-        evidence: against the present course, see `CourseCheck`.
+        evidence: Evidence against the current trajectory, see `TrajectoryCheck`.
         expectation: markers expected in the last frame; None at the start, and of other methods than "best".
     """
 
@@ -81,7 +81,7 @@ class SolverState:
     found: IntArray | None = None
     observed: LaggedHistory = field(default_factory=LaggedHistory)
     solved: LaggedHistory = field(default_factory=LaggedHistory)
-    looked_s: float = float("-inf")
+    reinitialise_failed_s: float = float("-inf")
     compared_s: float = float("-inf")
     evidence: float = 0.0
     expectation: Expectation | None = None

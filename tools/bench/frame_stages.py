@@ -34,7 +34,7 @@ _STAGES: tuple[tuple[str, Any, tuple[str, ...]], ...] = (
     ("learned prior", MotionPrior, ("estimate",)),
     ("join priors", BestMethod, ("estimate",)),
     ("fit", gaussian_conditioning, ("fit_to_markers",)),
-    ("checks", PoseSolver, ("_check_course", "solve_without_past")),
+    ("checks", PoseSolver, ("_check_trajectory", "reinitialise")),
     ("checks", Session, ("_escape_local_minimum", "_compare_labels")),
     ("pose out", Session, ("_solved_pose",)),
 )

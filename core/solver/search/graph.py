@@ -45,10 +45,10 @@ class GraphSearch:
         groups: list[IntArray] = []
         limit = np.inf
         if start is None:
-            representatives, distances = visit.look(self._representatives.frames)
+            representatives, distances = visit.add(self._representatives.frames)
             self._descend(visit, representatives, distances, _START_BEAM)
         else:
-            _, distances = visit.look(start)
+            _, distances = visit.add(start)
             limit = _PROMISING * np.partition(distances, len(distances) // 2)[len(distances) // 2]
             leaders = self._frames.distances(query, self._representatives.leaders)
             self.visited += len(leaders)
@@ -70,7 +70,7 @@ class GraphSearch:
 
     def _enter(self, visit: "_Visit", representatives: IntArray, limit: float) -> None:
         """Look at representatives, and follow those that are near."""
-        representatives, distances = visit.look(representatives)
+        representatives, distances = visit.add(representatives)
         near = distances < limit
         self._descend(visit, representatives[near], distances[near], _BEAM)
 
@@ -80,7 +80,7 @@ class GraphSearch:
             if len(frames) == 0:
                 return
             chosen, _ = closest(distances, beam)
-            frames, distances = visit.look(self._neighbours[frames[chosen]].ravel())
+            frames, distances = visit.add(self._neighbours[frames[chosen]].ravel())
 
     def _spread(self, visit: "_Visit", count: int, groups: list[IntArray], limit: float, most: float) -> None:
         """Follow the graph from the closest visited frames.
@@ -105,7 +105,7 @@ class GraphSearch:
                 chosen = found[fresh[closest(distances[fresh], batch)[0]]]
                 self._followed[chosen] = True
                 followed.append(chosen)
-                visit.look(self._neighbours[chosen].ravel())
+                visit.add(self._neighbours[chosen].ravel())
             else:
                 group = next(remaining, None)
                 if group is None:
@@ -131,7 +131,7 @@ class _Visit:
         self._found, self._distances = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.float32)
         self.count = 0
 
-    def look(self, frames: IntArray) -> tuple[IntArray, FloatArray]:
+    def add(self, frames: IntArray) -> tuple[IntArray, FloatArray]:
         """Return the frames not visited before, each once, and their Eq. 2 distances."""
         frames = frames[frames >= 0]
         unseen = np.unique(frames[~self._seen[frames]]).astype(np.int64)

@@ -14,8 +14,8 @@ from ...geometry.principal_components import principal_components
 from ..database_markers import BESIDE, MOST, DatabaseMarkers
 from .exhaustive import Query, closest, distances_between, times
 
-_LOOKED_AT = 6144  # frames in the cells that are looked through, about
-_FIRST_LOOKED_AT = 2  # times as many without a pose: cells are of poses and markers
+_SCANNED = 6144  # frames in the cells that are looked through, about
+_FIRST_SCANNED = 2  # times as many without a pose: cells are of poses and markers
 _COMPONENTS = BESIDE - 1
 _SAMPLES = 4096  # frames that the components are taken from
 _COMPARED = 2.0  # frames compared in full for each one wanted
@@ -33,11 +33,11 @@ class CellSearch:
     Args:
         markers: of this search alone, which stores its numbers beside them.
         poses: (F, D) of the database frames.
-        looked_at: frames to look at, about.
+        scanned: frames to look at, about.
     """
 
-    def __init__(self, markers: DatabaseMarkers, poses: FloatArray, looked_at: int = _LOOKED_AT) -> None:
-        self._markers, self._poses, self._looked_at = markers, poses, looked_at
+    def __init__(self, markers: DatabaseMarkers, poses: FloatArray, scanned: int = _SCANNED) -> None:
+        self._markers, self._poses, self._scanned = markers, poses, scanned
         sample = np.ascontiguousarray(poses[:: max(1, len(poses) // _SAMPLES)])
         self._components = principal_components(sample.astype(np.float64), _COMPONENTS).astype(np.float32)
         facts = self._facts_of(sample)
@@ -96,13 +96,13 @@ class CellSearch:
 
     def _rows_near(self, query: Query, target: FloatArray, weights: FloatArray, count: int) -> IntArray:
         """Return the rows of the cells nearest to a query: so many frames at least."""
-        known = 1 if query.pose is not None else _FIRST_LOOKED_AT
-        looked_at = max(self._looked_at * known, math.ceil(_COMPARED * count))
-        if looked_at >= len(self._markers):
+        known = 1 if query.pose is not None else _FIRST_SCANNED
+        scanned = max(self._scanned * known, math.ceil(_COMPARED * count))
+        if scanned >= len(self._markers):
             self.visited += len(self._markers)
             return np.arange(len(self._markers))
         away = times(self._centres, -2.0 * weights * target) + times(self._centre_squares, weights)
-        some = min(math.ceil(looked_at / len(self._markers) * len(away)), len(away) - 1)
+        some = min(math.ceil(scanned / len(self._markers) * len(away)), len(away) - 1)
         cells = np.argpartition(away, some)[: some + 1]
         if self._sizes[cells].sum() < _COMPARED * count:
             cells = np.argsort(away)

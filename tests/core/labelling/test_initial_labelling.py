@@ -198,10 +198,10 @@ def test_rivals_are_other_labels_and_cost_more():
     start = labeller.label(points)
     assert start.labels.tolist() == [0, 1, 2, 3, 4, 5, 6, -1]
     assert start.cost == pytest.approx(GHOST, abs=1e-3)
-    costs = [cost for _, cost in start.rivals]
+    costs = [cost for _, cost in start.alternatives]
     assert costs == sorted(costs)
-    assert len({tuple(labels) for labels, _ in start.rivals}) == len(costs) == 5
-    labels, cost = start.rivals[0]
+    assert len({tuple(labels) for labels, _ in start.alternatives}) == len(costs) == 5
+    labels, cost = start.alternatives[0]
     assert labels.tolist() == [0, 1, 2, 3, -1, 5, 6, 4]
     assert cost == pytest.approx(GHOST + limb_cost(0.06), rel=1e-3)
 

@@ -24,8 +24,8 @@ class Pieces:
         return self._result
 
 
-def found(*rivals):
-    return InitialLabels(LABELS, 3.0, POINTS_M[:3], rivals)
+def found(*alternatives):
+    return InitialLabels(LABELS, 3.0, POINTS_M[:3], alternatives)
 
 
 def search_of(initial):
@@ -53,13 +53,13 @@ def test_a_share_that_is_used_up_to_the_last_begins_no_other_piece():
 
 
 def test_labellings_are_the_best_and_its_rivals():
-    rival = (np.array([0, 1, -1, 2]), 5.0)
-    search = search_of(Pieces([], found(rival)))
+    alternative = (np.array([0, 1, -1, 2]), 5.0)
+    search = search_of(Pieces([], found(alternative)))
     assert search.advance(WORK)
     (labels, cost), other = search.labellings()
     np.testing.assert_array_equal(labels, LABELS)
     assert cost == 3.0
-    assert other is rival
+    assert other is alternative
 
 
 def test_what_is_no_body_has_no_labellings():

@@ -119,21 +119,21 @@ def followed(places_m: list[np.ndarray], elapsed_s: float = 1 / 60) -> np.ndarra
     labeller = Labeller([f"marker {index}" for index in range(len(places_m[0]))])
     labels = np.arange(len(places_m[0]))
     labeller.begin(places_m[0], labels)
-    labeller.vouch(np.ones(len(labels), dtype=bool))
+    labeller.confirm(np.ones(len(labels), dtype=bool))
     before = places_m[0]
     for points in places_m[1:]:
         seen = np.isfinite(points[:, 0])
         labeller.label(points[seen], spread(int(seen.sum())), before, elapsed_s)
         before = np.where(seen[: len(before), None], points[: len(before)], before)
-    return labeller.is_sure
+    return labeller.is_confident
 
 
 def test_only_markers_vouched_for_are_sure() -> None:
     places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     labeller = Labeller([f"marker {index}" for index in range(4)])
     labeller.begin(places_m, np.array([0, 1, 2, -1]))
-    labeller.vouch(np.array([True, False, True, True]))
-    np.testing.assert_array_equal(labeller.is_sure, [True, False, True, False])  # the last is not seen
+    labeller.confirm(np.array([True, False, True, True]))
+    np.testing.assert_array_equal(labeller.is_confident, [True, False, True, False])  # the last is not seen
 
 
 def test_markers_followed_without_a_doubt_are_sure() -> None:
@@ -142,7 +142,7 @@ def test_markers_followed_without_a_doubt_are_sure() -> None:
     assert followed(steps).all()
     before = Labeller(["a", "b", "c", "d"])
     before.begin(start, np.arange(4))
-    assert not before.is_sure.any()  # nobody has vouched for them
+    assert not before.is_confident.any()  # nobody has vouched for them
 
 
 def test_markers_that_meet_or_jump_or_were_lost_are_not_sure() -> None:

@@ -157,7 +157,7 @@ def test_where_two_may_have_a_blob_both_are_proposed_the_likelier_first():
 
 
 def test_the_labeller_before_a_frame_is_left_as_it_was():
-    """Rival labellings go on from one labeller."""
+    """Alternative labellings go on from one labeller."""
     here, way = at((0.0, 0.0)), np.array([[1.0, 0.0, 0.0]])
     labeller = seen(here, velocity_m_s=way)
     before = best(labeller, here, here)

@@ -11,13 +11,13 @@ from perfanim.core.labelling.label_search import WORK_UNHURRIED
 from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.frame_labelling import FrameLabeller
-from perfanim.core.session.label_check import LabelCheck, Rival
+from perfanim.core.session.label_check import Alternative, LabelCheck
 
 POINTS_M = np.array([[0.0, 1.0, 0.0], [0.4, 1.0, 0.0], [0.0, 1.5, 0.0], [0.4, 1.5, 0.0]])
 EXCHANGED = np.array([1, 0, 2, 3])
 
 
-class OneRival:
+class OneAlternative:
     """Stands for the labeller of a database whose poses say that two markers are exchanged."""
 
     def __init__(self, gain: float, *found: np.ndarray) -> None:
@@ -33,35 +33,35 @@ class OneRival:
         return 20.0
 
 
-def rival(gain: float, is_sure: np.ndarray) -> Rival | None:
+def alternative(gain: float, is_confident: np.ndarray) -> Alternative | None:
     """Return the labels that the first check finds better than the present ones."""
-    check: Any = LabelCheck(OneRival(gain), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(gain), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
-    return check.step(frame, 1 / 60, pose, is_sure)  # type: ignore[no-any-return]
+    return check.step(frame, 1 / 60, pose, is_confident)  # type: ignore[no-any-return]
 
 
 def test_likelier_labels_replace_those_of_markers_that_may_be_others() -> None:
-    found = rival(9.0, np.zeros(4, dtype=bool))
+    found = alternative(9.0, np.zeros(4, dtype=bool))
     assert found is not None
     np.testing.assert_array_equal(found.labels, EXCHANGED)
     assert not found.contradicts
 
 
 def test_a_motion_unlike_the_database_does_not_rename_markers_that_were_followed() -> None:
-    assert rival(9.0, np.array([True, False, False, False])) is None
-    assert rival(9.0, np.array([False, False, True, True])) is not None  # the two are not concerned
+    assert alternative(9.0, np.array([True, False, False, False])) is None
+    assert alternative(9.0, np.array([False, False, True, True])) is not None  # the two are not concerned
 
 
 def test_much_likelier_labels_rename_even_these() -> None:
-    found = rival(25.0, np.ones(4, dtype=bool))
+    found = alternative(25.0, np.ones(4, dtype=bool))
     assert found is not None
     assert found.contradicts
 
 
 @pytest.mark.parametrize(("found", "certain"), [((), False), ((np.arange(4),), True)])
 def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tuple[np.ndarray, ...], certain: bool):
-    check: Any = LabelCheck(OneRival(-30.0, *found), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(-30.0, *found), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
     assert check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool)) is None
@@ -71,7 +71,7 @@ def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tu
 @pytest.mark.parametrize("refuted", [False, True])
 @pytest.mark.parametrize("other", [EXCHANGED, np.array([0, 1, 3, 2])])
 def test_each_other_labelling_has_its_own_evidence(other: np.ndarray, refuted: bool):
-    searches = OneRival(2.5)
+    searches = OneAlternative(2.5)
     check: Any = LabelCheck(searches, ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     found = []
     for number, labels in enumerate((EXCHANGED, other, EXCHANGED)):
@@ -83,7 +83,7 @@ def test_each_other_labelling_has_its_own_evidence(other: np.ndarray, refuted: b
         if refuted and number == 1:
             check.refute((1, 0, 2, 3))
     # before they are proven an example must be clearly nearer to them
-    proven = [rival is not None and rival.nearer == 1.0 for rival in found]
+    proven = [alternative is not None and alternative.nearer == 1.0 for alternative in found]
     assert proven == [False, False, other is EXCHANGED and not refuted]
 
 
@@ -95,15 +95,15 @@ class Search:
 
     def search(self, points_m: np.ndarray) -> Generator[int, None, InitialLabels]:
         yield 1
-        (labels, gain), *rivals = self._rows
-        costs = tuple((other, 20.0 - less) for other, less in rivals)
+        (labels, gain), *alternatives = self._rows
+        costs = tuple((other, 20.0 - less) for other, less in alternatives)
         return InitialLabels(labels, 20.0 - gain, POINTS_M, costs)
 
     def cost(self, *_: Any) -> float:
         return 20.0
 
 
-def judged(search: Search, observed_m: np.ndarray, confidence: float = 0.9) -> tuple[Any, Rival | None]:
+def judged(search: Search, observed_m: np.ndarray, confidence: float = 0.9) -> tuple[Any, Alternative | None]:
     """Return a check and the labels that it finds for a pose with these markers."""
     check: Any = LabelCheck(search, ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
@@ -157,13 +157,13 @@ def test_a_check_speaks_for_the_markers_that_it_saw() -> None:
     np.testing.assert_array_equal(check.confirmed_markers, [True, True, False, True])
 
 
-def stepped(check: Any, times_s: list[float], is_sure: np.ndarray, observed_m: np.ndarray = POINTS_M) -> list[Any]:
+def stepped(check: Any, times_s: list[float], is_confident: np.ndarray, observed_m: np.ndarray = POINTS_M) -> list[Any]:
     """Return the labels that checks of one pose at these times find."""
     found = []
     for number, time_s in enumerate(times_s):
         frame = MarkerFrame(number, time_s, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
         pose = SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=0.9, time_s=time_s)
-        found.append(check.step(frame, 0.1, pose, is_sure))
+        found.append(check.step(frame, 0.1, pose, is_confident))
     return found
 
 
@@ -173,7 +173,7 @@ def test_labels_that_were_certain_are_not_when_the_body_was_gone() -> None:
     stepped(check, [1.02], np.zeros(4, dtype=bool))
     assert check.confidence(frame, POINTS_M) == 1.0
     check._search = None
-    check._initial = OneRival(2.0)  # it misses the present labels: no confirmation
+    check._initial = OneAlternative(2.0)  # it misses the present labels: no confirmation
     stepped(check, [1.6], np.zeros(4, dtype=bool))
     assert check.confidence(frame, POINTS_M) < 1.0
 
@@ -190,7 +190,7 @@ def test_a_marker_that_was_hidden_is_not_confirmed_by_a_check_before() -> None:
 @pytest.mark.parametrize(("apart_s", "needed"), [(0.1, 4), (0.3, 3), (1.0, 3)])
 def test_that_markers_were_followed_counts_once_against_other_labels(apart_s: float, needed: int) -> None:
     """Wrong labels that a weak check made certain are given up in the end; a pose that rests proves less."""
-    check: Any = LabelCheck(OneRival(7.5, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(7.5, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     times_s = [1.0 + 1.01 * apart_s * number for number in range(9)]
     # before they are proven an example must be clearly nearer to them
     proven = [each is not None and each.nearer == 1.0 for each in stepped(check, times_s, np.ones(4, dtype=bool))]
@@ -203,13 +203,13 @@ def test_a_first_pose_that_is_doubtful_vouches_for_no_labels(confidence: float, 
     labeller: Any = FrameLabeller.__new__(FrameLabeller)  # a database is not needed here
     labeller._labeller = Labeller(names, torso)
     labeller._labeller.begin(POINTS_M, order, np.zeros(4, dtype=bool))
-    labeller._check = LabelCheck(OneRival(-30.0), names, torso)  # type: ignore[arg-type]
+    labeller._check = LabelCheck(OneAlternative(-30.0), names, torso)  # type: ignore[arg-type]
     labeller._check.begin(1.0, InitialLabels(order, 20.0, POINTS_M, ((EXCHANGED, 50.0),)))
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     assert labeller.confidence(frame, POINTS_M) == 1.0  # the search was certain
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=confidence, time_s=1.0)
-    assert labeller.find_rival(frame, 1 / 60, pose) is None
-    assert labeller._labeller.is_sure.all() == labeller._labeller.is_sure.any() == sure
+    assert labeller.find_alternative(frame, 1 / 60, pose) is None
+    assert labeller._labeller.is_confident.all() == labeller._labeller.is_confident.any() == sure
 
 
 @pytest.mark.parametrize(("gain", "hidden", "frames"), [(-30.0, 0, 4), (9.0, 0, 1), (-30.0, 1, 1)])
@@ -218,7 +218,7 @@ def test_a_check_takes_its_time_while_nothing_speaks_against_the_labels(gain: fl
 
     begun = []
 
-    class Slow(OneRival):
+    class Slow(OneAlternative):
         def search(self, points_m: np.ndarray) -> Generator[int, None, InitialLabels]:
             begun.append(points_m)
             for _ in range(7):
@@ -226,7 +226,7 @@ def test_a_check_takes_its_time_while_nothing_speaks_against_the_labels(gain: fl
             return (yield from super().search(points_m))
 
     nowhere = np.zeros(4, dtype=bool)
-    check: Any = LabelCheck(OneRival(gain, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(gain, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     stepped(check, [1.0], nowhere)
     check._initial, observed_m = Slow(gain, np.arange(4)), POINTS_M.copy()
     observed_m[:hidden] = np.nan

@@ -9,7 +9,7 @@ from perfanim.core.solver.gaussian_conditioning import (
     fit_to_markers,
     moved_root,
     neighbours_prior,
-    widen_by_doubts,
+    widen_joints,
 )
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.straight_steps import straight_steps
@@ -56,7 +56,7 @@ def test_joints_are_widened_where_another_prior_is_far_away():
     variances = first.covariance.diagonal() + second.covariance.diagonal()
     mean[1] += np.sqrt(3.0 * variances[:3].sum())  # of the first joint: three times its variances
     mean[7] += 0.1 * np.sqrt(variances[6:].sum())  # of the last: much less than those
-    widened = widen_by_doubts(first, Prior(mean, second.covariance), np.array([5.0, 0.1, 4.0]), 0.4)
+    widened = widen_joints(first, Prior(mean, second.covariance), np.array([5.0, 0.1, 4.0]), 0.4)
     factors = np.sqrt(np.repeat([5.0 * 0.4 * 5.0 * 3.0, 1.0, 4.0], 3))
     np.testing.assert_array_equal(widened.mean, first.mean)
     np.testing.assert_allclose(widened.covariance, first.covariance * np.outer(factors, factors), rtol=1e-12)

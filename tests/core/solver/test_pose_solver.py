@@ -199,14 +199,14 @@ def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
     monkeypatch.setattr(solver._locator._search, "nearest", lambda *query: searches.append(1) or search(*query))
     other = model.database_markers(database, np.arange(database.frames // 2, database.frames // 2 + 30))
     jumping = np.where(np.arange(30)[:, None, None] % 2, noisy[:30], other + noisy[:1, :1] - other[:1, :1])
-    state, looked, counts = solver.initial_state, [], []
+    state, reinitialised, counts = solver.initial_state, [], []
     for row in (*noisy[:5], *jumping):
         searches.clear()
         solution, state = solver.step(state, Observation.of_points(row))
-        looked.append(solution.looked)
+        reinitialised.append(solution.reinitialised)
         counts.append(len(searches))
-    assert any(looked)
-    assert not any(looked[:5])
+    assert any(reinitialised)
+    assert not any(reinitialised[:5])
     assert set(counts[1:]) == {1}
 
 
@@ -281,7 +281,7 @@ def test_small_databases_are_enough_to_start(model, noisy, embedded_motion, tmp_
 
 @pytest.mark.parametrize("method", ["nearest", "lwr"])
 def test_methods_that_fit_no_markers_are_not_solved_twice(model, database, noisy, method, monkeypatch):
-    monkeypatch.setattr(PoseSolver, "solve_without_past", lambda *arguments: pytest.fail("solved again"))
+    monkeypatch.setattr(PoseSolver, "reinitialise", lambda *arguments: pytest.fail("solved again"))
     assert all(solve(model, database, [Observation.of_points(row) for row in noisy[:20]], method))
 
 
@@ -290,7 +290,7 @@ def test_after_a_cut_a_pose_without_the_past_must_only_be_no_further(
     model, database, noisy, monkeypatch, jump_m, nearer
 ):
     """The past of another motion is worth nothing; limbs that only are fast still have theirs."""
-    asked, original = [], PoseSolver.solve_without_past
+    asked, original = [], PoseSolver.reinitialise
 
     def noted(self, *arguments):
         asked.append(arguments[4])
@@ -298,7 +298,7 @@ def test_after_a_cut_a_pose_without_the_past_must_only_be_no_further(
 
     solver = PoseSolver(model, database, SolveSettings())
     _, state = follow(solver, [Observation.of_points(row) for row in noisy[:20]])
-    monkeypatch.setattr(PoseSolver, "solve_without_past", noted)
+    monkeypatch.setattr(PoseSolver, "reinitialise", noted)
     limbs = ~model.torso
     points = noisy[20].copy()
     points[limbs] += jump_m * np.array([0.6, 0.0, 0.8])

@@ -156,21 +156,21 @@ def test_a_motion_that_jumps_elsewhere_is_followed(motions, graph):
 
 @pytest.mark.parametrize("hidden", [(), (2,), (0, 5, 7)])
 def test_cells_find_nearly_the_closest_among_few_frames(motions, cells, hidden):
-    search = CellSearch(cells, motions.poses, looked_at=1500)
+    search = CellSearch(cells, motions.poses, scanned=1500)
     assert worst_excess(motions, search, hidden) < 0.1
     looked_at = [visits(search, query) for query in motions.queries(5, hidden=hidden)]
     assert max(looked_at[1:]) < 0.4 * len(motions.poses)  # at first, without a pose, more
 
 
 def test_all_cells_are_all_frames(motions, cells):
-    search = CellSearch(cells, motions.poses, looked_at=len(motions.poses))
+    search = CellSearch(cells, motions.poses, scanned=len(motions.poses))
     exhaustive = ExhaustiveSearch(motions.markers, motions.poses)
     for query in motions.queries(5):
         np.testing.assert_allclose(search.nearest(query, WANTED)[1], exhaustive.nearest(query, WANTED)[1], atol=1e-5)
 
 
 def test_cells_hold_as_many_frames_as_are_wanted(motions, cells):
-    search = CellSearch(cells, motions.poses, looked_at=1)
+    search = CellSearch(cells, motions.poses, scanned=1)
     query = next(iter(motions.queries(1)))
     for count in (1, 500, len(motions.poses), len(motions.poses) + 7):
         assert len(set(search.nearest(query, count)[0])) == min(count, len(motions.poses))
@@ -220,7 +220,7 @@ def test_poses_are_those_of_the_exhaustive_search(database, model, true_markers,
     solvers = [PoseSolver(model, database, SolveSettings(search=search)) for search in ("exhaustive", name)]
     if name == "cells":  # a small database would be looked at as a whole
         poses = database.poses.reshape(database.frames, -1)
-        solvers[1]._locator._search = CellSearch(database_markers(model, database), poses, looked_at=1200)
+        solvers[1]._locator._search = CellSearch(database_markers(model, database), poses, scanned=1200)
     states = [solver.initial_state for solver in solvers]
     apart = []
     for markers in true_markers:

@@ -31,7 +31,7 @@ _CUT_SHARE_FOUND = 0.6  # as most have where labels were found: ghosts may be am
 _EXCHANGED_M = 0.05  # in the same time, from the earlier place of another with its label
 
 
-class PoseEaser:
+class PoseSlewLimit:
     """Eases the joints of poses one after another; the root's rotation stays.
 
     Args:
@@ -84,7 +84,7 @@ class PoseEaser:
         else:
             self._changed, changed = seen != self._seen, self._changed
             self._seen = seen
-            self._shown = self._eased(frames, rotations, in_root_m, self._changed | changed, held, doubtful)
+            self._shown = self._limited(frames, rotations, in_root_m, self._changed | changed, held, doubtful)
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
         self._seen_s[seen] = time_s
         self._trail.append((time_s, points_m))
@@ -95,17 +95,17 @@ class PoseEaser:
     def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
         """Return whether a share of the markers is far from where they were lately."""
         frames = np.maximum(1.0, (time_s - self._seen_s) / _FRAME_S)
-        lately_m = np.array([earlier_m for _, earlier_m in self._trail])
-        away_m = points_m - lately_m
+        recent_m = np.array([earlier_m for _, earlier_m in self._trail])
+        away_m = points_m - recent_m
         far = np.fmin.reduce(np.add.reduce(away_m * away_m, axis=-1)) > (_CUT_M * frames) ** 2
         if not far.any():
             return False
         # markers that exchange labels are where one of them was
-        others_m = np.linalg.norm(points_m[far, None] - lately_m[:, far].reshape(-1, 3), axis=-1)
+        others_m = np.linalg.norm(points_m[far, None] - recent_m[:, far].reshape(-1, 3), axis=-1)
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
 
-    def _eased(
+    def _limited(
         self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool, doubtful: Sequence[int]
     ) -> Array:
         """Return the rotations (J, 4) after `frames` of 60 a second.
@@ -123,9 +123,9 @@ class PoseEaser:
         late = share < 1.0
         if not late.any():
             return rotations
-        eased = rotations.copy()
-        eased[late] = rot.multiply(self._shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
-        return eased
+        limited = rotations.copy()
+        limited[late] = rot.multiply(self._shown[late], rot.from_rotation_vector(share[late, None] * turn[late]))
+        return limited
 
     def _limits(self, frames: float, in_root_m: Array, changed: Mask, directions: Array) -> Array:
         """Return how far the joints (J,) may turn in a frame, in their directions (J, 3)."""

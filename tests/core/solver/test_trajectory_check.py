@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.database.store import Database
-from perfanim.core.solver.course_check import INTERVAL_S, PROVEN, CourseCheck
 from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers
 from perfanim.core.solver.observation import Observation
@@ -15,6 +14,7 @@ from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query
 from perfanim.core.solver.search.sample import SampleSearch
 from perfanim.core.solver.solution import SolverState
 from perfanim.core.solver.subject_model import SubjectModel
+from perfanim.core.solver.trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
 LAGS_S = (0.1, 0.25)
 Follow = Callable[[np.ndarray], list[float]]
@@ -27,7 +27,7 @@ def follow(model: SubjectModel, database: Database, true_markers: np.ndarray) ->
     markers_m = markers.all()
     everything = ExhaustiveSearch(markers_m, poses)
     earlier = LaggedMarkers(database, markers, LaggedFrames(database, LAGS_S))
-    check = CourseCheck(SampleSearch(markers, poses), markers, earlier)
+    check = TrajectoryCheck(SampleSearch(markers, poses), markers, earlier)
 
     def evidence(allowed: np.ndarray) -> list[float]:
         state, result = SolverState(observed=LaggedHistory(LAGS_S[-1])), []

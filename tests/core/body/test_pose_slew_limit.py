@@ -2,7 +2,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from perfanim.core.body.pose_easing import PoseEaser
+from perfanim.core.body.pose_slew_limit import PoseSlewLimit
 from perfanim.core.body.skeleton import Skeleton, marker_positions
 from perfanim.core.geometry import rotations as rot
 
@@ -24,10 +24,10 @@ def turned(angles_deg: np.ndarray, joint: int = JOINT) -> np.ndarray:
 
 
 def eased(rotations: np.ndarray, points: Sequence[np.ndarray] | None = None, held: range = range(0)) -> np.ndarray:
-    easer = PoseEaser(CHAIN, CARRIERS, OFFSETS)
+    slew_limit = PoseSlewLimit(CHAIN, CARRIERS, OFFSETS)
     shown = []
     for i, each in enumerate(rotations):
-        shown.append(easer.step(i / FPS, each, np.zeros(3), POINTS if points is None else points[i], i in held))
+        shown.append(slew_limit.step(i / FPS, each, np.zeros(3), POINTS if points is None else points[i], i in held))
     return np.array(shown)
 
 
@@ -101,9 +101,9 @@ def test_a_cut_is_shown_as_it_is() -> None:
 def test_some_markers_elsewhere_are_no_cut_where_labels_were_found() -> None:
     solved, far = turned(JUMP), (np.arange(9) < 3)[:, None] * np.array([0.3, 0.0, 0.0])
     for known, limit in ((True, 61.0), (False, LIMIT_DEG)):
-        easer = PoseEaser(CHAIN, CARRIERS, OFFSETS)
+        slew_limit = PoseSlewLimit(CHAIN, CARRIERS, OFFSETS)
         shown = [
-            easer.step(i / FPS, each, np.zeros(3), POINTS + (i >= 20) * far, labels_known=known)
+            slew_limit.step(i / FPS, each, np.zeros(3), POINTS + (i >= 20) * far, labels_known=known)
             for i, each in enumerate(solved)
         ]
         assert 0.9 * limit < changes_deg(np.array(shown)).max() <= limit
@@ -131,9 +131,9 @@ def test_markers_that_flicker_are_no_cut() -> None:
 
 
 def test_a_pose_after_a_gap_is_shown_as_it_is() -> None:
-    easer, solved = PoseEaser(CHAIN, CARRIERS, OFFSETS), turned(JUMP)
-    easer.step(0.0, solved[0], np.zeros(3), POINTS)
-    np.testing.assert_array_equal(easer.step(0.5, solved[40], np.zeros(3), POINTS), solved[40])
+    slew_limit, solved = PoseSlewLimit(CHAIN, CARRIERS, OFFSETS), turned(JUMP)
+    slew_limit.step(0.0, solved[0], np.zeros(3), POINTS)
+    np.testing.assert_array_equal(slew_limit.step(0.5, solved[40], np.zeros(3), POINTS), solved[40])
 
 
 def test_held_joints_stay_and_are_let_go() -> None:

@@ -27,7 +27,7 @@ _BESIDE = 8  # of the nearest
 _EXAMPLES = 64
 
 
-class CourseCheck:
+class TrajectoryCheck:
     """Compares the present examples with the whole database.
 
     Args:
@@ -40,7 +40,7 @@ class CourseCheck:
         # frames that follow each other are alike: those between some are looked at only where these are near
         self._apart = max(1, sample.step // _PER_SAMPLE)
 
-    def backwards(self) -> "CourseCheck":
+    def backwards(self) -> "TrajectoryCheck":
         """Return the same for time that runs backwards."""
         found = copy(self)
         found._earlier = self._earlier.backwards()
