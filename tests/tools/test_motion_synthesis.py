@@ -4,14 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion_synthesis import (
-    BEHAVIOURS,
-    STYLES,
-    Style,
-    perform,
-    performance,
-    style_named,
-)
+from motion_synthesis import BEHAVIOURS, STYLES, perform, performance
 from motion_synthesis.arm_rotations import arm_rest, hanging_arm, leg_rest, two_bones
 from motion_synthesis.bodies import body, prototype_bodies, save_bodies
 from motion_synthesis.curves import Track, ease, pendulum_filtered
@@ -22,8 +15,7 @@ from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
-from perfanim.core.errors import SettingsError, SkeletonError
-from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.errors import SkeletonError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.simulate.performance import load_performance
 from perfanim.core.subjects.prototype_bodies import load_bodies
@@ -38,7 +30,7 @@ CASES = [(behaviour, style) for behaviour in BEHAVIOURS for style in ("neutral",
 def motions() -> dict[tuple[str, str], Motion]:
     return {
         (behaviour, style): perform(
-            behaviour, SECONDS, FPS, body(1.55 + 0.06 * i % 0.4, 0.3, 40 + i), style_named(style), seed=500 + i
+            behaviour, SECONDS, FPS, body(1.55 + 0.06 * i % 0.4, 0.3, 40 + i), STYLES[style], seed=500 + i
         )
         for i, (behaviour, style) in enumerate(CASES)
     }
@@ -141,7 +133,7 @@ def test_flights_are_ballistic(motions: dict[tuple[str, str], Motion], behaviour
 def sword_in_right_hand(motion: Motion, along_m: float) -> np.ndarray:
     """World positions (F, 3) of the sword's point that far from the left fist to the tip, by the right hand alone."""
     still = np.zeros((1, 3))
-    wrist, hand = gripping("r", still, still, Body(motion.skeleton))
+    wrist, hand = gripping("r", still, still, Body(motion.skeleton).arm_m)
     in_hand = rot.rotate(rot.conjugate(hand), along_m * sword_axes(still)[0] - wrist)[0]
     positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     joint = motion.skeleton.index("rhand")
@@ -228,12 +220,6 @@ def test_behaviours_follow_one_another_without_jumps() -> None:
     assert np.linalg.norm(np.diff(motion.root_positions_m, axis=0), axis=1).max() * FPS < 5.0
 
 
-def test_same_seed_same_motion_other_seed_another() -> None:
-    first, again, other = (perform("boxing", 5.0, seed=seed) for seed in (4, 4, 5))
-    assert np.array_equal(first.rotations, again.rotations)
-    assert np.degrees(rot.angle_between(first.rotations, other.rotations)).mean() > 1.0
-
-
 @pytest.mark.parametrize("fps", [24.0, 30.0, 120.0])
 def test_rate_changes_only_the_sampling(fps: float) -> None:
     motion = perform("walking", 5.0, fps=fps, seed=6)
@@ -242,17 +228,6 @@ def test_rate_changes_only_the_sampling(fps: float) -> None:
     whole = perform("walking", 5.0, fps=120.0, seed=6)
     if fps == 30.0:
         assert np.degrees(rot.angle_between(motion.rotations, whole.rotations[::4])).max() < 0.5
-
-
-def test_unknown_behaviour_style_and_too_short_times_are_told() -> None:
-    with pytest.raises(SettingsError, match="no behaviour 'flying'"):
-        perform("flying", 5.0)
-    with pytest.raises(SettingsError, match="too short"):
-        perform("walking", 1.0)
-    with pytest.raises(SettingsError, match="no style"):
-        style_named("purple")
-    with pytest.raises(SettingsError, match="tempo"):
-        Style(tempo=9.0)
 
 
 # ---- building blocks
@@ -290,10 +265,10 @@ def test_two_bones_reach_and_keep_their_lengths() -> None:
     start = rng.normal(0.0, 0.1, (50, 3))
     way = rng.standard_normal((50, 3))
     target = start + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.2, 0.52, (50, 1))
-    pose = two_bones(start, target, rng.standard_normal((50, 3)), (0.3, 0.28), rest)
-    bend = rot.from_rotation_vector(rest[1] * pose.flexion_rad[:, None])
-    middle = start + rot.rotate(pose.first, 0.3 * rest[0])
-    end = middle + rot.rotate(rot.multiply(pose.first, bend), 0.28 * rest[0])
+    first, flexion_rad = two_bones(start, target, rng.standard_normal((50, 3)), (0.3, 0.28), rest)
+    bend = rot.from_rotation_vector(rest[1] * flexion_rad[:, None])
+    middle = start + rot.rotate(first, 0.3 * rest[0])
+    end = middle + rot.rotate(rot.multiply(first, bend), 0.28 * rest[0])
     assert np.allclose(end, target, atol=1e-6)
 
 
@@ -330,8 +305,6 @@ def test_bodies_have_their_height_and_differ_in_proportion(tmp_path: Path) -> No
     (tmp_path / "b.json").write_text("{}")
     with pytest.raises(SkeletonError, match=r"b\.json"):
         load_bodies(tmp_path / "b.json")
-    with pytest.raises(SettingsError, match="height"):
-        body(3.0)
 
 
 def test_embedded_database_is_what_the_command_makes(tmp_path: Path) -> None:
@@ -354,14 +327,6 @@ def test_shipped_performance_is_what_the_command_makes(tmp_path: Path, name: str
     assert np.degrees(rot.angle_between(made.rotations, read.rotations)).max() < 0.01
     assert np.abs(made.root_positions_m - read.root_positions_m).max() <= 0.5e-4 + 1e-12
     assert start == round(2.9 * FPS)
-
-
-def test_embedded_clip_reads_back_as_it_was_made() -> None:
-    clip = clips()[20]
-    made, read = motion_of(clip), read_motion(MOTION / f"{clip.name}.bvh")
-    assert read.fps == pytest.approx(made.fps, rel=1e-6)
-    assert np.degrees(rot.angle_between(made.rotations, read.rotations)).max() < 0.03
-    assert np.abs(made.root_positions_m - read.root_positions_m).max() < 1e-4
 
 
 def test_embedded_database_is_small_and_holds_every_behaviour_and_transitions() -> None:

@@ -4,8 +4,6 @@ World and chest frames below are those of the rest pose: x to the left, y up, z 
 which the limb's middle joint flexes by positive angles.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.two_bone_ik import triangle_angle
@@ -13,22 +11,12 @@ from perfanim.core.geometry.two_bone_ik import triangle_angle
 from .curves import Array
 from .proportions import about, outward
 
-# share of the limb's length up to which it reaches exactly, and that it never passes: a limb that snaps straight
-# has infinite joint speed and no defined plane
-LEG_REACH = (0.9990, 0.9998)
-ARM_REACH = (0.92, 0.9975)
+# shares of a limb's length: up to the first it reaches exactly, and it never passes the second, because a limb that
+# snaps straight has infinite joint speed and no defined plane
+_LEG_REACH, ARM_REACH = (0.9990, 0.9998), (0.92, 0.9975)
 _ELBOW_TILT_RAD = np.deg2rad(30.0)  # CMU's T pose: the crook of the elbow looks forward and up
 # free up to the first angle, never beyond the second
-_WRIST_RANGE_RAD = (np.deg2rad(55.0), np.deg2rad(80.0))
-_TWIST_RANGE_RAD = (np.deg2rad(100.0), np.deg2rad(130.0))
-
-
-@dataclass(frozen=True)
-class TwoBones:
-    """World orientation of the first bone (T, 4), flexion of the joint (T,), radians."""
-
-    first: Array
-    flexion_rad: Array
+_WRIST_RANGE_RAD, _TWIST_RANGE_RAD = np.deg2rad((55.0, 80.0)), np.deg2rad((100.0, 130.0))
 
 
 def unit(vectors: Array) -> Array:
@@ -37,10 +25,7 @@ def unit(vectors: Array) -> Array:
 
 
 def frame_from(rest_bone: Array, rest_hinge: Array, bone: Array, hinge: Array) -> Array:
-    """Return rotations (T, 4) of a rest bone and hinge to world ones.
-
-    Each bone is orthogonal to its hinge.
-    """
+    """Return rotations (T, 4) of a rest bone and hinge to world ones; each bone is orthogonal to its hinge."""
     rest = np.stack((rest_hinge, rest_bone, np.cross(rest_hinge, rest_bone)), axis=-1)
     world = np.stack((hinge, bone, np.cross(hinge, bone)), axis=-1)
     return rot.from_matrix(world @ rest.T)
@@ -52,28 +37,30 @@ def two_bones(
     hinge_hint: Array,
     lengths: tuple[float, float],
     rest: tuple[Array, Array],
-    straightest: tuple[float, float] = LEG_REACH,
-) -> TwoBones:
-    """Return the pose of two bones that reach from `start` to `target` (T, 3) each.
+    reach_shares: tuple[float, float] = _LEG_REACH,
+) -> tuple[Array, Array]:
+    """Return how two bones reach from `start` to `target` (T, 3) each.
 
     Args:
-        hinge_hint: (T, 3) wanted hinge axis; its part across the line start-target is used.
-        lengths: of the first and second bone.
-        rest: direction of the (straight) limb and hinge axis in the rest pose.
-        straightest: see `LEG_REACH`.
+        hinge_hint: Wanted hinge axis (T, 3); its part across the line start-target is used.
+        lengths: Lengths of the first and second bone.
+        rest: Direction of the (straight) limb and hinge axis in the rest pose.
+        reach_shares: Reach that is exact, and greatest reach, as shares of the limb's length.
+
+    Returns:
+        world orientation of the first bone (T, 4), flexion of the joint (T,), radians.
     """
     first, second = lengths
     line = target - start
     distance = np.linalg.norm(line, axis=1)
-    reach = (first + second) * soft_limit(distance / (first + second), *straightest)
+    reach = (first + second) * soft_limit(distance / (first + second), *reach_shares)
     reach = np.maximum(reach, 1.02 * abs(first - second) + 1e-6)
     along = line / distance[:, None]
     hinge = unit(hinge_hint - np.sum(hinge_hint * along, axis=1, keepdims=True) * along)
-    at_start = triangle_angle(first, reach, second)
-    inside = triangle_angle(first, second, reach)
+    at_start = triangle_angle(first, reach, second)[:, None]
     # the first bone turns against the flexion, the second follows with it
-    bone = np.cos(at_start)[:, None] * along - np.sin(at_start)[:, None] * np.cross(hinge, along)
-    return TwoBones(frame_from(rest[0], rest[1], bone, hinge), np.pi - inside)
+    bone = np.cos(at_start) * along - np.sin(at_start) * np.cross(hinge, along)
+    return frame_from(*rest, bone, hinge), np.pi - triangle_angle(first, second, reach)
 
 
 def arm_rest(side: str) -> tuple[Array, Array]:
@@ -82,12 +69,13 @@ def arm_rest(side: str) -> tuple[Array, Array]:
     return np.array([s, 0.0, 0.0]), s * np.array([0.0, -np.cos(_ELBOW_TILT_RAD), np.sin(_ELBOW_TILT_RAD)])
 
 
-def leg_rest(flat: Array) -> tuple[Array, Array]:
-    """Return the leg's direction and the knee's hinge in the rest pose.
+def hand_rest(side: str) -> tuple[Array, Array]:
+    """Return the directions of fingers and palm in the rest pose."""
+    return np.array([outward(side), 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
-    Args:
-        flat: turn that makes the shank vertical.
-    """
+
+def leg_rest(flat: Array) -> tuple[Array, Array]:
+    """Return the leg's direction and the knee's hinge in the rest pose; `flat` makes the shank vertical."""
     back = rot.conjugate(flat)
     return rot.rotate(back, np.array([0.0, -1.0, 0.0])), rot.rotate(back, np.array([1.0, 0.0, 0.0]))
 
@@ -100,27 +88,13 @@ def hanging_arm(side: str, flex_rad: Array, abduct_rad: Array, twist_rad: Array)
     """
     s = outward(side)
     swing = rot.multiply(about("X", -flex_rad), about("Z", s * abduct_rad))
-    turned = rot.multiply(swing, about("Y", -s * twist_rad))
-    rest_bone, rest_hinge = arm_rest(side)
-    count = len(np.atleast_1d(flex_rad))
-    bone = np.tile([0.0, -1.0, 0.0], (count, 1))
-    hinge = np.tile([-1.0, 0.0, 0.0], (count, 1))
-    return rot.multiply(turned, frame_from(rest_bone, rest_hinge, bone, hinge))
+    hanging = frame_from(*arm_rest(side), np.array([[0.0, -1.0, 0.0]]), np.array([[-1.0, 0.0, 0.0]]))
+    return rot.multiply(rot.multiply(swing, about("Y", -s * twist_rad)), hanging)
 
 
 def elbow(side: str, flexion_rad: Array) -> Array:
     """Return the elbow's local rotation."""
-    _, hinge = arm_rest(side)
-    return rot.from_rotation_vector(hinge * np.asarray(flexion_rad)[..., None])
-
-
-def swing_twist(rotations: Array, axis: Array) -> tuple[Array, Array]:
-    """Return the twist angle T about `axis` and the swing S: rotations R = T S."""
-    along = rotations[..., 1:] @ axis
-    angle = 2.0 * np.arctan2(along, rotations[..., 0])
-    angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
-    twist = rot.from_rotation_vector(axis * angle[..., None])
-    return angle, rot.multiply(rot.conjugate(twist), rotations)
+    return rot.from_rotation_vector(arm_rest(side)[1] * np.asarray(flexion_rad)[..., None])
 
 
 def soft_limit(angles: Array, free_rad: float, limit_rad: float) -> Array:
@@ -140,6 +114,9 @@ def limited(rotations: Array, free_rad: float, limit_rad: float) -> Array:
 def forearm_and_hand(side: str, world_from_radius: Array, world_from_hand: Array) -> tuple[Array, Array]:
     """Return local rotations of wrist (pure forearm twist) and hand for a world hand."""
     axis, _ = arm_rest(side)
-    angle, bend = swing_twist(rot.multiply(rot.conjugate(world_from_radius), world_from_hand), axis)
+    radius_from_hand = rot.multiply(rot.conjugate(world_from_radius), world_from_hand)
+    angle = 2.0 * np.arctan2(radius_from_hand[..., 1:] @ axis, radius_from_hand[..., 0])
+    angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    bend = rot.multiply(rot.from_rotation_vector(-axis * angle[..., None]), radius_from_hand)
     held = soft_limit(angle, *_TWIST_RANGE_RAD)
     return rot.from_rotation_vector(axis * held[..., None]), limited(bend, *_WRIST_RANGE_RAD)

@@ -1,6 +1,7 @@
 """Where the feet are: contacts that stay put, and swings between them."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,13 +10,12 @@ from perfanim.core.geometry import rotations as rot
 from .curves import Array, ease
 from .proportions import Sole, about
 
-HELD_S = 0.35
+HELD_S = 0.35  # rise and fall of a foot that is kept up
 _UPRIGHT = (0.05, 0.97)  # share of a swing between which the foot travels: it goes straight up and down at its ends
 _CORNER_RAD = 0.12  # rounding of the change of pivot from ball to heel in the air
 
 
-@dataclass(frozen=True)
-class Placement:
+class Placement(NamedTuple):
     """A flat foot on the ground: x, z of its ball in metres, and its yaw, radians."""
 
     x_m: float
@@ -25,24 +25,15 @@ class Placement:
 
 @dataclass(frozen=True)
 class Swing:
-    """A foot's way through the air to its next placement.
+    """A foot's way through the air to its next placement."""
 
-    Args:
-        lift_s, land_s: last and first time of contact.
-        to: where it lands.
-        height_m: greatest height of the foot's ball above its height on the ground, at `peak` of the swing.
-        peak: share of the swing at which the height is greatest.
-        power: of the height's rise from the ground: 3 lifts gently, 1.5 as in a jump.
-        held: the height is kept up between a rise and a fall of `HELD_S`.
-    """
-
-    lift_s: float
-    land_s: float
+    lift_s: float  # last time of contact
+    land_s: float  # first time of the next one
     to: Placement
-    height_m: float
-    peak: float = 0.5
-    power: float = 3.0
-    held: bool = False
+    height_m: float  # greatest height of the foot's ball above its height on the ground
+    peak: float = 0.5  # share of the swing at which the height is greatest
+    power: float = 3.0  # exponent of the height's rise from the ground: 3 lifts gently, 1.5 as in a jump
+    held: bool = False  # kept up between a rise and a fall of `HELD_S`
 
     def lift_m(self, times_s: Array) -> Array:
         """Return the ball's rise above the ground at times within the swing."""
@@ -50,7 +41,10 @@ class Swing:
             up = ease((times_s - self.lift_s) / HELD_S) * ease((self.land_s - times_s) / HELD_S)
             return np.asarray(self.height_m * up)
         u = (times_s - self.lift_s) / (self.land_s - self.lift_s)
-        return np.asarray(self.height_m * _hump(u, self.peak, self.power))
+        before = self.power * max(1.0, self.peak / (1.0 - self.peak))
+        after = before * (1.0 - self.peak) / self.peak
+        top = self.peak**before * (1.0 - self.peak) ** after
+        return np.asarray(self.height_m * (u**before * (1.0 - u) ** after / top))
 
 
 @dataclass
@@ -72,19 +66,16 @@ class FootPath:
 
     def sample(self, times_s: Array) -> "FootSamples":
         """Return where the foot is at the times."""
-        count = len(times_s)
-        ground = np.tile([self.first.x_m, self.first.z_m, self.first.yaw_rad], (count, 1))
-        lift, phase = np.zeros(count), np.full(count, -1.0)
-        start = ground[0].copy() if count else np.zeros(3)
+        start = np.array(self.first)
+        ground = np.tile(start, (len(times_s), 1))
+        lift, phase = np.zeros(len(times_s)), np.full(len(times_s), -1.0)
         for swing in self.swings:
-            end = np.array([swing.to.x_m, swing.to.z_m, swing.to.yaw_rad])
+            end = np.array(swing.to)
             u = (times_s - swing.lift_s) / (swing.land_s - swing.lift_s)
-            ground[u > 0.0] = (
-                start + (end - start) * ease((u - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[u > 0.0, None]
-            )
+            gone = ease((u[u > 0.0, None] - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))
+            ground[u > 0.0] = start + (end - start) * gone
             air = (u > 0.0) & (u < 1.0)
-            lift[air] = swing.lift_m(times_s[air])
-            phase[air] = u[air]
+            lift[air], phase[air] = swing.lift_m(times_s[air]), u[air]
             start = end
         return FootSamples(ground, lift, phase)
 
@@ -92,8 +83,7 @@ class FootPath:
         """Return 0 in the air and 1 in contact, with ramps of `ramp_s` inside contacts."""
         weight = np.ones(len(times_s))
         for swing in self.swings:
-            off = ease((swing.lift_s - times_s) / ramp_s)
-            on = ease((times_s - swing.land_s) / ramp_s)
+            off, on = ease((swing.lift_s - times_s) / ramp_s), ease((times_s - swing.land_s) / ramp_s)
             weight = np.minimum(weight, np.maximum(off, on))
         return weight
 
@@ -112,37 +102,23 @@ class FootSamples:
         return self.swing_phase < 0.0
 
 
-def _hump(u: Array, peak: float, power: float) -> Array:
-    """Return a smooth bump over u in 0..1, 1 at `peak`, with ends at least of `power`."""
-    before = power * max(1.0, peak / (1.0 - peak))
-    after = before * (1.0 - peak) / peak
-    top = peak**before * (1.0 - peak) ** after
-    return np.asarray(u**before * (1.0 - u) ** after / top)
-
-
-def foot_pose(samples: FootSamples, sole: Sole, pitch_rad: Array, roll_rad: Array) -> tuple[Array, Array]:
+def foot_pose(samples: FootSamples, sole: Sole, pitch_rad: Array) -> tuple[Array, Array]:
     """Return ankle positions (T, 3) and world-from-foot orientations (T, 4).
 
     A raised heel (positive pitch) turns the foot about its ball, raised toes (negative) about its heel, so the part
     that carries does not slide; in the air the one passes smoothly into the other.
     """
-    tilt = rot.multiply(about("X", pitch_rad), about("Z", roll_rad))
-    toes_up = about("X", -_toes_up(samples, pitch_rad))
+    inside = np.clip(samples.swing_phase, 0.0, 1.0)
+    rounding = np.maximum(_CORNER_RAD * (4.0 * inside * (1.0 - inside)) ** 2, 1e-4)
+    toes_up = about("X", -rounding * np.logaddexp(0.0, -pitch_rad / rounding))  # max(-pitch, 0) with a round corner
+    tilt, yaw = about("X", pitch_rad), about("Y", samples.ground[:, 2])
     by_heel = sole.heel_m - rot.rotate(toes_up, sole.heel_m)
     ball = np.stack((samples.ground[:, 0], sole.ball_height_m + samples.lift_m, samples.ground[:, 1]), axis=1)
-    yaw = about("Y", samples.ground[:, 2])
     ankle = ball + rot.rotate(yaw, by_heel + rot.rotate(tilt, sole.ankle_m))
     return ankle, rot.multiply(rot.multiply(yaw, tilt), sole.flat)
 
 
-def _toes_up(samples: FootSamples, pitch_rad: Array) -> Array:
-    """Return max(-pitch, 0), its corner rounded in the middle of a swing."""
-    inside = np.clip(samples.swing_phase, 0.0, 1.0)
-    rounding = np.maximum(_CORNER_RAD * (4.0 * inside * (1.0 - inside)) ** 2, 1e-4)
-    return np.asarray(rounding * np.logaddexp(0.0, -pitch_rad / rounding))
-
-
-def toe_bend(samples: FootSamples, sole: Sole, pitch_rad: Array, extra_rad: Array) -> Array:
+def toe_bend(samples: FootSamples, sole: Sole, pitch_rad: Array) -> Array:
     """Return the toes' rotation about x (negative is up): flat under a raised heel.
 
     In the air they relax until shortly before the landing, but never point below the ground.
@@ -152,5 +128,4 @@ def toe_bend(samples: FootSamples, sole: Sole, pitch_rad: Array, extra_rad: Arra
     held = np.where(samples.in_contact, 1.0, ready)
     room = sole.ball_height_m * 0.8 + samples.lift_m
     clear = raised - np.arcsin(np.clip(room / sole.toe_m, 0.0, 1.0))
-    bend = np.maximum(raised * held, np.maximum(clear, 0.0))
-    return np.asarray(-bend + extra_rad)
+    return -np.maximum(raised * held, np.maximum(clear, 0.0))

@@ -3,15 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .feet import Swing
+from .fighter import LEAVE_S, SHORT_S, Fighter
 from .proportions import SIDES
-from .timeline import STANDING_HEIGHT, Timeline
+from .timeline import Timeline
 
-_LEG_M = 0.85
-_LEAVE_S = 1.4  # what putting the sword away takes
-_SHORT_S = 6.0
 _HEEL_UP = 0.24  # the left heel never comes down
 # left fist over the arm's length; blade up, left, edge turn
 _Held = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -21,17 +18,12 @@ _HALF_RAISED: _Held = ((0.0, 0.10, 0.52), (1.55, 0.0, 0.0))
 _MEN: _Held = ((0.0, -0.36, 0.52), (0.12, 0.0, 0.0))
 _KOTE: _Held = ((0.0, -0.52, 0.52), (-0.05, -0.08, 0.0))
 _DO: _Held = ((0.06, -0.52, 0.52), (-0.05, 0.40, -0.95))
+_READY: _Held = ((0.0, -0.58, 0.36), (0.30, 0.0, 0.0))
 _TSUKI: _Held = ((0.0, -0.34, 0.56), (0.10, 0.0, 0.0))
 
 
-class Kendoka:
+class _Kendoka(Fighter):
     """Writes a swordsman's keys into a timeline."""
-
-    def __init__(self, timeline: Timeline) -> None:
-        self.timeline = timeline
-        self.size = timeline.body.leg_m / _LEG_M
-        self.spot = timeline.spot
-        self.heading = timeline.front_rad
 
     def sword(self, time_s: float, held: _Held, aside: float = 0.0, scatter: float = 1.0) -> None:
         """Key the sword; `aside` turns a cut to the left, with the edge."""
@@ -51,68 +43,60 @@ class Kendoka:
             head=(j(0.02), 0.05 + 0.2 * lean + j(0.015), 0.0),
             heading=self.heading,
         )
-        raised = self.timeline.value("sword")[1] > 0.2
+        raised = timeline.value("sword")[1] > 0.2
         for side in SIDES:
-            values: dict[str, ArrayLike] = {
-                f"{side}.swivel": (0.75 if raised else 0.30) + j(0.04),
-                f"{side}.grip": 0.85,
-            }
-            timeline.set(time_s, **values)
+            timeline.set_side(side, time_s, swivel=(0.75 if raised else 0.30) + j(0.04), grip=0.85)
+
+    def guard(self, time_s: float) -> float:
+        """Key the middle guard; return its time."""
+        self.sword(time_s, _CHUDAN)
+        self.trunk(time_s)
+        return time_s
 
     def advance(
         self, lift_s: float, forward_m: float, left_m: float = 0.0, *, stamp: bool = False, quick: float = 1.0
     ) -> tuple[float, float]:
-        """Slide forward right foot first, or backward left foot first.
-
-        Returns:
-            times at which the first and second foot land.
-        """
-        timeline = self.timeline
-        x = self.spot[0] + self.size * (left_m * np.cos(self.heading) + forward_m * np.sin(self.heading))
-        z = self.spot[1] + self.size * (forward_m * np.cos(self.heading) - left_m * np.sin(self.heading))
-        self.spot = (float(np.clip(x, -0.5, 0.5)), float(np.clip(z, -0.95, 1.0)))
+        """Slide forward right foot first, or backward left foot first; return when first and second foot land."""
+        feet = self.timeline.feet
+        self.move_spot(forward_m, left_m, (-0.5, -0.95), (0.5, 1.0))
         first, second = ("r", "l") if forward_m >= 0.0 else ("l", "r")
-        lift = max(lift_s, timeline.feet[first].free_s + 0.04)
+        lift = max(lift_s, feet[first].free_s + 0.04)
         air = (0.24 if stamp else 0.22) / quick
         self._step(first, lift, lift + air, stamp)
-        lift_2 = max(lift + 0.75 * air if stamp else lift + air - 0.02, timeline.feet[second].free_s + 0.04)
+        lift_2 = max(lift + 0.75 * air if stamp else lift + air - 0.02, feet[second].free_s + 0.04)
         if stamp:
             lift_2 = max(lift_2, lift + air + 0.02)
         self._step(second, lift_2, lift_2 + 0.9 * air, False)
         return lift + air, lift_2 + 0.9 * air
 
     def _step(self, side: str, lift_s: float, land_s: float, stamp: bool) -> None:
-        timeline = self.timeline
-        right = side == "r"
-        left = (-0.085 if right else 0.085) * timeline.style.width
-        forward = 0.16 if right else -0.19
-        to = timeline.placed(
-            side, self.spot, self.heading, left * self.size, (forward + timeline.jitter(0.012)) * self.size,
-            0.04 * (-1.0 if right else 1.0) + timeline.jitter(0.03),
-        )  # fmt: skip
+        timeline, right = self.timeline, side == "r"
+        left_m = (-0.085 if right else 0.085) * timeline.style.width * self.size
+        forward_m = ((0.16 if right else -0.19) + timeline.jitter(0.012)) * self.size
+        yaw = 0.04 * (-1.0 if right else 1.0) + timeline.jitter(0.03)
+        to = timeline.placed(side, self.spot, self.heading, left_m, forward_m, yaw)
         rest = 0.0 if right else _HEEL_UP
         timeline.step(
-            side, Swing(lift_s, land_s, to, (0.075 if stamp else 0.018) * self.size, peak=0.55 if stamp else 0.5),
-            heel_up_rad=0.12 if right else timeline.vary(0.55, 0.1), toe_up_rad=0.0 if right else -rest,
-            rise_s=0.10, roll_s=0.05,
-        )  # fmt: skip
-        timeline.set(land_s + 0.05, **{f"{side}.pitch": rest})
-
-    def room(self) -> float:
-        """Return metres to the front end of the space."""
-        return 0.85 - self.spot[1]
+            side,
+            Swing(lift_s, land_s, to, (0.075 if stamp else 0.018) * self.size, peak=0.55 if stamp else 0.5),
+            heel_up_rad=0.12 if right else timeline.vary(0.55, 0.1),
+            toe_up_rad=-rest,
+            rise_s=0.10,
+            roll_s=0.05,
+        )
+        timeline.set_side(side, land_s + 0.05, pitch=rest)
 
 
 # ---- cuts: each returns the time at which it is over
 
 
-def _cut(k: Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, *, recover: bool = True) -> float:
+def _cut(k: _Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, *, recover: bool = True) -> float:
     """Raise, cut with a stamping step, pause, return to the guard (if `recover`)."""
     timeline = k.timeline
     pace = timeline.vary(1.0, 0.07) / timeline.style.tempo
     up_s = start_s + (0.40 if raised is _RAISED else 0.24) * pace
     hit_s = up_s + 0.23 * pace
-    k.timeline.anchor(start_s, "sword", "aim")
+    timeline.anchor(start_s, "sword", "aim")
     k.sword(up_s, raised)
     k.trunk(up_s, 0.0)
     landed, closed = k.advance(hit_s - 0.25, timeline.vary(reach_m, 0.1), stamp=True)
@@ -122,40 +106,34 @@ def _cut(k: Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, 
     hold_s = max(hit_s + 0.14 * pace, closed)
     k.sword(hold_s, hit, 0.0, 0.5)
     k.trunk(hold_s, 0.08)
-    if not recover:
-        return hold_s
-    back_s = hold_s + 0.32 * pace
-    k.sword(back_s, _CHUDAN)
-    k.trunk(back_s)
-    return back_s
+    return k.guard(hold_s + 0.32 * pace) if recover else hold_s
 
 
-def _men(k: Kendoka, start_s: float) -> float:
+def _men(k: _Kendoka, start_s: float) -> float:
     return _cut(k, start_s, _RAISED if k.timeline.rng.random() < 0.7 else _HALF_RAISED, _MEN, 0.42)
 
 
-def _kote(k: Kendoka, start_s: float) -> float:
+def _kote(k: _Kendoka, start_s: float) -> float:
     return _cut(k, start_s, _HALF_RAISED, _KOTE, 0.30)
 
 
-def _do(k: Kendoka, start_s: float) -> float:
+def _do(k: _Kendoka, start_s: float) -> float:
     return _cut(k, start_s, _RAISED, _DO, 0.36)
 
 
-def _thrust(k: Kendoka, start_s: float) -> float:
-    return _cut(k, start_s, ((0.0, -0.58, 0.36), (0.30, 0.0, 0.0)), _TSUKI, 0.30)
+def _thrust(k: _Kendoka, start_s: float) -> float:
+    return _cut(k, start_s, _READY, _TSUKI, 0.30)
 
 
-def _kote_men(k: Kendoka, start_s: float) -> float:
+def _kote_men(k: _Kendoka, start_s: float) -> float:
     middle = _cut(k, start_s, _HALF_RAISED, _KOTE, 0.22, recover=False)
     return _cut(k, middle, _HALF_RAISED, _MEN, 0.28)
 
 
-def _practice_swings(k: Kendoka, start_s: float) -> float:
+def _practice_swings(k: _Kendoka, start_s: float) -> float:
     """Full swings with a step forward and a step back in turn."""
-    timeline = k.timeline
-    time_s = start_s
-    k.timeline.anchor(start_s, "sword", "aim")
+    timeline, time_s = k.timeline, start_s
+    timeline.anchor(start_s, "sword", "aim")
     for i in range(int(timeline.rng.integers(3, 6))):
         pace = timeline.vary(1.0, 0.06) / timeline.style.tempo
         up_s, hit_s = time_s + 0.52 * pace, time_s + 0.80 * pace
@@ -167,17 +145,13 @@ def _practice_swings(k: Kendoka, start_s: float) -> float:
         time_s = hit_s + 0.16 * pace
         k.sword(time_s, _MEN, 0.0, 0.4)
         k.trunk(time_s, 0.06)
-    back_s = time_s + 0.4
-    k.sword(back_s, _CHUDAN)
-    k.trunk(back_s)
-    return back_s
+    return k.guard(time_s + 0.4)
 
 
-def _alternating(k: Kendoka, start_s: float) -> float:
+def _alternating(k: _Kendoka, start_s: float) -> float:
     """Cut the head's left and right by turns, with sliding steps forward, then back."""
-    timeline = k.timeline
-    time_s = start_s
-    k.timeline.anchor(start_s, "sword", "aim")
+    timeline, time_s = k.timeline, start_s
+    timeline.anchor(start_s, "sword", "aim")
     count = 2 * int(timeline.rng.integers(2, 4))
     for i in range(count):
         pace = timeline.vary(0.9, 0.06) / timeline.style.tempo
@@ -189,13 +163,10 @@ def _alternating(k: Kendoka, start_s: float) -> float:
         k.sword(hit_s, _MEN, aside)
         k.trunk(hit_s, 0.07, 0.25 * aside, 0.05)
         time_s = hit_s + 0.06
-    back_s = time_s + 0.42
-    k.sword(back_s, _CHUDAN)
-    k.trunk(back_s)
-    return back_s
+    return k.guard(time_s + 0.42)
 
 
-_ACTIONS: tuple[Callable[[Kendoka, float], float], ...] = (
+_ACTIONS: tuple[Callable[[_Kendoka, float], float], ...] = (
     _men, _men, _kote, _do, _thrust, _kote_men, _practice_swings, _alternating,
 )  # fmt: skip
 
@@ -205,25 +176,25 @@ _ACTIONS: tuple[Callable[[Kendoka, float], float], ...] = (
 
 def fence(timeline: Timeline, seconds: float) -> None:
     """Draw up in the middle guard, step about, cut, put the sword away."""
-    end = timeline.time_s + seconds
-    k = Kendoka(timeline)
+    last_s = timeline.time_s + seconds
+    end = last_s - LEAVE_S - 0.6
+    k = _Kendoka(timeline)
     time_s, first = _take_guard(k), True
-    while time_s < end - _LEAVE_S - 0.6:
+    while time_s < end:
         if time_s > timeline.time_s + 1.5 or timeline.rng.random() < 0.5:
             time_s = _wait(k, time_s)
-        if time_s > end - _LEAVE_S - 0.6:
+        if time_s > end:
             break
-        choices = _ACTIONS if end - time_s > 5.0 else _ACTIONS[:5]
-        if first and seconds < _SHORT_S:  # little time: show at least what kendo is
+        choices = _ACTIONS if last_s - time_s > 5.0 else _ACTIONS[:5]
+        if first and seconds < SHORT_S:
             choices = (_men,)
         first = False
-        time_s = choices[int(timeline.rng.integers(len(choices)))](k, time_s)
+        time_s = choices[timeline.one_of(len(choices))](k, time_s)
     _put_away(k, time_s)
 
 
-def _take_guard(k: Kendoka) -> float:
-    timeline = k.timeline
-    start = timeline.time_s
+def _take_guard(k: _Kendoka) -> float:
+    timeline, start = k.timeline, k.timeline.time_s
     timeline.anchor(start)
     for time_s in (start, start + 0.3):
         timeline.set(time_s, sword=(0.0, -0.70, 0.36), aim=(-0.1, 0.0, 0.0))
@@ -231,21 +202,17 @@ def _take_guard(k: Kendoka) -> float:
     timeline.set(start + 1e-3, holds=1.0)
     _, landed = k.advance(start + 0.25, 0.0, quick=0.7)
     for side in SIDES:
-        timeline.set(start + 0.75, **{f"{side}.guide": 1.0})
-    ready = max(landed, start + 1.1)
+        timeline.set_side(side, start + 0.75, guide=1.0)
     timeline.set(start + 0.6, height=timeline.body.standing_m - 0.02 * k.size)
-    k.sword(ready, _CHUDAN)
-    k.trunk(ready)
-    return ready
+    return k.guard(max(landed, start + 1.1))
 
 
-def _wait(k: Kendoka, start_s: float) -> float:
+def _wait(k: _Kendoka, start_s: float) -> float:
     """Keep the guard, the point alive, with sliding steps."""
-    timeline = k.timeline
-    time_s = start_s
+    timeline, time_s = k.timeline, start_s
     for _ in range(int(timeline.rng.integers(1, 4))):
         forward = timeline.jitter(0.16)
-        if k.room() < 0.55:
+        if 0.85 - k.spot[1] < 0.55:
             forward = -abs(timeline.vary(0.30, 0.2))
         elif k.spot[1] < -0.55:
             forward = abs(timeline.vary(0.25, 0.2))
@@ -256,24 +223,16 @@ def _wait(k: Kendoka, start_s: float) -> float:
     return time_s
 
 
-def _put_away(k: Kendoka, start_s: float) -> None:
+def _put_away(k: _Kendoka, start_s: float) -> None:
     """Lower the sword and bring the feet together."""
     timeline = k.timeline
     timeline.anchor(start_s)
     timeline.set(start_s + 0.55, sword=(0.0, -0.68, 0.36), aim=(-0.15, 0.0, 0.0))
-    lift = start_s + 0.25
-    x, z = timeline.spot
-    for side in ("l", "r"):
-        to = timeline.placement(side, x, z, k.heading)
-        base = _HEEL_UP if side == "l" else 0.0
-        timeline.step(side, Swing(lift, lift + 0.34, to, 0.03 * k.size), heel_up_rad=base + 0.25)
-        lift += 0.42
-    timeline.time_s = lift + 0.25
-    ease = timeline.at_ease()
+    k.feet_together(start_s, {"l": _HEEL_UP + 0.25, "r": 0.25}, 0.03, 0.25)
     for side in SIDES:
-        timeline.set(start_s + 0.25, **{f"{side}.guide": 1.0})
-    early = {name: value for name, value in ease.items() if ".pitch" not in name}
-    timeline.set(start_s + 1.05, height=STANDING_HEIGHT * timeline.body.standing_m, **early)
-    timeline.set(timeline.time_s, height=STANDING_HEIGHT * timeline.body.standing_m, **ease)
+        timeline.set_side(side, start_s + 0.25, guide=1.0)
+    timeline.set(start_s + 1.05, height=timeline.standing_m)
+    k.hang_arms(start_s + 1.05)
+    timeline.stand(timeline.time_s)
     timeline.set(timeline.time_s - 2e-3, holds=1.0)
     timeline.set(timeline.time_s, holds=0.0)

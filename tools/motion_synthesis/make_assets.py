@@ -1,20 +1,17 @@
-"""Make the embedded motion database and body prototypes.
+"""Make the embedded motion database, the performances and the body prototypes.
 
-    python -m motion_synthesis.make_assets OUT
+    python -m motion_synthesis.make_assets OUT  # in tools/
 
 The same command gives the same files, byte for byte.
 """
 
-import argparse
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.errors import PerfanimError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.simulate.performance import BEHAVIOURS, DEMO, METRES_A_STEP, RADIANS_A_STEP, T_POSE_S
@@ -24,18 +21,17 @@ from .performance import ARMS_DOWN_S, DEMO_STREAM, demo_performance, perform, pe
 from .style import STYLES
 
 FPS = 60.0
-_CLIP_S = 5.4
 _DECIMALS = 2  # of degrees and centimetres
-_DEMO_S = 21.0
-_PERFORMANCE_S = 18.0
+_DEMO_S, _PERFORMANCE_S = 21.0, 18.0
 _T_POSE_LEFT_S = 0.4  # of the T pose at the start of a clip with transitions
 
 
-@dataclass(frozen=True)
-class Clip:
+class Clip(NamedTuple):
     """One clip of the database.
 
-    Behaviours with their seconds, style, body (height, build, person), seed.
+    Args:
+        script: Behaviours with their seconds.
+        body: Height, build, person.
     """
 
     name: str
@@ -59,8 +55,11 @@ _CHAINS = (
     (("jumping", 3.6), ("hopping", 3.6)),
     (("boxing", 4.5), ("kendo", 5.0)),
 )
-_REPEATS = {"walking": 9, "running": 7, "hopping": 6, "jumping": 7, "boxing": 9, "kendo": 8}
-_SECONDS = {"boxing": 6.4, "kendo": 6.6, "walking": 5.2}
+# repeats and seconds
+_REPEATS = {
+    "walking": (9, 5.2), "running": (7, 5.4), "hopping": (6, 5.4), "jumping": (7, 5.4), "boxing": (9, 6.4),
+    "kendo": (8, 6.6),
+}  # fmt: skip
 _LONG_WALK_S = 9.6  # long enough for circles and turning round
 _TURNING_SEEDS = (1102, 1120, 1101, 1155)  # of the last walks: round by the left, a circle, and the same by the right
 
@@ -68,20 +67,18 @@ _TURNING_SEEDS = (1102, 1120, 1101, 1155)  # of the last walks: round by the lef
 def clips() -> list[Clip]:
     """Return the clips of the embedded database."""
     result = []
-    for kind, (behaviour, repeats) in enumerate(_REPEATS.items()):
+    for kind, (behaviour, (repeats, usual_s)) in enumerate(_REPEATS.items()):
         for i in range(repeats):
             style = _STYLES[(i + 3 * kind) % len(_STYLES)]
-            person = _BODIES[(i + kind) % len(_BODIES)]
-            seconds, seed = _SECONDS.get(behaviour, _CLIP_S), 1000 * (kind + 1) + i
+            seconds, seed = usual_s, 1000 * (kind + 1) + i
             turn = i - (repeats - len(_TURNING_SEEDS))
             if behaviour == "walking" and turn >= 0:
                 seconds, seed = _LONG_WALK_S, _TURNING_SEEDS[turn]
-            script = ((behaviour, seconds),)
-            result.append(Clip(f"{behaviour}-{i + 1:02d}-{style}", script, style, person, seed))
+            person = _BODIES[(i + kind) % len(_BODIES)]
+            result.append(Clip(f"{behaviour}-{i + 1:02d}-{style}", ((behaviour, seconds),), style, person, seed))
     for i, chain in enumerate(_CHAINS):
-        style = _STYLES[(2 * i + 1) % len(_STYLES)]
-        person = _BODIES[(3 * i) % len(_BODIES)]
         name = "-".join(["transition", f"{i + 1:02d}", *(behaviour for behaviour, _ in chain)])
+        style, person = _STYLES[(2 * i + 1) % len(_STYLES)], _BODIES[(3 * i) % len(_BODIES)]
         result.append(Clip(name, chain, style, person, 9000 + i))
     return result
 
@@ -96,41 +93,15 @@ def motion_of(clip: Clip) -> Motion:
     return sliced(motion, round((T_POSE_S - _T_POSE_LEFT_S) * FPS), motion.frames)
 
 
-def make_assets(out: Path, progress: Callable[[float, str], None]) -> dict[str, float]:
-    """Write motion/*.bvh, performances/*.npz, skeletons.json in `out`; return counts.
-
-    Raises:
-        PerfanimError: the folder cannot be written.
-    """
-    folder = out / "motion"
-    folder.mkdir(parents=True, exist_ok=True)
-    frames, planned = 0, clips()
-    for i, clip in enumerate(planned):
-        progress(i / len(planned), clip.name)
-        frames += write_clip(clip, folder).frames
-    save_bodies(prototype_bodies(), out / "skeletons.json")
-    (out / "performances").mkdir(exist_ok=True)
-    for name in (DEMO, *BEHAVIOURS):
-        progress(1.0, f"performance {name}")
-        write_performance(name, out / "performances" / f"{name}.npz")
-    size = sum(path.stat().st_size for path in folder.glob("*.bvh"))
-    return {"clips": len(planned), "seconds": frames / FPS, "bytes": size}
-
-
-def write_clip(clip: Clip, folder: Path) -> Motion:
+def write_clip(clip: Clip, folder: Path) -> None:
     """Write one clip as BVH in centimetres."""
-    motion = motion_of(clip)
-    write_bvh(motion, folder / f"{clip.name}.bvh", "cm", decimals=_DECIMALS)
-    return motion
+    write_bvh(motion_of(clip), folder / f"{clip.name}.bvh", "cm", decimals=_DECIMALS)
 
 
 def write_performance(name: str, path: Path) -> Motion:
-    """Write a motion of the simulated performer.
-
-    Seeds and bodies differ from those of the embedded motion.
-    """
+    """Write a motion of the simulated performer, with other seeds and bodies than the embedded motion."""
     if name == DEMO:
-        motion = demo_performance(0, _DEMO_S)
+        motion = demo_performance(_DEMO_S)
     else:
         seed = DEMO_STREAM + 1 + BEHAVIOURS.index(name)
         motion = performance([(name, _PERFORMANCE_S)], FPS, default_skeleton(), STYLES["neutral"], seed, name)
@@ -148,24 +119,16 @@ def write_performance(name: str, path: Path) -> Motion:
     return motion
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command; return its exit status."""
-    parser = argparse.ArgumentParser(prog="make_assets", description="make the embedded motion database")
-    parser.add_argument("out", type=Path, help="folder to which motion/*.bvh and skeletons.json are written")
-    args = parser.parse_args(arguments)
-
-    def progress(fraction: float, text: str) -> None:
-        sys.stderr.write(f"{100.0 * fraction:3.0f} % {text}\n")
-
-    try:
-        counts = make_assets(args.out, progress)
-    except (PerfanimError, OSError) as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
-    megabytes = np.round(counts["bytes"] / 1e6, 1)
-    sys.stdout.write(f"{counts['clips']:.0f} clips, {counts['seconds']:.0f} s, {megabytes} MB in {args.out}\n")
-    return 0
+def make_assets(out: Path) -> None:
+    """Write motion/*.bvh, performances/*.npz and skeletons.json in `out`."""
+    for folder in ("motion", "performances"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for clip in clips():
+        write_clip(clip, out / "motion")
+    save_bodies(prototype_bodies(), out / "skeletons.json")
+    for name in (DEMO, *BEHAVIOURS):
+        write_performance(name, out / "performances" / f"{name}.npz")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    make_assets(Path(sys.argv[1]))

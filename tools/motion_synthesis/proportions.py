@@ -1,4 +1,4 @@
-"""Names of skeleton parts and small geometry that the performer's modules share."""
+"""Lengths of a body that motion is planned in, and small geometry that the behaviours share."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +24,12 @@ def outward(side: str) -> float:
     return 1.0 if side == "l" else -1.0
 
 
-def turned(heading_rad: Array, forward: Array, left: Array) -> tuple[Array, Array]:
+def facing_front(heading_rad: float) -> float:
+    """Return the heading nearest to another one that faces the cameras (whole turns add up)."""
+    return float(2.0 * np.pi * np.round(heading_rad / (2.0 * np.pi)))
+
+
+def turned(heading_rad: float | Array, forward: float | Array, left: float | Array) -> tuple[Array, Array]:
     """Return world (x, z) of a ground vector of a body facing `heading_rad` (0: +z)."""
     sine, cosine = np.sin(heading_rad), np.cos(heading_rad)
     return forward * sine + left * cosine, forward * cosine - left * sine
@@ -32,21 +37,13 @@ def turned(heading_rad: Array, forward: Array, left: Array) -> tuple[Array, Arra
 
 @dataclass(frozen=True)
 class Sole:
-    """Ground points of a foot, in the frame of a foot that stands flat, facing +z.
+    """Ground points of a foot, in the frame of a foot that stands flat, facing +z."""
 
-    Args:
-        ball_height_m: height of the ball (toe joint) above the ground.
-        ankle_m: (3,) ankle relative to the ball.
-        heel_m: (3,) lowest point of the heel relative to the ball.
-        toe_m: length of the toes.
-        flat: (4,) world-from-foot orientation of the flat foot.
-    """
-
-    ball_height_m: float
-    ankle_m: Array
-    heel_m: Array
-    toe_m: float
-    flat: Array
+    ball_height_m: float  # of the toe joint, above the ground
+    ankle_m: Array  # (3,) relative to the ball
+    heel_m: Array  # (3,) lowest point relative to the ball
+    toe_m: float  # length of the toes
+    flat: Array  # (4,) world-from-foot orientation of the flat foot
 
 
 @dataclass(frozen=True)
@@ -58,39 +55,31 @@ class Body:
     @cached_property
     def leg_m(self) -> float:
         """Hip to ankle, straight."""
-        return self._length("ltibia") + self._length("lfoot")
+        return sum(self.lengths("ltibia", "lfoot"))
 
     @cached_property
     def arm_m(self) -> float:
         """Shoulder to wrist, straight."""
-        return self._length("lradius") + self._length("lwrist") + self._length("lhand")
-
-    @cached_property
-    def hip_m(self) -> Array:
-        """(3,) left hip joint relative to the root."""
-        return self.offset("lfemur")
+        return sum(self.lengths("lradius", "lwrist", "lhand"))
 
     @cached_property
     def standing_m(self) -> float:
         """Height of the root with straight vertical legs and flat feet."""
         sole = self.sole("l")
-        return float(sole.ball_height_m + sole.ankle_m[1] + self.leg_m - self.hip_m[1])
+        return float(sole.ball_height_m + sole.ankle_m[1] + self.leg_m - self.offset("lfemur")[1])
 
     @cached_property
     def stance_m(self) -> float:
         """Half the distance between the feet when standing at ease."""
-        return float(1.05 * self.hip_m[0])
+        return float(1.05 * self.offset("lfemur")[0])
 
     def offset(self, joint: str) -> Array:
         """Return the joint's offset from its parent, (3,) metres."""
         return np.asarray(self.skeleton.offsets_m[self.skeleton.index(joint)])
 
-    def _length(self, joint: str) -> float:
-        return float(np.linalg.norm(self.offset(joint)))
-
     def lengths(self, *joints: str) -> list[float]:
         """Return the distances of joints from their parents."""
-        return [self._length(joint) for joint in joints]
+        return [float(np.linalg.norm(self.offset(joint))) for joint in joints]
 
     def sole(self, side: str) -> Sole:
         """Return the ground contact geometry of a foot.

@@ -1,35 +1,32 @@
-"""A two-handed sword: how the hands hold it."""
+"""How two hands hold a sword."""
 
 import numpy as np
 
-from .arm_rotations import frame_from
+from .arm_rotations import frame_from, hand_rest
 from .curves import Array
-from .proportions import Body, outward
+from .proportions import outward
 
-_FISTS_APART_M = 0.21  # middles of the two fists along the grip, for an arm of 0.585 m
-_ARM_M = 0.585
-_WRIST_TO_FIST = 0.12  # share of the arm's length
-_FIST_ABOVE_PALM = 0.035
+_FISTS_APART = 0.21 / 0.585  # middles of the two fists along the grip, as a share of the arm's length
+_WRIST_TO_FIST, _FIST_ABOVE_PALM = 0.12, 0.035  # shares of the arm's length
 # the grip lies aslant in the palm: the hand's turn from the blade towards the edge, about its fingers, and inwards
 _ASLANT_RAD, _CANT_RAD, _INWARD_RAD = np.deg2rad((25.0, 5.0, 28.0))
 
 
-def gripping(side: str, left_fist: Array, aim: Array, body: Body) -> tuple[Array, Array]:
+def gripping(side: str, left_fist: Array, aim: Array, arm_m: float) -> tuple[Array, Array]:
     """Return a hand's wrist (T, 3) and orientation (T, 4) in the sword's frame.
 
     Args:
-        left_fist: (T, 3) middle of the left fist, metres.
-        aim: (T, 3) elevation, azimuth and edge turn of the blade, radians.
+        left_fist: Middle of the left fist (T, 3), metres.
+        aim: Elevation, azimuth and edge turn of the blade (T, 3), radians.
+        arm_m: Length of the arm.
     """
     blade, edge, flat = sword_axes(aim)
     along, down = _turned_pair(blade, edge, _ASLANT_RAD)
     inside, _ = _turned_pair(-outward(side) * flat, down, _CANT_RAD)
     fingers, palm = _turned_pair(along, inside, _INWARD_RAD)
-    scale = body.arm_m
-    middle = left_fist if side == "l" else left_fist + blade * (_FISTS_APART_M / _ARM_M * scale)
-    wrist = middle - scale * (_WRIST_TO_FIST * fingers + _FIST_ABOVE_PALM * palm)
-    rest = np.array([outward(side), 0.0, 0.0]), np.array([0.0, -1.0, 0.0])
-    return wrist, frame_from(*rest, fingers, palm)
+    middle = left_fist if side == "l" else left_fist + blade * (_FISTS_APART * arm_m)
+    wrist = middle - arm_m * (_WRIST_TO_FIST * fingers + _FIST_ABOVE_PALM * palm)
+    return wrist, frame_from(*hand_rest(side), fingers, palm)
 
 
 def _turned_pair(first: Array, second: Array, angle_rad: float) -> tuple[Array, Array]:
@@ -43,6 +40,5 @@ def sword_axes(aim: Array) -> tuple[Array, Array, Array]:
     up, left, turn = aim.T
     blade = np.stack((np.cos(up) * np.sin(left), np.sin(up), np.cos(up) * np.cos(left)), axis=1)
     down = np.stack((np.sin(up) * np.sin(left), -np.cos(up), np.sin(up) * np.cos(left)), axis=1)
-    across = np.cross(blade, down)
-    edge = np.cos(turn)[:, None] * down + np.sin(turn)[:, None] * across
+    edge = np.cos(turn)[:, None] * down + np.sin(turn)[:, None] * np.cross(blade, down)
     return blade, edge, np.cross(blade, edge)
