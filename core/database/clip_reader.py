@@ -117,7 +117,7 @@ class _ReaderProcess:
         try:
             return self._read(task)
         except BrokenPipeError:
-            advice = "build with --workers 1"
+            advice = "build with one process"
             raise DatabaseError("a process that reads motion files died", advice=advice) from None
 
     def _read(self, task: Sequence[Any]) -> ReadFile:

@@ -41,7 +41,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
         raise TakeError(
             f"the markers are not where the marker set {marker_set.name} has them",
             where=take.name,
-            advice="track without --marker-set, or correct the set's offset_m",
+            advice="track without a marker set, or correct the set's offset_m",
         )
     order = rows[np.argsort(columns)]
     single = take.single.select(markers=order.tolist()) if take.single is not None else None

@@ -18,7 +18,7 @@ _FEWEST_PREFIXED = 3  # labels that share a word are a subject's, "Anna_head"
 _MOST_NAMES = 12  # in a message
 NAMES = Schema(
     "Names of a take's markers",
-    "For `--names`, and `names` of a plan.",
+    "For `perfanim solve`, and `names` of a plan.",
     (Key("names", "marker of each label", str, least=1, named=True),),
     MarkerSetError,
     'write [names] and lines such as "Knee 1" = "LKNE"',
@@ -93,7 +93,7 @@ def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
         raise TakeError(
             f"its markers ({join_names(labels)}) are those of no shipped marker set",
             where=where,
-            advice="give --marker-set, or --names with a table of which marker is which",
+            advice="choose the marker set that was worn, or give a file of names: which label is which marker",
         )
     return max(matches, key=lambda match: (len(match.label_of), -len(match.marker_set)))
 
@@ -131,12 +131,12 @@ def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
         raise TakeError(
             f"none of the labels {join_names(list(names))} is among its {join_names(take.names)}",
             where=take.name,
-            advice="check the file of --names",
+            advice="check the file of names",
         )
     double = [marker for marker, count in Counter(given.values()).items() if count > 1]
     if double:
         raise TakeError(
-            f"{join_names(double)} would be several of its markers", where=take.name, advice="check --names"
+            f"{join_names(double)} would be several of its markers", where=take.name, advice="check the file of names"
         )
     taken = set(given.values())
     renamed = [given.get(name, f"other {name}" if name in taken else name) for name in take.names]

@@ -71,12 +71,12 @@ class BodyFiles:
         """
         if self.skeleton is not None:
             if markers is None:
-                raise SubjectError("--skeleton needs --marker-set", advice="name the marker set that was worn")
+                raise SubjectError("a skeleton carries no markers", advice="name the marker set that was worn")
             return Subject(Path(self.skeleton).stem, read_skeleton(self.skeleton), markers)
         subject = load_subject(self.subject) if self.subject is not None else recorded
         if subject is None:
             raise SubjectError(
-                "names no performer", where=where, advice="give --subject, or --skeleton and --marker-set"
+                "names no performer", where=where, advice="name a subject, or a skeleton and a marker set"
             )
         if markers is None:
             return subject
@@ -276,7 +276,7 @@ class SolveRecorded:
         settings = self._settings(take)
         path = self.database or take.setup.database.get("path", "")
         if not path:
-            raise TakeError("names no motion database", where=self.take, advice="give --database")
+            raise TakeError("names no motion database", where=self.take, advice="name one")
         database = cache.database(path)
         changes: Facts = {}
         if self.refine is not None:

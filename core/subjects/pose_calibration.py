@@ -186,7 +186,7 @@ def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
         raise SubjectError("fewer than three markers are seen at once", advice="record the calibration pose again")
     raise SubjectError(
         f"the markers are never still for {length / fps:.1f} s",
-        advice="hold the calibration pose, name the frames in which it is held, or fit to motion with --database",
+        advice="hold the calibration pose, name the frames in which it is held, or fit to motion with a database",
     )
 
 
@@ -310,7 +310,7 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
     if residual_m > _DOUBTFUL_M:
         advice.append(
             "the markers do not lie as in this pose or set: check the pose and the marker set, record the pose again, "
-            "or fit to motion with --database"
+            "or fit to motion with a database"
         )
     advice += [
         f"the marker of the {text} is {1e3 * off:.0f} mm from its usual place: see whether it is worn there"

@@ -60,7 +60,7 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
         raise PropError(
             f"{len(chosen)} markers stay together: more than the prop is in the take",
             where=take.name,
-            advice="give a part in which it is moved (--frames), or name its markers (--markers)",
+            advice="choose frames in which it is moved, or name its markers",
         )
     shape, residual_m, frames = _mean_shape(take.positions_m[:, chosen], take.name)
     names = tuple(take.names[index] for index in chosen)
@@ -93,7 +93,7 @@ def _largest_group(take: MarkerTake) -> list[int]:
         )
     if len(groups) > 1 and len(groups[-2]) == len(groups[-1]):
         choices = " or ".join(", ".join(take.names[index] for index in sorted(group)) for group in groups[-2:])
-        raise PropError(f"may be {choices}", where=take.name, advice="name its markers with --markers")
+        raise PropError(f"may be {choices}", where=take.name, advice="name its markers")
     return sorted(groups[-1])
 
 

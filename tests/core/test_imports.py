@@ -1,6 +1,7 @@
 """The core runs without Blender, and its parts depend on each other in one direction only."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -56,6 +57,14 @@ def test_core_imports_neither_blender_nor_itself_by_name() -> None:
     for path in FILES:
         wrong = tops_of(path) & {"bpy", "mathutils", "perfanim", "core", "pickle", "marshal", "shelve"}
         assert not wrong, path
+
+
+def test_library_names_no_command_line_option() -> None:
+    """Its messages appear in Blender and in scripts, too."""
+    for path in (path for path in FILES if "cli" not in path.relative_to(CORE).parts):
+        texts = [node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)]
+        found = [text for text in texts if isinstance(text, str) and re.search(r"(?<![-\w`])--[a-z]", text)]
+        assert not found, path
 
 
 def test_packages_depend_downwards() -> None:

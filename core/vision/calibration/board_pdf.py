@@ -38,7 +38,7 @@ def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
     # the board's y axis points down as in pictures, the page's up
     lines += [f"{left + x:.4f} {bottom + height - y - h:.4f} {w:.4f} {h:.4f} re" for x, y, w, h in black]
     lines.append("f")
-    label = f"{spec}  on {paper}: print at 100 %, then measure a square and give its true size to --board"
+    label = f"{spec}  on {paper}: print at 100 %, then measure a square and calibrate with its true size"
     label = label.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
     lines.append(f"BT /F1 3 Tf {left:.3f} {max(2.0, bottom / 2.0):.3f} Td ({label}) Tj ET")
     with atomic_path(path) as temporary:

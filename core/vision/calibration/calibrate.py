@@ -202,7 +202,7 @@ def _check_sides(second_from_first: Transform, left: str, right: str) -> None:
     if are_sides_exchanged(inverse(second_from_first)[1]):
         raise CalibrationError(
             f"the pictures given for {left} come from the camera on the right and those for {right} from the left",
-            advice="exchange --left and --right",
+            advice="exchange left and right",
         )
 
 

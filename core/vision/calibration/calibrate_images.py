@@ -120,7 +120,7 @@ def _check_found(
         raise CalibrationError(
             f"the board was found in {len(camera.views)} of {len(files[camera.name])} pictures",
             where=f"camera {camera.name}",
-            advice="check the board's size in --board, and that the whole board is in the pictures, sharp and lit",
+            advice="check the board's size, and that the whole board is in the pictures, sharp and lit",
         )
 
 

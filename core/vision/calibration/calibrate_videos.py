@@ -48,7 +48,7 @@ def calibrate_videos(
             raise CalibrationError(
                 f"the board was found at {len(camera.views)} of {min(source.frames, _LOOKED_AT)} moments",
                 where=f"camera {camera.name}",
-                advice="check the board's size in --board, and that the board is in the pictures, sharp and lit",
+                advice="check the board's size, and that the board is in the pictures, sharp and lit",
             )
     progress(0.9, "calibrating")
     chosen, rejected = _stillest(cameras)

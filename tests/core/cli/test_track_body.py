@@ -217,7 +217,7 @@ def test_a_batch_labels_and_solves_a_take_without_a_performer(film, bare, databa
     assert row["figures"]["frames"] == 64 and Path(row["outputs"]["motion"]).is_file()
     assert main([*map(str, ["batch", bare, *given, "--out", tmp_path / "bad"])]) == 1
     (row,) = json.loads(capsys.readouterr().out)["takes"]
-    assert row["reasons"] == ["names no performer; give --subject, or --skeleton and --marker-set"]
+    assert row["reasons"] == ["names no performer; name a subject, or a skeleton and a marker set"]
 
 
 def test_what_labels_need_is_told(film, database_file, refused, tmp_path):
@@ -227,7 +227,7 @@ def test_what_labels_need_is_told(film, database_file, refused, tmp_path):
     for more, reason in (
         (["--subject", subject, *out], "--database is required"),
         (["--database", database_file, *out], "needs --subject, or --skeleton and --marker-set"),
-        (["--skeleton", body, "--database", database_file, *out], "--skeleton needs --marker-set"),
+        (["--skeleton", body, "--database", database_file, *out], "a skeleton carries no markers; name the marker set"),
         (["--skeleton", body, "--subject", subject, *take], "not allowed with"),
         (["--subject", subject, "--database", tmp_path / "gone.pfdb", *out], "gone.pfdb: cannot be read"),
         (["--subject", tmp_path / "gone.toml", *take], "gone.toml: cannot be read"),
@@ -242,8 +242,8 @@ def test_what_labels_need_is_told(film, database_file, refused, tmp_path):
 
 def test_what_a_solve_needs_is_told(film, bare, database_file, refused, tmp_path):
     subject, out = film.folder / "subject.toml", ["--out", tmp_path / "a.bvh"]
-    assert "names no performer; give --subject" in refused("solve", bare, "--database", database_file, *out)
-    assert "names no motion database; give --database" in refused("solve", bare, "--subject", subject, *out)
+    assert "names no performer; name a subject" in refused("solve", bare, "--database", database_file, *out)
+    assert "names no motion database; name one" in refused("solve", bare, "--subject", subject, *out)
     assert "gone.pfdb: cannot be read" in refused(
         "solve", bare, "--subject", subject, "--database", tmp_path / "gone.pfdb", *out
     )

@@ -45,7 +45,7 @@ def test_other_spellings_are_known():
 
 
 def test_names_of_no_set_are_refused():
-    with pytest.raises(TakeError, match=r"P1, P2, P3.* no shipped marker set; give --marker-set, or --names"):
+    with pytest.raises(TakeError, match=r"P1, P2, P3.* no shipped marker set; choose the marker set"):
         match_best_set(["P1", "P2", "P3"], "take")
 
 

@@ -103,7 +103,7 @@ def test_a_spoilt_view_is_left_out(rig):
 def test_exchanged_sides_are_told(rig):
     left, right = views(rig, 10)
     swapped = [CameraViews("left", right.image_size, right.views), CameraViews("right", left.image_size, left.views)]
-    with pytest.raises(CalibrationError, match="exchange --left and --right"):
+    with pytest.raises(CalibrationError, match="exchange left and right"):
         calibrate_from_points(BOARD.points_m, swapped, ambiguous=True)
     assert calibrate_from_points(BOARD.points_m, swapped, left_right=False, ambiguous=True).used
 
