@@ -34,7 +34,7 @@ from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.files import write_toml
 
 FPS = 60.0

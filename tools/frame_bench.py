@@ -34,8 +34,8 @@ from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.worker.protocol import Decoder, MessageKind, encode
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from perfanim.perfanim_addon.character.create_character import create_character

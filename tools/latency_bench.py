@@ -30,8 +30,8 @@ from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.subject import Subject, subject_tables
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.source import SimulatedSource, open_simulated
+from perfanim.core.simulate.studio.simulated_source import SimulatedSource, open_simulated
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker import child_process, process, source_traits
 from perfanim.core.worker.channel import Channel

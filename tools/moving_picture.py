@@ -35,7 +35,7 @@ from perfanim.core.simulate.preview import (
     preview_camera,
     side_by_side,
 )
-from perfanim.core.simulate.studio.source import SimulatedSource, open_simulated
+from perfanim.core.simulate.studio.simulated_source import SimulatedSource, open_simulated
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.assets import MOTION
 from perfanim.core.vision.pipeline import MarkerPipeline

@@ -10,9 +10,9 @@ import sys
 from collections import Counter
 
 import numpy as np
-from perfanim.core.simulate.faults import board_views, studio_with
+from perfanim.core.simulate.practice_studio import board_views, studio_with
 from perfanim.core.subjects.setup_check.board_faults import board_faults
-from perfanim.core.subjects.setup_check.check import check_setup
+from perfanim.core.subjects.setup_check.find_faults import check_setup
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.vision.detection.background import learn_backgrounds
 

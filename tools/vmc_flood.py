@@ -40,7 +40,7 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.vmc.frame_assembler import MOST_PACKETS_S
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, subject_tables
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase

@@ -51,8 +51,8 @@ from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import save_take
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.system.assets import MOTION
 
 KILLED, FULL = "killed", "disk full"

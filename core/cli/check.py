@@ -42,7 +42,7 @@ def add_parser(subparsers: Any) -> None:
 def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..geometry.rig_file import load_rig, save_ignored
     from ..markers.marker_set import load_marker_set
-    from ..subjects.setup_check.check import check_setup
+    from ..subjects.setup_check.find_faults import check_setup
     from ..vision.common_space import common_space
     from ..vision.detection.background import learn_backgrounds
     from ..vision.sources.source_kinds import open_image_source

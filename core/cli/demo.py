@@ -24,7 +24,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Run the demo, write the character where Blender is at hand, and the report."""
-    from ..simulate.demo import run_demo, write_report  # images and plots load only for the command that needs them
+    from ..simulate.run_demo import run_demo, write_report  # images and plots load only for the command that needs them
 
     check_range("--seconds", args.seconds, 5.0, 600.0, "give 5 to 600")
     out = Path(args.out)

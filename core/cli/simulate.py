@@ -9,7 +9,7 @@ from ..formats.markers.marker_files import check_ending, write_take
 from ..formats.motion.bvh import write_bvh
 from ..formats.motion.read_motion import read_motion
 from ..markers.marker_set import load_marker_set
-from ..simulate.markers import simulate_markers
+from ..simulate.simulated_markers import simulate_markers
 from ..system.progress import Progress
 from . import simulate_cameras
 from .options import add_number, add_text, check_fps, seed

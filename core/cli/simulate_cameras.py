@@ -6,12 +6,12 @@ from typing import Any
 from ..body.motion import resampled
 from ..errors import SettingsError
 from ..formats.motion.read_motion import read_motion
-from ..simulate.studio.export import RecordingFiles, export_recording
-from ..simulate.studio.placement import on_stage, with_poses
+from ..simulate.studio.export_recording import RecordingFiles, export_recording
 from ..simulate.studio.render import Renderer
-from ..simulate.studio.rig import FPS, default_rig
-from ..simulate.studio.settings import StudioSettings
-from ..simulate.studio.source import simulated_source
+from ..simulate.studio.simulated_source import simulated_source
+from ..simulate.studio.stage_placement import on_stage, with_poses
+from ..simulate.studio.studio_rig import FPS, default_rig
+from ..simulate.studio.studio_settings import StudioSettings
 from ..simulate.studio.video import LOSSLESS
 from ..system.progress import Progress
 from .options import add_choice, add_number, add_switch, add_text, seed

@@ -13,7 +13,7 @@ from ..errors import FormatError, PerfanimError
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ..markers.subject import load_subject, skeleton_from
-from ..sketch.sketch import MOST_FRAMES, Sketch, read_sketch
+from ..sketch.sketch_file import MOST_FRAMES, Sketch, read_sketch
 from ..sketch.sketch_messages import sketch_from
 from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
 from ..system.progress import Progress

@@ -12,7 +12,7 @@ from ..vision.calibration.calibration_board import find_board
 from ..vision.calibration.rig_fit import CameraViews
 from ..vision.calibration.rig_on_floor import rig_on_floor
 from .studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures, draw_board
-from .studio.source import SimulatedSource
+from .studio.simulated_source import SimulatedSource
 
 _BOARD_VIEWS = 24
 

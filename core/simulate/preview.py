@@ -16,11 +16,11 @@ from ..errors import CaptureError
 from ..geometry.arrays import Array, Image
 from ..geometry.camera import Camera
 from ..vision.sources.image_files import write_image
-from .studio.body import Body, make_body
 from .studio.lens import undistorted_grid
 from .studio.limb_outlines import Colour, draw_body, outlines
-from .studio.rig import looking_at
-from .studio.settings import TABLES
+from .studio.performer_body import Body, make_body
+from .studio.studio_rig import looking_at
+from .studio.studio_settings import TABLES
 
 _LIGHT_SLOPE = np.array([-0.42, -0.40])  # how far a shadow falls in x and z per metre of height
 _FONT = cv2.FONT_HERSHEY_SIMPLEX

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, Mask
-from .curves import curve_positions
+from .key_curves import curve_positions
 
 _STRAIGHTEST = 0.998  # of the bones end to end: no limb is quite straight
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import DatabaseError
 from ..geometry.arrays import Array, IntArray, Mask
 from .motion_library import BODY, MotionLibrary
-from .sketch import FEET, Sketch
+from .sketch_file import FEET, Sketch
 
 Complex = NDArray[np.complex128]
 

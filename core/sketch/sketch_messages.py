@@ -11,7 +11,7 @@ from ..body.motion import Motion
 from ..errors import SettingsError
 from ..geometry.arrays import Array
 from ..system.files import reading
-from .sketch import Control, Sketch
+from .sketch_file import Control, Sketch
 from .solve_sketch import SketchSettings, SketchSolution
 
 

@@ -18,12 +18,12 @@ from ..geometry.arrays import Array, IntArray, Mask
 from ..solver.subject_model import RootPose
 from ..system.progress import Progress, no_progress
 from .base_motion import BaseMotion, blended, corrected
-from .body_fit import BodyFit
+from .joint_targets import carried_root, target_joints, targets_of
 from .motion_library import MotionLibrary
+from .pose_fit import BodyFit
 from .reach import Reach
 from .retrieval import Looks, Stretch, Windows, choose_windows, looks_of, nearest_windows, stretches_of
-from .sketch import Control, Sketch, tilted, upright_from
-from .targets import carried_root, target_joints, targets_of
+from .sketch_file import Control, Sketch, tilted, upright_from
 
 MET_M = 0.005  # a key this near is met
 _FAR_M = 0.2  # distance of the controls from the database's motion, from which the body may lie

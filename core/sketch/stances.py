@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from ..geometry.arrays import Array, IntArray, Mask, runs
-from .curves import curve_positions
+from .key_curves import curve_positions
 
 _STANDS = 0.5  # share of the examples that stand
 _MAY_STAND = 0.3  # between keys with a way such a share of the largest there is enough

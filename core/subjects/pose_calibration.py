@@ -21,7 +21,7 @@ from ..geometry.rigid_transform import kabsch, transform
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
-from .body_fit import BodyFit, fit_body, usual_offsets
+from .held_pose_fit import BodyFit, fit_body, usual_offsets
 
 _FARTHEST_SWING_DEG = 35.0  # of a limb from the calibration pose: nobody holds it exactly
 _NOISE_M = 0.03  # by which measurement alone spreads a marker that is held still

@@ -31,7 +31,7 @@ def _opened(spec: Mapping[str, Any]) -> ImageSource:
     kind = str(spec.get("kind", ""))
     fps = frame_rate(spec)
     if kind == "simulated":
-        from ..simulate.studio.source import open_simulated
+        from ..simulate.studio.simulated_source import open_simulated
 
         simulated: ImageSource = open_simulated(spec)
         return simulated

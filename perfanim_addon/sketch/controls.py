@@ -9,8 +9,8 @@ import numpy as np
 
 from ...core.errors import CharacterError, SettingsError
 from ...core.geometry.arrays import Array
-from ...core.sketch.curves import curve_positions
-from ...core.sketch.sketch import Control, Sketch
+from ...core.sketch.key_curves import curve_positions
+from ...core.sketch.sketch_file import Control, Sketch
 from ..animation.channels import channels_of, play, play_only, played, slot_of
 from ..capture.capture_space import CaptureSpace
 from ..character.bone_map_settings import joint_label

@@ -14,7 +14,7 @@ import numpy as np
 from ...core.errors import PerfanimError, SettingsError
 from ...core.geometry.arrays import Array
 from ...core.markers.subject import skeleton_table
-from ...core.sketch.sketch import Sketch
+from ...core.sketch.sketch_file import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import MessageKind

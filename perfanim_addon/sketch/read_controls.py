@@ -8,8 +8,8 @@ import numpy as np
 from ...core.body.motion import LEAST_FPS, MOST_FPS
 from ...core.errors import SettingsError
 from ...core.geometry.arrays import Array
-from ...core.sketch.curves import curve_positions
-from ...core.sketch.sketch import MOST_FRAMES, Control, Sketch
+from ...core.sketch.key_curves import curve_positions
+from ...core.sketch.sketch_file import MOST_FRAMES, Control, Sketch
 from ..animation.actions import scene_fps
 from ..capture.capture_space import CaptureSpace
 from .bone_places import curves_that_move, followed_bone, place_off_curves, places_of_bone

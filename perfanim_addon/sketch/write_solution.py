@@ -11,7 +11,7 @@ import numpy as np
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError, SettingsError
-from ...core.sketch.sketch import Sketch
+from ...core.sketch.sketch_file import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_from, settings_table, sketch_from, sketch_table
 from ...core.sketch.solve_sketch import SketchSettings
 from ...core.system.files import reading

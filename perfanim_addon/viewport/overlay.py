@@ -18,7 +18,7 @@ from ...core.geometry.arrays import Array
 from ...core.geometry.camera import CameraRig
 from ...core.geometry.rig_file import rig_from
 from ...core.markers.subject import Subject
-from ...core.simulate.studio.rig import default_rig
+from ...core.simulate.studio.studio_rig import default_rig
 from ...core.vision.common_space import CommonSpace, common_space
 from ..character.axes import points_to_blender
 from . import drawing

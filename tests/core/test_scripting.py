@@ -11,7 +11,7 @@ from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 
 GUIDE = Path(perfanim.__file__).parent / "docs" / "scripting.md"
 

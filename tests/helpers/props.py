@@ -7,7 +7,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import Prop
 from perfanim.core.simulate.studio.carried_prop import HAND, in_hand
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 FPS = 60.0
 PIXELS = 0.1  # standard deviation of the blobs' centres

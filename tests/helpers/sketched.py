@@ -11,7 +11,7 @@ import numpy as np
 from clicked import run_job
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.sketch.sketch import Control, Sketch
+from perfanim.core.sketch.sketch_file import Control, Sketch
 
 JOINTS = ("root", "lfoot", "rfoot", "lhand", "rhand")
 EVERY = 12

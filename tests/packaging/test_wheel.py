@@ -16,7 +16,7 @@ from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.assets import MOTION
 from vicon_file import write_vicon_file
 

@@ -17,7 +17,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SkeletonError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.performance import load_performance
+from perfanim.core.simulate.shipped_performance import load_performance
 from perfanim.core.subjects.prototype_bodies import load_bodies
 from perfanim.core.system.assets import ASSETS, MOTION, PERFORMANCES
 

@@ -49,7 +49,7 @@ def window(desktop: Desktop, user: Path, tmp_path: Path) -> Iterator[BlenderWind
 def calibration(tmp_path: Path) -> Path:
     """A valid calibration."""
     from perfanim.core.geometry.rig_file import save_rig
-    from perfanim.core.simulate.studio.rig import default_rig
+    from perfanim.core.simulate.studio.studio_rig import default_rig
 
     path = tmp_path / "cameras.toml"
     save_rig(default_rig(), path)
@@ -72,7 +72,7 @@ def subject(tmp_path: Path) -> Path:
 def board(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Settings for folders of both cameras with pictures of a board of 9x6 corners."""
     from perfanim.core.simulate.studio.render import Renderer
-    from perfanim.core.simulate.studio.rig import default_rig
+    from perfanim.core.simulate.studio.studio_rig import default_rig
     from recordings import record_board
 
     folder = tmp_path_factory.mktemp("board")

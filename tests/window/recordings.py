@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 from perfanim.core.simulate.studio.boards import board_pictures
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.source import SimulatedSource, open_simulated
+from perfanim.core.simulate.studio.simulated_source import SimulatedSource, open_simulated
 
 SIDES = ("left", "right")
 SQUARE_MM = 80.0  # of the board

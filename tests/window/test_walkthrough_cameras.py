@@ -18,10 +18,10 @@ from desktop import DRAWING_S, BlenderWindow, Desktop
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.simulate.studio.boards import CarriedBoard, board_poses
-from perfanim.core.simulate.studio.floor_markers import FloorMarkers
+from perfanim.core.simulate.studio.floor_marker_source import FloorMarkers
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.simulated_source import open_simulated
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.calibration.calibration_board import parse_board
 from pointing import Hand
 from sidebar_steps import opened, received, wait_for_frames

@@ -14,7 +14,7 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.file_selection import subject_of
 from perfanim.core.database.store import open_database
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.progress import Progress
 
 from .accuracy_cases import CONDITIONS, Case, cases_of

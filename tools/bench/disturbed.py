@@ -10,8 +10,8 @@ from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.store import Database
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.solver.settings import SolveSettings
 
 from .calibration import Expected, expected_of

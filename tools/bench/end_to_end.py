@@ -22,12 +22,12 @@ from perfanim.core.markers.subject import Subject
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import motion_of, solve_take
 from perfanim.core.simulate.calibrated_studio import calibrate_studio, studio_on_floor
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.placement import on_stage, with_poses
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.settings import StudioSettings
-from perfanim.core.simulate.studio.source import SimulatedSource, simulated_source
+from perfanim.core.simulate.studio.simulated_source import SimulatedSource, simulated_source
+from perfanim.core.simulate.studio.stage_placement import on_stage, with_poses
+from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.simulate.studio.studio_settings import StudioSettings
 from perfanim.core.subjects.from_recording import subject_from_recording
 from perfanim.core.subjects.prototype_bodies import load_bodies
 from perfanim.core.system.progress import Progress

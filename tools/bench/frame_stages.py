@@ -14,7 +14,7 @@ from perfanim.core.markers.marker_smoothing import MarkerSmoother
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.frame_labelling import FrameLabeller
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver import gaussian_conditioning
 from perfanim.core.solver.locator import Locator
 from perfanim.core.solver.methods import BestMethod

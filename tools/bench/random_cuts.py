@@ -16,7 +16,7 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_frames
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
 from .data import FPS

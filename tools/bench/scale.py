@@ -16,7 +16,7 @@ from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import motion_of
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import Progress
 

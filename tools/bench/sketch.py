@@ -21,9 +21,9 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.database.store import Database, open_database
 from perfanim.core.geometry.arrays import Array, Mask
 from perfanim.core.sketch.base_motion import BaseMotion
-from perfanim.core.sketch.curves import curve_positions
+from perfanim.core.sketch.key_curves import curve_positions
 from perfanim.core.sketch.motion_library import TOES
-from perfanim.core.sketch.sketch import Control, Sketch
+from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.solve_sketch import SketchSettings, SketchSolver, key_distances
 from perfanim.core.system.progress import Progress
 from scipy.ndimage import minimum_filter1d

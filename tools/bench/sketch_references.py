@@ -12,7 +12,7 @@ from perfanim.core.markers.marker_set import Marker, MarkerSet
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.sketch.sketch import Sketch
+from perfanim.core.sketch.sketch_file import Sketch
 from perfanim.core.solver.settings import SolveSettings
 
 _UP = np.array([0.0, 1.0, 0.0])

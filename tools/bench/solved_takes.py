@@ -16,7 +16,7 @@ from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import motion_of, solve_frames, solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress
 

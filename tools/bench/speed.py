@@ -22,7 +22,7 @@ from perfanim.core.geometry.arrays import Array, FloatArray, Image, IntArray
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.discs import draw_disc
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.search.exhaustive import Query, Search

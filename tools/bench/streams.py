@@ -19,7 +19,7 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack, unpack
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.vision.live_frames import live_frames, live_settings
 from perfanim.core.vision.pipeline import MarkerPipeline
 from perfanim.core.vision.sources.image_set import ImageSet

@@ -11,7 +11,7 @@ from perfanim.core.database.graph import build_graph
 from perfanim.core.database.store import Clip, Database, pose_from_rotations
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import FloatArray
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.pose_solver import PoseSolver

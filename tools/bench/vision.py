@@ -12,12 +12,12 @@ from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rigid_transform import kabsch
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.calibrated_studio import calibrate_studio
-from perfanim.core.simulate.performance import DEMO, performance
+from perfanim.core.simulate.shipped_performance import DEMO, performance
 from perfanim.core.simulate.studio.discs import draw_disc
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.settings import StudioSettings
-from perfanim.core.simulate.studio.source import SimulatedSource, simulated_source
+from perfanim.core.simulate.studio.simulated_source import SimulatedSource, simulated_source
+from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.simulate.studio.studio_settings import StudioSettings
 from perfanim.core.system.assets import MOTION
 from perfanim.core.system.progress import Progress
 from perfanim.core.vision.detection.blob_detector import Detector

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.geometry.arrays import Array, Mask
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 from .data import FPS
 from .end_to_end import on_treadmill

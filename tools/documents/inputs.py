@@ -16,8 +16,8 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_take import MarkerTake, load_take, save_take
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.simulate.studio.export import RecordingFiles, export_recording
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.export_recording import RecordingFiles, export_recording
+from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.system.assets import MARKER_SETS, MOTION
 
 Run = Callable[..., None]  # words of a perfanim command

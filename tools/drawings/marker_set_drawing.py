@@ -9,9 +9,9 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, IntArray, Mask
 from perfanim.core.markers.marker_set import MarkerSet
-from perfanim.core.simulate.studio.body import make_body, with_sticks
 from perfanim.core.simulate.studio.cones import RoundCones, visible
 from perfanim.core.simulate.studio.limb_outlines import outlines
+from perfanim.core.simulate.studio.performer_body import make_body, with_sticks
 
 from . import svg
 

@@ -5,9 +5,9 @@ from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.limb_outlines import outlines
-from perfanim.core.simulate.studio.rig import looking_at
+from perfanim.core.simulate.studio.performer_body import make_body
+from perfanim.core.simulate.studio.studio_rig import looking_at
 from perfanim.core.vision.common_space import common_space
 
 from . import svg

@@ -31,7 +31,7 @@ from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import load_subject, subject_from
 from perfanim.core.retarget.bone_map_files import read_bone_map
 from perfanim.core.session.pose_filters import FilterSettings
-from perfanim.core.sketch.sketch import read_sketch
+from perfanim.core.sketch.sketch_file import read_sketch
 from perfanim.core.sketch.sketch_messages import settings_from, sketch_from
 from perfanim.core.system.files import read_bytes
 from perfanim.core.vision.calibration.board_points import load_board_points

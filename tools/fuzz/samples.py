@@ -20,7 +20,7 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.subject import load_subject, skeleton_table, subject_tables
 from perfanim.core.session.session import Session
-from perfanim.core.sketch.sketch import Control, Sketch
+from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.sketch_messages import settings_table, sketch_table
 from perfanim.core.sketch.solve_sketch import SketchSettings
 from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, encode_json

@@ -14,7 +14,7 @@ from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.performance import BEHAVIOURS, DEMO, METRES_A_STEP, RADIANS_A_STEP, T_POSE_S
+from perfanim.core.simulate.shipped_performance import BEHAVIOURS, DEMO, METRES_A_STEP, RADIANS_A_STEP, T_POSE_S
 
 from .bodies import body, prototype_bodies, save_bodies
 from .performance import ARMS_DOWN_S, DEMO_STREAM, demo_performance, perform, performance

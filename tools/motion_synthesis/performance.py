@@ -6,7 +6,7 @@ import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.simulate.performance import T_POSE_S
+from perfanim.core.simulate.shipped_performance import T_POSE_S
 
 from .bodies import body
 from .boxing import box

@@ -14,7 +14,7 @@ from ...vision.calibration.calibration_board import Board, charuco_board
 from ...vision.sources.image_set import ClosableSource, ImageSet
 from .lens import undistorted_grid
 from .render import Renderer
-from .rig import looking_at
+from .studio_rig import looking_at
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
 

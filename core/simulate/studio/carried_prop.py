@@ -8,7 +8,7 @@ from ...body.skeleton import Skeleton
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...markers.prop import Prop
-from .body import Body
+from .performer_body import Body
 
 HAND = "rhand"
 _SHAFT_RADIUS_M, _ARM_RADIUS_M = 0.012, 0.006

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from ...body.motion import Motion
 from ...body.skeleton import marker_positions
 from ...geometry.arrays import Array
-from .body import Body, make_body, with_sticks
 from .carried_prop import HAND, Carried, with_prop
 from .cones import RoundCones
+from .performer_body import Body, make_body, with_sticks
 
 
 @dataclass(frozen=True)

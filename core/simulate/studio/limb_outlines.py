@@ -7,9 +7,9 @@ import numpy as np
 
 from ...geometry.arrays import Array, Image
 from ...geometry.camera import Camera
-from .body import Body
 from .cones import RoundCones
-from .settings import TABLES
+from .performer_body import Body
+from .studio_settings import TABLES
 
 _ARC = np.linspace(0.0, 1.0, 9)
 _SHIFT = 4  # fractional bits of polygon corners

@@ -14,7 +14,7 @@ from .discs import draw_disc
 from .filmed_motion import Performance
 from .limb_outlines import draw_body
 from .room import FURNITURE, MOVED_OBJECT, Box, RoomView, view_room
-from .settings import StudioSettings
+from .studio_settings import StudioSettings
 
 _NOISE_SPARE = 160  # the noise table is this much larger than the image each way, so that it can be shifted
 _MAX_BLUR_STEPS = 24

@@ -10,7 +10,7 @@ import numpy as np
 from ...geometry.arrays import Array, Image, IntArray
 from ...geometry.camera import Camera
 from .lens import undistorted_grid
-from .settings import TABLES
+from .studio_settings import TABLES
 
 
 @dataclass(frozen=True)

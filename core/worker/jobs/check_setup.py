@@ -24,8 +24,8 @@ from ...geometry.arrays import Image
 from ...geometry.camera import Camera, CameraRig
 from ...geometry.rig_file import rig_from
 from ...markers.marker_set import load_marker_set
-from ...simulate.faults import FPS, SECONDS, studio_with
-from ...subjects.setup_check.check import check_pictures, check_setup
+from ...simulate.practice_studio import FPS, SECONDS, studio_with
+from ...subjects.setup_check.find_faults import check_pictures, check_setup
 from ...subjects.setup_check.finding import Fault, Finding
 from ...vision.blob_preview import cross_out, reduced
 from ...vision.common_space import CommonSpace, common_space

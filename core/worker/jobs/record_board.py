@@ -22,7 +22,7 @@ from ...geometry.arrays import Image
 from ...geometry.rig_file import rig_tables
 from ...simulate.studio.boards import BoardPose, CarriedBoard, board_poses
 from ...simulate.studio.render import Renderer
-from ...simulate.studio.rig import default_rig
+from ...simulate.studio.studio_rig import default_rig
 from ...subjects.setup_check.board_faults import board_faults
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from ...vision.calibration.board_session import BoardSession, Guidance

@@ -13,8 +13,8 @@ from typing import Any
 
 from ...errors import CalibrationError
 from ...geometry.rig_file import rig_from, rig_tables
-from ...simulate.studio.floor_markers import FloorMarkers
-from ...simulate.studio.rig import default_rig
+from ...simulate.studio.floor_marker_source import FloorMarkers
+from ...simulate.studio.studio_rig import default_rig
 from ...vision.blob_preview import draw_blobs
 from ...vision.calibration.floor_watch import FloorWatch, scaled_to
 from ...vision.calibration.rig_on_floor import rig_on_floor

@@ -22,7 +22,7 @@ from ...labelling.trajectory_naming import name_trajectories
 from ...markers.floor_from_feet import floor_points, to_rig_world
 from ...markers.marker_set import load_marker_set
 from ...markers.marker_take import MarkerTake
-from ...simulate.studio.placement import ARRIVAL_S
+from ...simulate.studio.stage_placement import ARRIVAL_S
 from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.sources.source_kinds import ImageSetLike

@@ -25,7 +25,7 @@ from ...geometry.rig_file import rig_from
 from ...markers.prop import prop_from
 from ...markers.subject import subject_from
 from ...session.pose_filters import FilterSettings, PoseFilter
-from ...simulate.studio.rig import default_rig
+from ...simulate.studio.studio_rig import default_rig
 from ...solver.settings import SolveSettings
 from ...system.files import reading
 from ..channel import Channel

@@ -14,7 +14,7 @@ from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.session.pose_filters import FilterSettings, filter_poses
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.simulated_source import open_simulated
 from played import curves_of, key_times
 from ticking import tick_until
 

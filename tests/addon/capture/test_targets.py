@@ -13,7 +13,7 @@ from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.prop import load_prop, save_prop
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.system.assets import MOTION
 from played import curves_of, key_times
 from props import held_poses

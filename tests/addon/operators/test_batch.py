@@ -22,8 +22,8 @@ from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.system.assets import MOTION
 
 PATIENCE_S = 300.0

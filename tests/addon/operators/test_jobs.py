@@ -19,7 +19,7 @@ from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.subject import load_subject
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 
 def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:

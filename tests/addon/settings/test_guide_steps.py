@@ -14,7 +14,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry.rig_file import load_rig, rig_tables, save_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.common_space import common_space
 
 GOOD: dict[str, Any] = {"findings": [], "space": ""}

@@ -17,7 +17,7 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import rig_from, save_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 300.0

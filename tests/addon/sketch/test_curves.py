@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from perfanim.core.sketch.sketch import Control
+from perfanim.core.sketch.sketch_file import Control
 from played import curves_of
 from sketched import drawn_hand
 

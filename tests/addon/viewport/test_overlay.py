@@ -14,7 +14,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.common_space import common_space
 from perfanim.perfanim_addon.viewport import overlay
 

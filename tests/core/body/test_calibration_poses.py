@@ -8,10 +8,10 @@ from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.studio.placement import lowest_point_m
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.source import simulated_source
+from perfanim.core.simulate.studio.simulated_source import simulated_source
+from perfanim.core.simulate.studio.stage_placement import lowest_point_m
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 BODIES = [default_skeleton(), *prototype_bodies(6)]
 

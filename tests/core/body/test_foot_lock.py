@@ -12,7 +12,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 SWAY_M = 0.02
 

@@ -14,7 +14,7 @@ from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import save_subject, subject_tables
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.files import write_toml
 
 SIZE = (64, 48)

@@ -8,10 +8,10 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import load_rig, save_rig
-from perfanim.core.simulate.faults import studio_with
+from perfanim.core.simulate.practice_studio import studio_with
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_pictures
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.simulate.studio.video import LOSSLESS, open_video
 from perfanim.core.subjects.setup_check.finding import Fault
 

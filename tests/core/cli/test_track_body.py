@@ -19,11 +19,11 @@ from perfanim.core.markers.marker_frame_codec import pack
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import load_subject, save_subject
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.studio.placement import on_stage
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.settings import StudioSettings
-from perfanim.core.simulate.studio.source import simulated_source
+from perfanim.core.simulate.studio.simulated_source import simulated_source
+from perfanim.core.simulate.studio.stage_placement import on_stage
+from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.simulate.studio.studio_settings import StudioSettings
 from perfanim.core.system.assets import MOTION
 from perfanim.core.vision.pipeline import MarkerPipeline
 from perfanim.core.vision.sources.source_kinds import open_image_source

@@ -7,7 +7,7 @@ from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling.prop_image_fit import Placed, PropImages
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 PROP = load_prop("sword")
 CAMERAS = default_rig().cameras

@@ -16,7 +16,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.image_take import image_take
 
 FPS = 60.0

@@ -15,7 +15,7 @@ from perfanim.core.labelling.take_import import import_take
 from perfanim.core.markers.floor_from_feet import floor_points
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 SET = load_marker_set("locomotion")
 FPS = 30.0

@@ -12,7 +12,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.trajectory_naming import match_trajectories, misfit_of_names_m, name_trajectories
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 NOISE_M = 0.01
 

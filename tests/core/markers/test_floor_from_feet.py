@@ -8,7 +8,7 @@ from perfanim.core.geometry.rigid_transform import transform
 from perfanim.core.markers.floor_from_feet import floor_points, to_rig_world
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.vision.calibration.rig_on_floor import rig_on_floor
 
 MARKERS = "two-webcams"

@@ -13,7 +13,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from scipy.interpolate import CubicSpline
 

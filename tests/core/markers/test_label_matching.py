@@ -16,7 +16,7 @@ from perfanim.core.markers.marker_set import load_marker_set, marker_set_names
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.from_motion import frames_of
 

@@ -7,7 +7,7 @@ from perfanim.core.errors import CaptureError
 from perfanim.core.markers.marker_frame import MarkerFrame, undistort_blobs
 from perfanim.core.markers.marker_frame_codec import pack, unpack
 from perfanim.core.markers.marker_frame_subset import without_blobs
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 ARRAYS = ("points_m", "covariances_m2", "labels", "point_blobs", "single_cameras", "single_blobs", "single_points",
           "single_labels")  # fmt: skip

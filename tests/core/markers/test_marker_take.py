@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews, load_take, save_take
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 
 def small() -> MarkerTake:

@@ -6,7 +6,7 @@ from perfanim.core.errors import TakeError
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.markers.take_frames import take_frames
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 SET = load_marker_set("locomotion")
 

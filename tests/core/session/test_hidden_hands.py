@@ -8,9 +8,9 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.demo import embedded_database
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.performance import DEMO, performance
+from perfanim.core.simulate.run_demo import embedded_database
+from perfanim.core.simulate.shipped_performance import DEMO, performance
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver import methods
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress

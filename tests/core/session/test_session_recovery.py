@@ -15,7 +15,7 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.studio.cones import visible
 from perfanim.core.simulate.studio.filmed_motion import make_performance
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.system.assets import MOTION
 

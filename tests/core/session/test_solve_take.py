@@ -6,7 +6,7 @@ from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.errors import TakeError
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
 

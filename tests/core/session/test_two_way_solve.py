@@ -9,7 +9,7 @@ from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.session.two_way_solve import TwoWaySolver
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.motion_prior import MotionPrior
 from perfanim.core.solver.settings import SolveSettings
 

@@ -14,7 +14,7 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 
 SET = MarkerSet(
     "three", (Marker("A", "root", (0.1, 0.0, 0.0), True), Marker("B", "lhand", (0.0, 0.02, 0.0), True),

@@ -6,7 +6,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.performance import BEHAVIOURS, DEMO, T_POSE_S, load_performance, performance
+from perfanim.core.simulate.shipped_performance import BEHAVIOURS, DEMO, T_POSE_S, load_performance, performance
 
 
 @pytest.mark.parametrize("behaviour", [DEMO, *BEHAVIOURS])

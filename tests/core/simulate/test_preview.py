@@ -12,8 +12,8 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.simulate import preview
-from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import first_hits
+from perfanim.core.simulate.studio.performer_body import make_body
 from perfanim.core.simulate.studio.video import write_video
 
 SKELETON = default_skeleton()

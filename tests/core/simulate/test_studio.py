@@ -9,14 +9,14 @@ from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.studio.body import make_body
 from perfanim.core.simulate.studio.cones import RoundCones, first_hits, visible
 from perfanim.core.simulate.studio.discs import disc_light, draw_disc
 from perfanim.core.simulate.studio.filmed_motion import Performance
+from perfanim.core.simulate.studio.performer_body import make_body
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.settings import StudioSettings
-from perfanim.core.simulate.studio.source import open_simulated, studio_settings
+from perfanim.core.simulate.studio.simulated_source import open_simulated, studio_settings
+from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.simulate.studio.studio_settings import StudioSettings
 
 FPS = 60.0
 QUIET = StudioSettings(noise_sigma=0.0, clutter=False)

@@ -18,14 +18,14 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import load_rig
 from perfanim.core.markers.marker_take import load_take
 from perfanim.core.markers.subject import load_subject
-from perfanim.core.simulate.studio import export
+from perfanim.core.simulate.studio import export_recording as export
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPicture, board_pictures
 from perfanim.core.simulate.studio.lens import undistorted_grid
-from perfanim.core.simulate.studio.placement import lowest_point_m, on_stage, with_poses
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.settings import StudioSettings
-from perfanim.core.simulate.studio.source import open_simulated, simulated_source, with_return
+from perfanim.core.simulate.studio.simulated_source import open_simulated, simulated_source, with_return
+from perfanim.core.simulate.studio.stage_placement import lowest_point_m, on_stage, with_poses
+from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.simulate.studio.studio_settings import StudioSettings
 from perfanim.core.vision.calibration.calibration_board import find_board, parse_board
 
 FPS = 60.0

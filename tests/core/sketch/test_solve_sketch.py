@@ -14,7 +14,7 @@ from perfanim.core.database.store import pose_from_rotations
 from perfanim.core.errors import DatabaseError, SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.sketch.reach import Reach
-from perfanim.core.sketch.sketch import Control, Sketch
+from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.solve_sketch import MET_M, SketchSettings, SketchSolver, solve_sketch
 
 FIVE = CONTROLS["five"]

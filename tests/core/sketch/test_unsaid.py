@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.sketch.sketch import Control, Sketch
+from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
 
 HIPS_M = 0.97

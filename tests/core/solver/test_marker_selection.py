@@ -10,7 +10,7 @@ from perfanim.core.errors import MarkerSetError
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.marker_selection import choose_markers, with_markers
 
 NOISE_M = 0.001

@@ -8,7 +8,7 @@ from perfanim.core.errors import SubjectError, TakeError
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.from_motion import frames_of, subject_from_motion
 

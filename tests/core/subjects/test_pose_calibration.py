@@ -9,8 +9,8 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.placement import with_poses
+from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.simulate.studio.stage_placement import with_poses
 from perfanim.core.subjects.from_recording import subject_from_recording
 from perfanim.core.subjects.pose_calibration import (
     calibrate_markers,

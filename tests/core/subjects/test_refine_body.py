@@ -8,7 +8,7 @@ from perfanim.core.body.motion import sliced
 from perfanim.core.errors import SubjectError
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.subjects.body_change import PARTS, sized
 from perfanim.core.subjects.refine_body import refine_body
 

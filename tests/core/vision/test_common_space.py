@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.common_space import SMALLEST_PX, _largest_rectangle, common_space
 
 HEIGHT_M, AROUND_M, RADIUS_M = 1.8, 0.35, 0.0125

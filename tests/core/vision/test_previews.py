@@ -1,6 +1,6 @@
 import numpy as np
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.blob_preview import draw_blobs, draw_labels
 from perfanim.core.vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
 from perfanim.core.vision.calibration.calibration_board import BoardView

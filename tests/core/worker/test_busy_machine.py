@@ -13,7 +13,7 @@ from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.subject import subject_tables
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
 

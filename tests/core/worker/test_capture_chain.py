@@ -24,7 +24,7 @@ from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop, prop_tables
 from perfanim.core.markers.subject import Subject, subject_tables
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
 from perfanim.core.worker.restart_point import RestartPoint

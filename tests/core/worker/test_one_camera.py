@@ -10,7 +10,7 @@ from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.subject import subject_tables
-from perfanim.core.simulate.studio.source import open_simulated
+from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
 

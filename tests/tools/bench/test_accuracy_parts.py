@@ -11,7 +11,7 @@ from bench.paired import UNITS, geometric_mean, paired_ratios
 from bench.solved_takes import LIVE, OFFLINE, solve_both_ways
 from perfanim.core.body.motion import sliced
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress
 

@@ -38,8 +38,8 @@ from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError, SettingsError
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.settings import SolveSettings
 from random_prior import write_network

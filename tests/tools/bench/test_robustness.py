@@ -21,10 +21,10 @@ from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.simulate.studio.placement import on_stage, with_poses
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
-from perfanim.core.simulate.studio.source import simulated_source
+from perfanim.core.simulate.studio.simulated_source import simulated_source
+from perfanim.core.simulate.studio.stage_placement import on_stage, with_poses
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 TRIALS = {"16_15": "walking-01-neutral", "16_16": "walking-02-energetic", "09_01": "running-01-brisk"}
 

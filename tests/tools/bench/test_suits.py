@@ -9,7 +9,7 @@ from perfanim.core.errors import FormatError
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.progress import no_progress
 
 

@@ -7,7 +7,7 @@ import pytest
 from bench.vision import centroid_row, in_world_of
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 
 @pytest.mark.parametrize("radius_px", [2.0, 3.0])

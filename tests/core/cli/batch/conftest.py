@@ -15,7 +15,7 @@ from perfanim.core.cli.batch.take_record import Record, Task
 from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 
 GOOD = ("a.c3d", "b.trc", "c.csv", "d.take.npz")
 FRAMES = 14

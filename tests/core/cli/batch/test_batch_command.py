@@ -12,7 +12,7 @@ from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 
 FRAMES = 8
 

@@ -7,7 +7,7 @@ from perfanim.core.cli.batch.content_hash import ContentDigests, take_digest
 from perfanim.core.cli.batch.plan import TakePlan
 from perfanim.core.database.store import open_database
 from perfanim.core.session.save_solved_take import save_imported_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
 

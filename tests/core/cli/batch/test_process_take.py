@@ -11,7 +11,7 @@ from perfanim.core.cli.batch.take_record import BAD, Record, Task
 from perfanim.core.errors import CharacterError, TakeError
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.simulate.markers import simulate_markers
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
 

@@ -11,7 +11,7 @@ from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
-from perfanim.core.simulate.studio.placement import with_poses
+from perfanim.core.simulate.studio.stage_placement import with_poses
 from perfanim.core.subjects.body_change import PARTS, sized
 
 

@@ -10,7 +10,7 @@ from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from records import frame_record, pose_record
 
 

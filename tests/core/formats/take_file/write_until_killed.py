@@ -16,7 +16,7 @@ from perfanim.core.formats.take_file.take_setup import TakeSetup
 from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "helpers"))
 

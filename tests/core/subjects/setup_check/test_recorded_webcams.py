@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.subjects.setup_check.check import check_setup
+from perfanim.core.subjects.setup_check.find_faults import check_setup
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.vision.calibration.board_points import load_board_points
 from perfanim.core.vision.calibration.calibrate import calibrate_from_points

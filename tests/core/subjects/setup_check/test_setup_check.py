@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.simulate.faults import STUDIO_FAULTS, board_views, studio_with
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.practice_studio import STUDIO_FAULTS, board_views, studio_with
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.subjects.setup_check.board_faults import board_faults, square_px
-from perfanim.core.subjects.setup_check.check import check_pictures, check_setup
+from perfanim.core.subjects.setup_check.find_faults import check_pictures, check_setup
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.subjects.setup_check.rig_faults import place_fault
 from perfanim.core.vision.calibration.calibration_board import Board, BoardView

@@ -13,7 +13,7 @@ import pytest
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_poses
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.calibration import board_session
 from perfanim.core.vision.calibration.board_session import ENOUGH_VIEWS, BoardSession, Guidance
 from perfanim.core.vision.calibration.calibration_board import BoardView

@@ -4,7 +4,7 @@ import pytest
 from perfanim.core.errors import CalibrationError, SettingsError
 from perfanim.core.simulate.studio.boards import board_pictures
 from perfanim.core.simulate.studio.render import Renderer
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.calibration.board_pdf import write_board_pdf
 from perfanim.core.vision.calibration.calibration_board import (
     Board,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.calibration.floor_watch import STILL_S, FloorWatch, scaled_to
 
 NOISE_M = 0.001

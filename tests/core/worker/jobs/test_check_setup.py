@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jobs_played import outcome, played, said
 from perfanim.core.geometry.rig_file import rig_tables
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.vision.common_space import common_space
 from perfanim.core.worker.protocol import Message, MessageKind

@@ -13,7 +13,7 @@ from perfanim.core.errors import CalibrationError, CaptureError
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import rig_from, rig_tables
 from perfanim.core.simulate.studio.boards import board_on_floor
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.sources.image_files import read_image
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.worker.jobs import record_board, record_floor

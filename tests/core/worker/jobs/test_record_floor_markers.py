@@ -13,8 +13,8 @@ from perfanim.core.cli.main import main
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import load_rig, rig_from, rig_tables
-from perfanim.core.simulate.studio.floor_markers import PLACES_M, SETTINGS, FloorMarkers
-from perfanim.core.simulate.studio.rig import default_rig
+from perfanim.core.simulate.studio.floor_marker_source import PLACES_M, SETTINGS, FloorMarkers
+from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.system.files import write_toml
 from perfanim.core.worker.jobs import record_floor_markers
 

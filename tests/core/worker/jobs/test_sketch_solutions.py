@@ -14,7 +14,7 @@ from perfanim.core.database.store import open_database
 from perfanim.core.errors import SettingsError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.subject import skeleton_table
-from perfanim.core.sketch.sketch import Control, Sketch
+from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.sketch_messages import (
     settings_from,
     settings_table,

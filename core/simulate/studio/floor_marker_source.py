@@ -11,8 +11,8 @@ from ...geometry.camera import CameraRig
 from ...vision.sources.image_set import ClosableSource
 from .filmed_motion import make_performance
 from .render import Renderer, StudioFrame
-from .rig import FPS
-from .settings import StudioSettings
+from .studio_rig import FPS
+from .studio_settings import StudioSettings
 
 SETTINGS = StudioSettings(draw_body=False, occlusion=False)
 PLACES_M = np.array([[-0.5, 0.85], [0.45, 0.9], [0.5, 0.35], [-0.45, 0.3]])  # x and z

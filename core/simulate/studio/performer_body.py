@@ -14,7 +14,7 @@ from ...body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, IntArray
 from .cones import RoundCones, axis_distances
-from .settings import TABLES
+from .studio_settings import TABLES
 
 WOOD = "wood"  # material of things that are held
 

@@ -21,7 +21,7 @@ from ...system.files import writing
 from ...system.progress import Progress, no_progress
 from .boards import DEFAULT_BOARD, board_pictures
 from .render import FrameTruth
-from .source import SimulatedSource
+from .simulated_source import SimulatedSource
 from .video import LOSSLESS, open_video
 
 _BOARD_SHARE, _BACKGROUND_SHARE = 0.15, 0.05  # of the work, for the progress shown

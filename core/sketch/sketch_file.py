@@ -19,7 +19,7 @@ from ..formats.markers.reader_parts import numbers_of
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..system.files import read_bytes
-from .curves import curve_positions
+from .key_curves import curve_positions
 
 MOST_FRAMES = 20_000  # from the first key to the last
 _HEADER = ("control", "frame", "x", "y", "z")

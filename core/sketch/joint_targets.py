@@ -14,10 +14,10 @@ from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..geometry.rigid_transform import kabsch
-from .curves import curve_positions
+from .key_curves import curve_positions
 from .motion_library import TOES, standing_toes_m
 from .reach import Reach
-from .sketch import Control, Sketch
+from .sketch_file import Control, Sketch
 from .stances import Foot, held_foot
 
 _ANKLES = ("lfoot", "rfoot")

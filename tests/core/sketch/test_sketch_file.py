@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.sketch.sketch import Control, Sketch, read_sketch, tilted
+from perfanim.core.sketch.sketch_file import Control, Sketch, read_sketch, tilted
 from perfanim.core.sketch.sketch_messages import sketch_from, sketch_table
 
 HEAD = "# fps=30\ncontrol,frame,x,y,z\n"

@@ -16,13 +16,13 @@ from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.prop import load_prop
 from ...markers.subject import Subject
 from ...vision.sources.image_set import ClosableSource
-from ..performance import DEMO, performance, with_return
+from ..shipped_performance import DEMO, performance, with_return
 from .carried_prop import Carried, in_hand
 from .filmed_motion import Performance, make_performance
-from .placement import with_poses
 from .render import Renderer, StudioFrame
-from .rig import FPS, default_rig
-from .settings import StudioSettings
+from .stage_placement import with_poses
+from .studio_rig import FPS, default_rig
+from .studio_settings import StudioSettings
 
 _AROUND_S = 4.0  # of a performance: T pose, arms down, and a rest at the end
 _SPACING_M = 1.2  # between performers: both stay in the picture, and arms held out do not meet

@@ -21,7 +21,7 @@ from ..vision.sources.image_set import ImageSet
 from .studio.boards import DEFAULT_BOARD, board_pictures
 from .studio.discs import draw_disc
 from .studio.render import Renderer
-from .studio.source import SimulatedSource, open_simulated
+from .studio.simulated_source import SimulatedSource, open_simulated
 
 Generator = np.random.Generator
 Change = Callable[[int, Image], Image]  # camera's number and image to image

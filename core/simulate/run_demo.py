@@ -34,8 +34,6 @@ from ..system.files import atomic_path
 from ..system.progress import Progress
 from ..vision.pipeline import MarkerPipeline
 from .calibrated_studio import calibrate_studio, studio_on_floor
-from .performance import DEMO
-from .performance import performance as play
 from .preview import (
     TRUTH,
     CharacterPainter,
@@ -47,10 +45,12 @@ from .preview import (
     side_by_side,
     write_contact_sheet,
 )
-from .studio.placement import with_poses
+from .shipped_performance import DEMO
+from .shipped_performance import performance as play
 from .studio.render import Renderer
-from .studio.rig import default_rig
-from .studio.source import SimulatedSource, simulated_source
+from .studio.simulated_source import SimulatedSource, simulated_source
+from .studio.stage_placement import with_poses
+from .studio.studio_rig import default_rig
 from .studio.video import write_video
 
 MARKER_SET = "boxing"

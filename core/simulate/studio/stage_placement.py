@@ -9,7 +9,7 @@ from ...body.calibration_poses import POSES
 from ...body.motion import Motion, eased_between
 from ...errors import SettingsError
 from ...geometry import rotations as rot
-from .body import make_body
+from .performer_body import make_body
 
 _LONGEST_HELD_S = 300.0  # all poses together
 ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
