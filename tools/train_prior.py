@@ -14,17 +14,17 @@ import numpy as np
 from perfanim.core.database.store import open_database
 from perfanim.core.solver.motion_prior import VERSION, WEIGHTS, open_network
 from perfanim.core.system.files import atomic_path
-from prior_training.motion import Recordings, read_recordings
+from prior_training.motion import read_recordings
 from prior_training.network import LEAST_SCALE, PART_OF_JOINT, Scaling, first_parameters, residuals, scaling_of, train
 from prior_training.performers import PerformerMaker
 from prior_training.windows import LAGS_S, WindowMaker
 
 _STEPS = 12_000
-_BATCHES = 60  # from which the errors on unseen people are taken
+_BATCHES = 60  # batches that the errors on unseen people are taken from
 _LEAST_EIGENVALUE = 1e-3  # of the correlation of the errors
 _OUTLIER = 4.0  # standard deviations beyond which errors do not count more
 _LEAST_SIGMA_RAD, _LEAST_SIGMA_M = 0.02, 0.003
-_OPEN_SIGMA_RAD = 0.2  # of entries that do not vary
+_OPEN_SIGMA_RAD = 0.2  # for entries that do not vary
 _PLACED = 6  # outputs of the root
 
 
@@ -33,13 +33,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--database", type=Path, nargs="+", required=True, help="built databases (.pfdb)")
     parser.add_argument("--out", type=Path, required=True, help="file to write (.npz)")
-    parser.add_argument("--without", nargs="*", default=[], metavar="SUBJECT", help="subjects that are not used at all")
-    parser.add_argument(
-        "--unseen", nargs="*", default=[], metavar="SUBJECT", help="subjects that the errors are taken from"
-    )
-    parser.add_argument(
-        "--further", type=Path, metavar="FILE", help="prior to train further; its errors on unseen people are kept"
-    )
+    subjects: dict[str, Any] = {"nargs": "*", "default": [], "metavar": "SUBJECT"}
+    parser.add_argument("--without", **subjects, help="subjects that are not used at all")
+    parser.add_argument("--unseen", **subjects, help="subjects that the errors are taken from")
+    parser.add_argument("--further", type=Path, help="prior to train further; its errors on unseen people are kept")
     parser.add_argument("--steps", type=int, default=_STEPS)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
@@ -48,9 +45,8 @@ def main() -> None:
     databases = [open_database(path) for path in args.database]
     everyone = {clip.subject for database in databases for clip in database.clips}
     earlier = open_network(args.further) if args.further else None
-    recordings = read_recordings(
-        databases, everyone - {*args.without, *args.unseen}, earlier.mean_rotations if earlier else None
-    )
+    used = everyone - {*args.without, *args.unseen}
+    recordings = read_recordings(databases, used, earlier.mean_rotations if earlier else None)
     _say(f"{len(recordings.poses)} frames of {len(recordings.subjects)} subjects")
     makers = PerformerMaker(recordings.skeletons)
     windows = WindowMaker(recordings, makers)
@@ -59,21 +55,33 @@ def main() -> None:
     first = {name: getattr(earlier, name) for name in WEIGHTS} if earlier else first_parameters(generator)
     parameters = train(windows, scaling, first, generator, args.steps, _say)
     if earlier is None:
-        unseen = read_recordings(databases, set(args.unseen), recordings.mean_rotations)
-        errors, sigmas = residuals(
-            parameters, WindowMaker(unseen, makers), scaling, np.random.default_rng(args.seed), _BATCHES
-        )
+        unseen = WindowMaker(read_recordings(databases, set(args.unseen), recordings.mean_rotations), makers)
+        errors, sigmas = residuals(parameters, unseen, scaling, np.random.default_rng(args.seed), _BATCHES)
         error_model = _error_model(errors, sigmas, scaling.outputs[1])
         rms_deg = np.degrees(np.sqrt(np.mean(errors[:, _PLACED:] ** 2)))
         _say(f"unseen people: {rms_deg:.2f} degrees RMS of an entry of the pose")
     else:
         error_model = {"correlation": earlier.correlation, "spread": earlier.spread}
-    facts = _facts(recordings, args)
-    _write(args.out, parameters, scaling, recordings, error_model, facts)
+    facts = {
+        "version": VERSION,
+        "subjects": list(recordings.subjects),
+        "frames": len(recordings.poses),
+        "steps": args.steps,
+        "seed": args.seed,
+        "source": "CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu)",
+    }
+    arrays = {name: array.astype(np.float16) for name, array in parameters.items()}
+    arrays |= {name: array.astype(np.float32) for name, array in error_model.items()}
+    arrays |= {"bones": scaling.bones, "outputs": scaling.outputs, "mean_rotations": recordings.mean_rotations}
+    arrays |= {"lags_s": np.array(LAGS_S), "part_of_joint": PART_OF_JOINT, "facts": np.array(json.dumps(facts))}
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(args.out) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **arrays)
+    _say(f"{args.out}: {args.out.stat().st_size} bytes")
 
 
 def _error_model(errors: Any, sigmas: Any, scale: Any) -> dict[str, Any]:
-    """Return how far the errors exceed the sigmas, and how they vary together.
+    """Return how far the errors exceed the sigmas ("spread"), and how they vary together ("correlation").
 
     Entries that hardly vary in the recordings are left open: elsewhere they may.
     """
@@ -91,37 +99,6 @@ def _error_model(errors: Any, sigmas: Any, scale: Any) -> dict[str, Any]:
     least[:3] = _LEAST_SIGMA_RAD
     spread = np.array((spread, np.where(constant, _OPEN_SIGMA_RAD, least)))
     return {"correlation": correlation / np.outer(size, size), "spread": spread}
-
-
-def _facts(recordings: Recordings, args: argparse.Namespace) -> dict[str, Any]:
-    return {
-        "version": VERSION,
-        "subjects": list(recordings.subjects),
-        "frames": len(recordings.poses),
-        "steps": args.steps,
-        "seed": args.seed,
-        "source": "CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu)",
-    }
-
-
-def _write(
-    out: Path, parameters: dict[str, Any], scaling: Scaling, recordings: Recordings, errors: Any, facts: Any
-) -> None:
-    arrays = {name: array.astype(np.float16) for name, array in parameters.items()}
-    arrays |= {
-        "lags_s": np.array(LAGS_S),
-        "mean_rotations": recordings.mean_rotations,
-        "part_of_joint": PART_OF_JOINT,
-        "bones": scaling.bones,
-        "outputs": scaling.outputs,
-        "correlation": errors["correlation"].astype(np.float32),
-        "spread": errors["spread"].astype(np.float32),
-        "facts": np.array(json.dumps(facts)),
-    }
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(out) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **arrays)
-    _say(f"{out}: {out.stat().st_size} bytes")
 
 
 def _say(text: str) -> None:

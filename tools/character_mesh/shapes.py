@@ -6,7 +6,7 @@ Girths follow the body's height, lengths the skeleton's bones. World space, metr
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 
@@ -15,50 +15,35 @@ from .surface import Array, Loft, ball
 
 @dataclass(frozen=True)
 class Part:
-    """A closed surface of the body and its mesh settings.
-
-    Args:
-        name: "clothes", "head", "hair", "shoe", "hand", "eye".
-        side: "l", "r" or "" for the middle.
-        shapes: their union is the surface.
-        spacing_m: size of its quadrilaterals.
-    """
+    """A closed surface of the body: "clothes", "head", "hair", "shoe", "hand", "eye"."""
 
     name: str
-    side: str
-    shapes: tuple[Loft, ...]
-    spacing_m: float
+    shapes: list[Loft]  # their union is the surface
+    spacing_m: float  # size of its quadrilaterals
 
 
 class Figure:
     """Landmarks of a body: joints by name, and the scale of its girths.
 
     Args:
-        skeleton: the standard skeleton's joints.
-        heads_m: (J, 3) joint positions of the rest pose, world space.
+        heads_m: Joint positions of the rest pose (J, 3), world space.
     """
 
-    def __init__(self, skeleton: Skeleton, heads_m: NDArray[np.float64]) -> None:
-        self._skeleton = skeleton
-        self._heads = heads_m
+    def __init__(self, skeleton: Skeleton, heads_m: Array) -> None:
+        self.skeleton, self._heads = skeleton, heads_m
         self.scale = girth_scale(skeleton)
 
     def joint(self, name: str) -> Array:
         """Return a joint's position (3,)."""
-        found: Array = self._heads[self._skeleton.index(name)]
-        return found
+        return np.asarray(self._heads[self.skeleton.index(name)])
 
     def tip(self, name: str) -> Array:
         """Return the position (3,) of the end of a joint's bone."""
-        found: Array = self.joint(name) + self._skeleton.tips_m[self._skeleton.index(name)]
-        return found
+        return self.joint(name) + self.skeleton.tips_m[self.skeleton.index(name)]
 
     @property
     def neck_base(self) -> Array:
-        """Where the neck leaves the trunk (3,).
-
-        Some skeletons have their lowest neck joint higher up.
-        """
+        """Where the neck leaves the trunk (3,); some skeletons have their lowest neck joint higher up."""
         neck = self.joint("lowerneck").copy()
         shoulders = 0.5 * (self.joint("lhumerus")[1] + self.joint("rhumerus")[1])
         neck[1] = min(neck[1], shoulders - 0.045 * self.scale)
@@ -80,23 +65,21 @@ class Figure:
 
 def parts_of(figure: Figure) -> list[Part]:
     """Return all parts of the body."""
-    fine = figure.scale
-    sides = ("l", "r")
-    clothes = _torso(figure) + [shape for side in sides for shape in (*_leg(figure, side), *_arm(figure, side))]
-    parts = [
-        Part("clothes", "", tuple(clothes), 0.0325 * fine),
-        Part("head", "", tuple(_head(figure)), 0.0195 * fine),
-        Part("hair", "", tuple(_hair(figure)), 0.0250 * fine),
+    clothes = _torso(figure) + [shape for side in "lr" for shape in (*_leg(figure, side), *_arm(figure, side))]
+    spacings = {"shoe": (_shoe, 0.0240), "hand": (_hand, 0.0110), "eye": (_eye, 0.0075)}
+    return [
+        Part("clothes", clothes, 0.0325 * figure.scale),
+        Part("head", _head(figure), 0.0195 * figure.scale),
+        Part("hair", _hair(figure), 0.0250 * figure.scale),
+        *(
+            Part(name, shapes(figure, side), spacing * figure.scale)
+            for side in "lr"
+            for name, (shapes, spacing) in spacings.items()
+        ),
     ]
-    for side in sides:
-        parts.append(Part("shoe", side, tuple(_shoe(figure, side)), 0.0240 * fine))
-        parts.append(Part("hand", side, tuple(_hand(figure, side)), 0.0110 * fine))
-        parts.append(Part("eye", side, (_eye(figure, side),), 0.0075 * fine))
-    return parts
 
 
-def _torso(figure: Figure) -> list[Loft]:
-    f = figure
+def _torso(f: Figure) -> list[Loft]:
     hips = 0.5 * (f.joint("lfemur") + f.joint("rfemur"))
     hips[2] = 0.5 * (hips[2] + f.joint("root")[2])
     neck = f.neck_base
@@ -112,10 +95,7 @@ def _torso(figure: Figure) -> list[Loft]:
         f.sized(0.105, 0.084, 0.067), f.sized(0.080, 0.074, 0.066), across=(-1.0, 0.0, 0.0),
         caps=f.sized(0.02, 0.008), blend=0.04 * f.scale,
     )  # fmt: skip
-    shapes = [trunk, collar]
-    for side, out in (("l", 1.0), ("r", -1.0)):
-        shapes += _flank(f, side, out)
-    return shapes
+    return [trunk, collar, *_flank(f, "l", 1.0), *_flank(f, "r", -1.0)]
 
 
 def _flank(f: Figure, side: str, out: float) -> list[Loft]:
@@ -136,8 +116,7 @@ def _flank(f: Figure, side: str, out: float) -> list[Loft]:
     ]  # fmt: skip
 
 
-def _leg(figure: Figure, side: str) -> list[Loft]:
-    f = figure
+def _leg(f: Figure, side: str) -> list[Loft]:
     hip, knee, ankle = (f.joint(side + name) for name in ("femur", "tibia", "foot"))
     thigh = Loft(
         hip, knee, (-0.02, 0.12, 0.30, 0.55, 0.82, 1.00),
@@ -154,8 +133,7 @@ def _leg(figure: Figure, side: str) -> list[Loft]:
     return [thigh, shank]
 
 
-def _arm(figure: Figure, side: str) -> list[Loft]:
-    f = figure
+def _arm(f: Figure, side: str) -> list[Loft]:
     out = 1.0 if side == "l" else -1.0
     shoulder, elbow, wrist = (f.joint(side + name) for name in ("humerus", "radius", "hand"))
     upper = Loft(
@@ -177,8 +155,7 @@ def _skull(f: Figure) -> tuple[Array, float]:
     return f.skull_base, 1.10 * f.scale
 
 
-def _head(figure: Figure) -> list[Loft]:
-    f = figure
+def _head(f: Figure) -> list[Loft]:
     base, size = _skull(f)
 
     def at(x: float, y: float, z: float) -> Array:
@@ -223,14 +200,13 @@ def _hair(figure: Figure) -> list[Loft]:
     return [crown, nape, fringe]
 
 
-def _eye(figure: Figure, side: str) -> Loft:
+def _eye(figure: Figure, side: str) -> list[Loft]:
     base, size = _skull(figure)
     out = 1.0 if side == "l" else -1.0
-    return ball(base + size * np.array([out * 0.031, 0.091, 0.0885]), [size * r for r in (0.0100, 0.0125, 0.0080)])
+    return [ball(base + size * np.array([out * 0.031, 0.091, 0.0885]), [size * r for r in (0.0100, 0.0125, 0.0080)])]
 
 
-def _hand(figure: Figure, side: str) -> list[Loft]:
-    f = figure
+def _hand(f: Figure, side: str) -> list[Loft]:
     wrist, tip = f.joint(side + "hand"), f.tip(side + "fingers")
     length = float(np.linalg.norm(tip - wrist)) / 0.105
     along = (tip - wrist) / np.linalg.norm(tip - wrist)
@@ -259,8 +235,7 @@ def _hand(figure: Figure, side: str) -> list[Loft]:
     return [palm, *fingers, thumb]
 
 
-def _shoe(figure: Figure, side: str) -> list[Loft]:
-    f = figure
+def _shoe(f: Figure, side: str) -> list[Loft]:
     ankle, ball_of_foot, tip = f.joint(side + "foot"), f.joint(side + "toes"), f.tip(side + "toes")
     floor = min(ball_of_foot[1], tip[1]) - SOLE_BELOW_TOES_M * f.scale
     heading = tip - ankle

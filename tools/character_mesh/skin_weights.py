@@ -9,22 +9,19 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from perfanim.core.body.skeleton import Skeleton
 
 from .shapes import Figure
 from .surface import Array
 
 
-def skin_weights(
-    skeleton: Skeleton, figure: Figure, points: Array, part_names: NDArray[np.str_], thumb_share: Array
-) -> Array:
+def skin_weights(figure: Figure, points: Array, part_names: NDArray[np.str_], thumb_share: Array) -> Array:
     """Return the weights (V, J) of points (V, 3) of the rest pose.
 
     Args:
-        part_names: (V,) the part that each point belongs to, see `character_shapes.Part`.
-        thumb_share: (V,) how far each point belongs to a thumb, 0 to 1: position alone does not tell it from the palm.
+        part_names: Name of the part that each point belongs to (V,).
+        thumb_share: Share of each point that belongs to a thumb (V,): position alone does not tell it from the palm.
     """
-    weights = _Weights(skeleton, figure, points)
+    weights = _Weights(figure, points)
     _spine(weights)
     _head(weights, part_names)
     for side, out in (("l", 1.0), ("r", -1.0)):
@@ -34,21 +31,25 @@ def skin_weights(
     return weights.values
 
 
+def eased(signed: Array) -> Array:
+    """Return a smooth step from 0 at -1 to 1 at 1."""
+    t = np.clip(0.5 + 0.5 * signed, 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
 class _Weights:
     """The shares (V, J) while they are handed on."""
 
-    def __init__(self, skeleton: Skeleton, figure: Figure, points: Array) -> None:
-        self.skeleton = skeleton
-        self.figure = figure
-        self.points = points
-        self.values = np.zeros((len(points), len(skeleton)))
+    def __init__(self, figure: Figure, points: Array) -> None:
+        self.skeleton, self.figure, self.points = figure.skeleton, figure, points
+        self.values = np.zeros((len(points), len(self.skeleton)))
         self.values[:, 0] = 1.0
 
     def beyond(self, origin: ArrayLike, normal: ArrayLike, half_width: float) -> Array:
         """Return 0 to 1 (V,): distance beyond a plane, eased over twice the half width."""
         direction = np.asarray(normal, dtype=np.float64)
         distance = (self.points - np.asarray(origin)) @ (direction / np.linalg.norm(direction))
-        return _eased(distance / (self.figure.scale * half_width))
+        return eased(distance / (self.figure.scale * half_width))
 
     def hand_on(self, givers: Sequence[str], taker: str, share: Array) -> None:
         """Pass a share (V,) of the givers' weights to the taker."""
@@ -59,26 +60,18 @@ class _Weights:
             self.values[:, self.skeleton.index(taker)] += moved
 
 
-def _eased(signed: Array) -> Array:
-    t = np.clip(0.5 + 0.5 * signed, 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
-
-
 def _spine(w: _Weights) -> None:
     f, up = w.figure, (0.0, 1.0, 0.0)
     w.hand_on(["root"], "lowerback", w.beyond(f.off(f.joint("lowerback"), 0.0, 0.03, 0.0), up, 0.07))
     w.hand_on(["lowerback"], "upperback", w.beyond(f.joint("upperback"), up, 0.07))
     w.hand_on(["upperback"], "thorax", w.beyond(f.joint("thorax"), up, 0.07))
     neck = w.beyond(f.off(f.neck_base, 0.0, 0.045, -0.01), (0.0, 1.0, -0.25), 0.045)
-    middle = 1.0 - _eased((np.abs(w.points[:, 0]) - 0.085 * f.scale) / (0.03 * f.scale))
+    middle = 1.0 - eased((np.abs(w.points[:, 0]) - 0.085 * f.scale) / (0.03 * f.scale))
     w.hand_on(["thorax"], "lowerneck", neck * middle)
 
 
 def _head(w: _Weights, part_names: NDArray[np.str_]) -> None:
-    """Weight head and neck, hair, eyes and collar.
-
-    Hair and eyes turn with the skull alone; the collar only with the neck.
-    """
+    """Weight head and neck; hair and eyes turn with the skull alone, the collar only with the neck."""
     f = w.figure
     skin = part_names == "head"
     neck = w.beyond(f.off(f.neck_base, 0.0, 0.045, -0.01), (0.0, 1.0, -0.25), 0.045)
@@ -125,7 +118,7 @@ def _hand(w: _Weights, side: str, thumb_share: Array) -> None:
 def _leg(w: _Weights, side: str, out: float) -> None:
     f = w.figure
     hip, knee, ankle, toes = (f.joint(side + n) for n in ("femur", "tibia", "foot", "toes"))
-    own_side = _eased(out * w.points[:, 0] / (0.022 * f.scale))
+    own_side = eased(out * w.points[:, 0] / (0.022 * f.scale))
     # the crease of the groin runs from the crotch up to the side of the hip
     groin = w.beyond(f.off(hip, 0.0, -0.016, 0.0), (0.42 * out, -0.91, 0.0), 0.075)
     w.hand_on(["root", "lowerback"], side + "femur", groin * own_side)

@@ -21,30 +21,18 @@ _CORNERS = np.array(list(product((0, 1), repeat=3)))
 
 @dataclass(frozen=True)
 class Loft:
-    """A body of superelliptic cross-sections along a straight axis, with rounded ends.
+    """A body of K superelliptic cross-sections along a straight axis, with rounded ends; metres."""
 
-    Args:
-        start, end: (3,) ends of the axis, metres.
-        across: (3,) direction in which `widths` are measured; made perpendicular to the axis.
-        at: (K,) where the sections stand, as fractions of the axis (beyond 0 and 1 allowed), ascending.
-        widths: (K,) half widths along `across`, metres.
-        depths: (K,) half depths along axis x across, metres; the widths when left out (round sections).
-        shifts: (K,) section centres along axis x across, metres; zero when left out.
-        caps: lengths of the rounded ends before the first and after the last section, metres.
-        power: 2 gives ellipses, more gives rounder-cornered boxes.
-        blend: radius of the rounded seam with the shapes before it, metres.
-    """
-
-    start: ArrayLike
+    start: ArrayLike  # (3,) ends of the axis
     end: ArrayLike
-    at: Sequence[float]
-    widths: Sequence[float]
-    depths: Sequence[float] = ()
-    shifts: Sequence[float] = ()
-    across: ArrayLike = (0.0, 0.0, 1.0)
-    caps: tuple[float, ...] = (0.01, 0.01)
-    power: float = 2.0
-    blend: float = 0.03
+    at: Sequence[float]  # where the sections stand, as fractions of the axis (beyond 0 and 1 allowed), ascending
+    widths: Sequence[float]  # half widths along `across`
+    depths: Sequence[float] = ()  # half depths along axis x across; the widths when left out (round sections)
+    shifts: Sequence[float] = ()  # section centres along axis x across
+    across: ArrayLike = (0.0, 0.0, 1.0)  # direction of the widths; made perpendicular to the axis
+    caps: tuple[float, ...] = (0.01, 0.01)  # lengths of the rounded ends
+    power: float = 2.0  # 2 gives ellipses, more gives boxes with round corners
+    blend: float = 0.03  # radius of the rounded seam with the shapes before it
 
     def __call__(self, points: Array) -> Array:
         """Return signed distances of points (..., 3), exact near the surface only."""
@@ -84,29 +72,23 @@ def union(shapes: Sequence[Loft]) -> Field:
     def field(points: Array) -> Array:
         result = shapes[0](points)
         for shape in shapes[1:]:
-            result = smooth_minimum(result, shape(points), shape.blend)
+            other = shape(points)
+            overlap = np.maximum(shape.blend - np.abs(result - other), 0.0) / shape.blend
+            result = np.minimum(result, other) - 0.25 * shape.blend * overlap**2
         return result
 
     return field
 
 
-def smooth_minimum(first: Array, second: Array, radius: float) -> Array:
-    """Return the smaller value, rounded where both differ by less than `radius`."""
-    overlap = np.maximum(radius - np.abs(first - second), 0.0) / radius
-    return np.minimum(first, second) - 0.25 * radius * overlap**2
+def mesh_of(field: Field, low: Array, high: Array, spacing: float) -> tuple[Array, IntArray]:
+    """Return the mesh of a field's zero level: vertices (V, 3) and quadrilaterals (F, 4).
 
-
-def mesh_of(field: Field, low: ArrayLike, high: ArrayLike, spacing: float) -> tuple[Array, IntArray]:
-    """Return the mesh of a field's zero level in a box; symmetric in x if both are.
+    Symmetric in x if field and box are. Quadrilaterals are counter-clockwise seen from outside.
 
     Args:
-        low, high: (3,) corners of the box, metres; the surface must not touch its sides.
-        spacing: size of the quadrilaterals, metres.
-
-    Returns:
-        vertices (V, 3) in metres and quadrilaterals (F, 4), counter-clockwise seen from outside.
+        low, high: Corners of the box (3,), metres; the surface must not touch its sides.
+        spacing: Size of the quadrilaterals, metres.
     """
-    low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     counts = np.ceil((high - low) / spacing).astype(np.int64) + 1
     axes = [0.5 * (low[i] + high[i]) + spacing * (np.arange(counts[i]) - 0.5 * (counts[i] - 1)) for i in range(3)]
     values = field(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))

@@ -1,7 +1,7 @@
 """Recorded poses of databases, as the training samples them."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from perfanim.core.body.mirroring import mirrored_rotations
@@ -14,30 +14,19 @@ _MEAN_SAMPLES = 20_000
 _CHUNK = 4096
 
 
-@dataclass(frozen=True)
-class Recordings:
-    """All frames of some subjects.
-
-    Args:
-        world: (F, J, 3, 3) float32 world rotations; they do not depend on the lengths of bones.
-        root_positions_m: (F, 3) float32.
-        poses: (F, J - 1, 3) float32 relative to `mean_rotations`, which are their own mirror image.
-        starts, stops: (F,) of each frame's clip.
-        skeletons: bodies of the subjects.
-        skeleton_of_frame: (F,).
-        subject_of_frame: (F,) index into `subjects`.
-    """
+class Recordings(NamedTuple):
+    """All frames (F) of some subjects."""
 
     fps: float
-    world: FloatArray
-    root_positions_m: FloatArray
-    poses: FloatArray
-    mean_rotations: Array
-    starts: IntArray
-    stops: IntArray
+    world: FloatArray  # (F, J, 3, 3) world rotations, which do not depend on the lengths of bones
+    root_positions_m: FloatArray  # (F, 3)
+    poses: FloatArray  # (F, J - 1, 3) relative to `mean_rotations`
+    mean_rotations: Array  # their own mirror image
+    starts: IntArray  # (F,) first frame of each frame's clip
+    stops: IntArray  # (F,) end of each frame's clip
     skeletons: tuple[Skeleton, ...]
     skeleton_of_frame: IntArray
-    subject_of_frame: IntArray
+    subject_of_frame: IntArray  # (F,) index into `subjects`
     subjects: tuple[str, ...]
 
 
@@ -47,51 +36,42 @@ def read_recordings(
     """Return all frames of the chosen subjects.
 
     Args:
-        mean_rotations: default the mean of the frames and their mirror images.
+        mean_rotations: Rotations that poses are relative to; default the mean of the frames and their mirror images.
     """
-    local, positions, starts, stops, of_frame = [], [], [], [], []
+    local, positions, lengths, of_clip = [], [], [], []
     skeletons: list[Skeleton] = []
     subjects: list[str] = []
-    count = 0
     for database in databases:
         for clip in database.clips:
             if clip.subject not in chosen or clip.mirrored:
                 continue
-            length = clip.stop - clip.start
             frames = slice(clip.start, clip.stop)
-            turned = rotations_from_pose(
-                np.array(database.poses[frames], dtype=np.float64),
-                database.mean_rotations,
-                database.root_rotations[frames],
-            )
+            poses = np.array(database.poses[frames], dtype=np.float64)
+            turned = rotations_from_pose(poses, database.mean_rotations, database.root_rotations[frames])
             local.append(turned.astype(np.float32))
-            positions.append(np.array(database.root_positions_m[clip.start : clip.stop], dtype=np.float32))
-            starts.append(np.full(length, count))
-            stops.append(np.full(length, count + length))
-            of_frame.append(np.full(length, len(skeletons) + clip.skeleton))
-            subjects += [clip.subject] * length
-            count += length
+            positions.append(np.array(database.root_positions_m[frames], dtype=np.float32))
+            lengths.append(clip.stop - clip.start)
+            of_clip.append(len(skeletons) + clip.skeleton)
+            subjects.append(clip.subject)
         skeletons += database.skeletons
     rotations = np.concatenate(local)
     if mean_rotations is None:
         some = rotations[:: max(1, len(rotations) // _MEAN_SAMPLES)]
         mean_rotations = rot.mean(np.concatenate((some, mirrored_rotations(some))))
     names = tuple(sorted(set(subjects)))
-    parents = skeletons[0].parents
-    poses = np.concatenate(
-        [pose_from_rotations(rotations[i : i + _CHUNK], mean_rotations) for i in range(0, count, _CHUNK)]
-    ).astype(np.float32)
+    chunks = (rotations[i : i + _CHUNK] for i in range(0, len(rotations), _CHUNK))
+    stops = np.cumsum(lengths)
     return Recordings(
         databases[0].fps,
-        _world_matrices(rotations, parents),
+        _world_matrices(rotations, skeletons[0].parents),
         np.concatenate(positions),
-        poses,
+        np.concatenate([pose_from_rotations(chunk, mean_rotations) for chunk in chunks]).astype(np.float32),
         mean_rotations,
-        np.concatenate(starts),
-        np.concatenate(stops),
+        np.repeat(stops - lengths, lengths),
+        np.repeat(stops, lengths),
         tuple(skeletons),
-        np.concatenate(of_frame),
-        np.array([names.index(name) for name in subjects]),
+        np.repeat(of_clip, lengths),
+        np.repeat([names.index(name) for name in subjects], lengths),
         names,
     )
 

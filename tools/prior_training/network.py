@@ -2,8 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -41,21 +40,21 @@ def first_parameters(generator: np.random.Generator) -> Parameters:
     def random(*shape: int) -> FloatArray:
         return (generator.normal(size=shape) * np.sqrt(1.0 / shape[-2])).astype(np.float32)
 
-    def zeros(*shape: int) -> FloatArray:
-        return np.zeros(shape, dtype=np.float32)
-
-    return {
-        "marker_weights": random(joints, FEATURES, HIDDEN), "marker_biases": zeros(joints, HIDDEN),
-        "first_weights": random(entries, WIDTH), "weights": random(2, WIDTH, WIDTH), "biases": zeros(3, WIDTH),
-        "output_weights": 0.1 * random(WIDTH, 2 * OUTPUTS), "output_biases": zeros(2 * OUTPUTS),
-    }  # fmt: skip
+    weights = {
+        "marker_weights": random(joints, FEATURES, HIDDEN),
+        "first_weights": random(entries, WIDTH),
+        "weights": random(2, WIDTH, WIDTH),
+        "output_weights": 0.1 * random(WIDTH, 2 * OUTPUTS),
+    }
+    biases = {"marker_biases": (joints, HIDDEN), "biases": (3, WIDTH), "output_biases": (2 * OUTPUTS,)}
+    return weights | {name: np.zeros(shape, dtype=np.float32) for name, shape in biases.items()}
 
 
 def forward(parameters: Parameters, features: Any, seen: Any, joints: Any, bones: Any) -> tuple[Any, Any]:
     """Return outputs and logarithms of sigmas (G, N, O), in units of `outputs`.
 
     Args:
-        bones: (G, J - 1) standardised lengths.
+        bones: Standardised lengths (G, J - 1).
     """
     groups, windows, places, _ = features.shape
     flat = features.transpose(0, 2, 1, 3).reshape(groups * places, windows, -1)
@@ -84,13 +83,8 @@ def _loss(parameters: Parameters, inputs: tuple[Any, ...], targets: Any) -> tupl
     return jnp.mean(weight * unlikely), jnp.mean(error**2)
 
 
-@dataclass(frozen=True)
-class Scaling:
-    """Units of inputs and outputs.
-
-    Args:
-        bones, outputs: (2, n) mean and scale.
-    """
+class Scaling(NamedTuple):
+    """Units of inputs and outputs: mean and scale (2, n)."""
 
     bones: FloatArray
     outputs: FloatArray

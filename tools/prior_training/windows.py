@@ -1,6 +1,6 @@
 """Windows of half a second as a network sees them, with its targets."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from perfanim.core.body.mirroring import mirrored_points
@@ -10,7 +10,7 @@ from perfanim.core.geometry.arrays import Array, FloatArray, IntArray, Mask
 from perfanim.core.solver.motion_prior import marker_features
 
 from .motion import Recordings
-from .performers import FEW, MANY, PerformerMaker, Performers
+from .performers import FEW, LEG, MANY, PerformerMaker, Performers
 
 LAGS_S = (0.0, 1 / 60, 1 / 30, 0.05, 0.1, 0.2, 0.35, 0.5)
 WINDOWS = 8  # of each performer
@@ -30,42 +30,23 @@ _MATRIX_SIGNS = np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)).astype(np.float32)
 _VECTOR_SIGNS = np.array([1.0, -1.0, -1.0], dtype=np.float32)
 
 
-@dataclass(frozen=True)
-class Batch:
-    """Windows of G performers, N of each.
+class Batch(NamedTuple):
+    """Windows of G performers, N of each."""
 
-    Args:
-        features: (G, N, M, F) of `marker_features`.
-        seen: (G, N, M) markers seen at any time.
-        joints: (G, M).
-        bones: (G, J - 1) lengths, metres.
-        targets: (G, N, 6 + 3 (J - 1)) turn and position of the root in the body frame, pose.
-        torso: (G, N) whether the body frame is that of the torso markers.
-    """
-
-    features: FloatArray
-    seen: Mask
-    joints: IntArray
-    bones: FloatArray
-    targets: FloatArray
-    torso: Mask
+    features: FloatArray  # (G, N, M, F) of `marker_features`
+    seen: Mask  # (G, N, M) markers seen at any time
+    joints: IntArray  # (G, M)
+    bones: FloatArray  # (G, J - 1) lengths, metres
+    targets: FloatArray  # (G, N, 6 + 3 (J - 1)) turn and position of the root in the body frame, pose
 
 
-@dataclass(frozen=True)
-class _Played:
-    """Motion of performers.
+class _Played(NamedTuple):
+    """Motion of performers."""
 
-    Args:
-        frames: (G, N) of the recordings.
-        others: (G, N) frames that arms are borrowed from, for combinations that nobody recorded.
-        borrowed: (G, A) which of `_ARMS` are.
-        mirrored: (G,).
-    """
-
-    frames: IntArray
-    others: IntArray
-    borrowed: Mask
-    mirrored: Mask
+    frames: IntArray  # (G, N) of the recordings
+    others: IntArray  # (G, N) frames that arms are borrowed from, for combinations that nobody recorded
+    borrowed: Mask  # (G, A) the borrowed ones of `_ARMS`
+    mirrored: Mask  # (G,)
 
 
 class WindowMaker:
@@ -77,8 +58,7 @@ class WindowMaker:
         weights = (1.0 / np.sqrt(counts))[recordings.subject_of_frame]
         self._cumulative = np.cumsum(weights / weights.sum())
         self._parents = recordings.skeletons[0].parents
-        legs = [JOINT_NAMES.index(name) for name in ("ltibia", "lfoot")]
-        of_bodies = [np.linalg.norm(body.offsets_m[legs], axis=-1).sum() for body in recordings.skeletons]
+        of_bodies = [np.linalg.norm(body.offsets_m[LEG], axis=-1).sum() for body in recordings.skeletons]
         self._leg_of_frame = np.array(of_bodies, dtype=np.float32)[recordings.skeleton_of_frame]
         mean = rot.to_matrix(recordings.mean_rotations)
         mean[0] = np.eye(3)
@@ -96,10 +76,10 @@ class WindowMaker:
         (root, at), poses = self._present(people, played)
         points, single = self._by_one_camera(generator, self._disturb(generator, people, points, known))
         rest = self._rest(people)
-        frame, origin, torso = _body_frame(generator, people, points[:, :, 0], rest, (root, at))
+        frame, origin = _body_frame(generator, people, points[:, :, 0], rest, (root, at))
         inside = (points - origin[:, :, None, None]) @ frame[:, :, None]
-        worn = (np.broadcast_to(each[:, None], (*shape, places, 3)) for each in (rest, people.believed_offsets_m))
-        features = marker_features(inside, single, next(worn), next(worn), np.array(LAGS_S)).astype(np.float32)
+        worn = [np.broadcast_to(each[:, None], (*shape, places, 3)) for each in (rest, people.believed_offsets_m)]
+        features = marker_features(inside, single, *worn, np.array(LAGS_S)).astype(np.float32)
         turn = np.swapaxes(frame, -1, -2) @ root
         target = np.concatenate((
             rot.to_rotation_vector(rot.from_matrix(turn)),
@@ -108,7 +88,7 @@ class WindowMaker:
         ), axis=-1)  # fmt: skip
         seen = np.isfinite(points[..., 0]).any(axis=2)
         bones = np.linalg.norm(people.believed_bones_m[:, 1:], axis=-1)
-        return Batch(features, seen, people.joints, bones, target.astype(np.float32), torso)
+        return Batch(features, seen, people.joints, bones, target.astype(np.float32))
 
     def _play(self, generator: np.random.Generator, performers: int) -> _Played:
         frames, others = (
@@ -164,7 +144,7 @@ class WindowMaker:
         world[of] = own
         world[played.mirrored] = world[played.mirrored][..., _OTHER_SIDE, :, :] * _MATRIX_SIGNS
         at[played.mirrored] = mirrored_points(at[played.mirrored])
-        return world, at * (people.leg_ratio[:, None, None] / self._leg_of_frame[frames])[..., None]
+        return world, at * (people.leg_m[:, None, None] / self._leg_of_frame[frames])[..., None]
 
     def _markers(self, people: Performers, played: _Played, back: IntArray) -> FloatArray:
         world, at = self._world(people, played, back)
@@ -247,8 +227,8 @@ def _body_frame(
     points: FloatArray,
     rest: FloatArray,
     true: tuple[FloatArray, FloatArray],
-) -> tuple[Array, Array, Mask]:
-    """Return world-from-body matrices, origins, and whether by torso, (G, N, ...).
+) -> tuple[Array, Array]:
+    """Return world-from-body matrices and origins, (G, N, ...).
 
     As `root_from_torso`: where fewer than three torso markers are seen the last root, somewhat off, is shifted.
     """
@@ -275,4 +255,4 @@ def _body_frame(
     origin = np.einsum("gnm,gnmi->gni", shares, filled - turned)
     nothing = ~seen.any(axis=-1)
     origin[nothing] = true[1][nothing] + generator.normal(0.0, 0.03, origin[nothing].shape)
-    return frame, origin, enough
+    return frame, origin
