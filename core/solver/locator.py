@@ -7,7 +7,7 @@ import numpy as np
 from ..database.store import Database
 from ..geometry.arrays import Array, IntArray
 from .database_markers import DatabaseMarkers
-from .methods import Method
+from .method import Method
 from .observation import Observation
 from .root import root_from_torso
 from .search.exhaustive import Query, Search

@@ -10,13 +10,14 @@ from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry.arrays import Array
 from ..system.blas_threads import use_one_blas_thread
+from .best_method import BestMethod
+from .choose import choose_method, choose_search
 from .database_markers import database_markers
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
-from .methods import BestMethod, FrameProblem, Method, prepare_method
+from .method import FrameProblem, Method
 from .motion_prior import PriorEstimate
 from .observation import Observation
-from .search.choose import choose_search
 from .search.sample import SampleSearch
 from .settings import SolveSettings
 from .solution import Examples, Solution, SolverState
@@ -44,7 +45,7 @@ class PoseSolver:
         self.subject, self.database = subject, database
         self.settings = settings
         markers = database_markers(subject, database)
-        self._method: Method = prepare_method(settings, subject, database, markers)
+        self._method: Method = choose_method(settings, subject, database, markers)
         search = choose_search(settings.search, database, markers)
         sample = SampleSearch(markers, np.asarray(database.poses).reshape(database.frames, -1))
         self._locator = Locator(subject, database, markers, search, sample, self._method, settings.query_alpha)

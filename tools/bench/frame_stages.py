@@ -16,8 +16,8 @@ from perfanim.core.session.frame_labelling import FrameLabeller
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver import gaussian_conditioning
+from perfanim.core.solver.best_method import BestMethod
 from perfanim.core.solver.locator import Locator
-from perfanim.core.solver.methods import BestMethod
 from perfanim.core.solver.motion_prior import MotionPrior
 from perfanim.core.solver.pose_solver import PoseSolver
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from perfanim.core.geometry.arrays import Array, IntArray
-from perfanim.core.solver.local_model import fit
+from perfanim.core.solver.paper.local_model import fit
 from scipy.optimize import minimize
 
 _ROUNDS = 30  # of k-means, at most

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.body.motion import Motion
-from perfanim.core.database.graph import build_graph
 from perfanim.core.database.store import Clip, Database, pose_from_rotations
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import FloatArray
 from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.solver.choose import choose_search
 from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.paper.neighbour_graph import build_graph
 from perfanim.core.solver.pose_solver import PoseSolver
-from perfanim.core.solver.search.choose import choose_search
 from perfanim.core.solver.search.exhaustive import Query
 from perfanim.core.solver.settings import LwrSettings, NearestSettings
 from perfanim.core.solver.subject_model import SubjectModel

@@ -11,7 +11,7 @@ from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.run_demo import embedded_database
 from perfanim.core.simulate.shipped_performance import DEMO, performance
 from perfanim.core.simulate.simulated_markers import simulate_markers
-from perfanim.core.solver import methods
+from perfanim.core.solver import best_method
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress
 
@@ -44,5 +44,5 @@ def test_neighbours_are_not_doubted_about_hands_by_markers_elsewhere(tmp_path, m
         return float(np.array(off_m)[:, [truth.skeleton.index(name) for name in ("lhand", "rhand")]].max())
 
     with_rule = farthest_m()
-    monkeypatch.setattr(methods, "_LEAST_OFF", 0.0)
+    monkeypatch.setattr(best_method, "_LEAST_OFF", 0.0)
     assert with_rule < 0.7 * farthest_m()

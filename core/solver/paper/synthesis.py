@@ -5,10 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..geometry.arrays import Array
+from ...geometry.arrays import Array
+from ..observation import Observation, control_jacobian, control_residual
+from ..subject_model import RootPose, SubjectModel
 from .local_model import LocalModel
-from .observation import Observation, control_jacobian, control_residual
-from .subject_model import RootPose, SubjectModel
 
 _ITERATIONS = 12
 _RELATIVE_DECREASE = 1e-4  # of the energy, below which it is done

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 from perfanim.core.database.store import pose_from_rotations
-from perfanim.core.solver.local_model import fit
 from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.paper.local_model import fit
+from perfanim.core.solver.paper.synthesis import SynthesisProblem, solve
 from perfanim.core.solver.subject_model import RootPose
-from perfanim.core.solver.synthesis import SynthesisProblem, solve
 
 CONTROL, SMOOTH = 0.8 / 0.003**2, 0.2 / 0.3**2
 

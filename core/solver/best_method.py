@@ -1,10 +1,8 @@
-"""Methods for the pose of the closest examples: best, local-pca, lwr, nearest."""
+"""The method "best": neighbours and a learned prior, fitted to the markers."""
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -12,15 +10,15 @@ from ..database.store import Database
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.principal_components import principal_components
 from ..system.assets import MOTION_PRIOR
-from . import gaussian_conditioning, local_model, synthesis
+from . import gaussian_conditioning
 from .database_markers import DatabaseMarkers
 from .gaussian_conditioning import Expectation, Prior, continue_prior, deviations, widen_joints
 from .lagged_history import LaggedFrames, LaggedHistory, LaggedMarkers, LaggedPoses
+from .method import FrameProblem
 from .motion_prior import MotionPrior, PriorEstimate, open_network
 from .observation import Observation
-from .root import root_from_torso
-from .settings import BestSettings, LocalPcaSettings, LwrSettings, NearestSettings, SolveSettings
-from .solution import Estimate, Examples, SolverState
+from .settings import BestSettings
+from .solution import Estimate
 from .straight_steps import straight_steps
 from .subject_model import RootPose, SubjectModel
 
@@ -49,147 +47,6 @@ _USUAL_DEVIATION = 0.5
 _WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
 _LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
 _LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
-_SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
-
-
-@dataclass(frozen=True)
-class FrameProblem:
-    """One frame as a method gets it.
-
-    Args:
-        state: motion up to the last frame, with the time of this one.
-        root: first estimate of the root.
-        examples: closest examples under that root.
-    """
-
-    state: SolverState
-    observation: Observation
-    root: RootPose
-    examples: Examples
-
-
-class Method(Protocol):
-    """A method prepared for one subject and one database.
-
-    Attributes:
-        examples: number of closest examples to search.
-        fits_markers: whether its poses are fitted to the markers, more closely than an example is.
-        query_pose_m_per_rad: metres of marker distance that a radian of pose counts in its search.
-        others_distance: factor of the distances of other bodies' frames, where the database has the subject's.
-        longest_s: longest time looked back at markers and solved poses.
-    """
-
-    examples: int
-    fits_markers: bool
-    query_pose_m_per_rad: float
-    others_distance: float
-    longest_s: float
-
-    def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose of a frame."""
-
-
-def prepare_method(
-    settings: SolveSettings, subject: SubjectModel, database: Database, markers: DatabaseMarkers
-) -> Method:
-    """Prepare the method of the settings."""
-    if settings.method == "best":
-        return BestMethod(settings.best, settings.query_alpha, subject, database, markers)
-    if settings.method == "local-pca":
-        return LocalPcaMethod(settings.local_pca, subject, database.clip_of_frame.astype(np.int64))
-    if settings.method == "lwr":
-        return LwrMethod(settings.lwr, subject)
-    return NearestMethod(settings.nearest, subject)
-
-
-def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, root: RootPose) -> RootPose:
-    """Return z_t under a pose (D,)."""
-    return root_from_torso(observation, subject.markers(pose.reshape(-1, 3)), subject, root) or root
-
-
-class NearestMethod:
-    """The closest example."""
-
-    fits_markers = False
-    others_distance = 1.0
-    longest_s = 0.0
-
-    def __init__(self, settings: NearestSettings, subject: SubjectModel) -> None:
-        self._subject = subject
-        self.examples = settings.examples
-        self.query_pose_m_per_rad = settings.query_pose_m_per_rad
-
-    def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the closest example's pose."""
-        pose = problem.examples.poses[0].astype(np.float64)
-        return Estimate(pose, _settle_root(self._subject, problem.observation, pose, problem.root), 1)
-
-
-class LwrMethod(NearestMethod):
-    """Mean of the nearby examples by distance (Atkeson et al. 1997, tricube kernel)."""
-
-    def __init__(self, settings: LwrSettings, subject: SubjectModel) -> None:
-        super().__init__(settings, subject)
-        self._neighbours = settings.neighbours
-
-    def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the weighted mean of the nearby examples."""
-        examples = problem.examples
-        count = min(self._neighbours, len(examples.poses) - 1)
-        distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
-        weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
-        weights += 1e-9  # all equally far: all count
-        pose = weights @ examples.poses[:count] / weights.sum()
-        return Estimate(pose, _settle_root(self._subject, problem.observation, pose, problem.root), count)
-
-
-class LocalPcaMethod:
-    """The paper's: pose of least energy in a local model (Eq. 9)."""
-
-    fits_markers = True
-    others_distance = 1.0
-    longest_s = 0.0
-
-    def __init__(self, settings: LocalPcaSettings, subject: SubjectModel, clips: IntArray) -> None:
-        self._settings, self._subject, self._clips = settings, subject, clips
-        self.examples = settings.neighbours[-1]
-        self.query_pose_m_per_rad = settings.query_pose_m_per_rad
-
-    def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose of least energy in the local model, and its root, in turn."""
-        settings, observation, root = self._settings, problem.observation, problem.root
-        model = self._local_model(problem.examples, observation)
-        weights = model.weights(problem.examples.poses[0].astype(np.float64))
-        iterations = 0
-        for fitting_pass in range(_SYNTHESIS_PASSES):
-            if fitting_pass > 0:
-                root = _settle_root(self._subject, observation, model.pose(weights), root)
-            task = synthesis.SynthesisProblem(
-                model,
-                self._subject,
-                root,
-                observation,
-                problem.state.continued_pose,
-                settings.control_alpha / settings.marker_sigma_m**2,
-                settings.smoothness_beta / settings.pose_sigma_rad**2,
-            )
-            weights, taken = synthesis.solve(task, weights)
-            iterations += taken
-        pose = model.pose(weights)
-        root = _settle_root(self._subject, observation, pose, root)
-        return Estimate(pose, root, model.neighbours, model.dimensions, iterations)
-
-    def _local_model(self, examples: Examples, observation: Observation) -> local_model.LocalModel:
-        settings, poses = self._settings, examples.poses.astype(np.float64)
-        return local_model.cross_validate(
-            poses,
-            examples.markers_m[:, observation.located].reshape(len(poses), -1).astype(np.float64),
-            self._clips[examples.frames],
-            settings.neighbours,
-            settings.dimensions,
-            settings.marker_sigma_m**2 / max(settings.control_alpha, 1e-9),
-            settings.validation_examples,
-        ).model
 
 
 class BestMethod:

@@ -1,5 +1,5 @@
 import numpy as np
-from perfanim.core.database.graph import build_graph
+from perfanim.core.solver.paper.neighbour_graph import build_graph
 
 
 def wandering(frames, seed=0, step=0.01, clips=4):

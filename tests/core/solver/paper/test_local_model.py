@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from perfanim.core.solver.local_model import cross_validate, fit
+from perfanim.core.solver.paper.local_model import cross_validate, fit
 
 
 @pytest.mark.parametrize(("count", "size"), [(20, 84), (84, 84), (200, 84), (5, 3)])

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.database.cells import build_cells
-from perfanim.core.database.graph import build_graph
 from perfanim.core.database.k_means import clusters_of
 from perfanim.core.database.store import Database
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
+from perfanim.core.solver.choose import choose_search
 from perfanim.core.solver.database_markers import DatabaseMarkers, database_markers
 from perfanim.core.solver.observation import Observation
+from perfanim.core.solver.paper.graph_search import GraphSearch
+from perfanim.core.solver.paper.neighbour_graph import build_graph
 from perfanim.core.solver.pose_solver import PoseSolver
-from perfanim.core.solver.search.choose import choose_search
 from perfanim.core.solver.search.exhaustive import ExhaustiveSearch, Query
-from perfanim.core.solver.search.graph import GraphSearch
 from perfanim.core.solver.search.inverted_file import CellSearch
 from perfanim.core.solver.settings import SolveSettings
 

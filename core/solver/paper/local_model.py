@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.arrays import Array, IntArray, Mask
+from ...geometry.arrays import Array, IntArray, Mask
 
 _VARIANCE_FLOOR = 1e-8  # rad^2: keeps directions in which the neighbours do not differ from being infinitely stiff
 _VALIDATION_DIRECTIONS = 32  # cross-validation looks at the neighbours in so many directions, which hold nearly all
