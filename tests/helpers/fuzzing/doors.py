@@ -1,7 +1,6 @@
 """Doors: readers of files, packets, messages, descriptions, commands, frames."""
 
 import json
-import random
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import chdir
@@ -10,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from hypothesis import strategies as st
 from perfanim.core.cli.batch.plan import read_plan
 from perfanim.core.cli.main import build_parser
 from perfanim.core.cli.main import main as command_line
@@ -43,8 +43,8 @@ from perfanim.core.worker.protocol import Decoder, Message, MessageKind
 from perfanim.core.worker.requests import check_request
 from perfanim.core.worker.restart_point import RestartPoint
 
-from .containers import change_database, change_take, change_tar, change_zip
-from .mutations import Mutation, change_bytes, change_json, change_packet, change_text, change_toml
+from .containers import damaged_database, damaged_take, damaged_tar, damaged_zip
+from .damage import Damage, damaged_bytes, damaged_json, damaged_packet, damaged_text, damaged_toml
 from .samples import Samples
 
 Reader = Callable[[Path], Any]
@@ -67,7 +67,7 @@ class Door:
 
     name: str
     corpus: tuple[bytes, ...]
-    change: Mutation
+    damage: Damage
     read: Callable[[bytes], None]
     ending: str = ""
     guided: tuple[bytes, ...] = ()
@@ -105,40 +105,40 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
             for file in files:
                 read_motion_parts(file.path, file.skeleton)
 
-    rows: Sequence[tuple[str, str, str, Mutation, Reader]] = (
-        ("BVH", "*.bvh", ".bvh", change_text, read_motion_parts),
-        ("ASF", "*.asf", ".asf", change_text, read_asf),
-        ("AMC", "*.amc", ".amc", change_text, read_amc),
-        ("archive", "*.zip", ".zip", change_zip, unpack),
-        ("tar archive", "*.tar.gz", ".tar.gz", change_tar, unpack),
-        ("board points", "board-points.json", ".json", change_json, load_board_points),
-        ("TRC", "*.trc", ".trc", change_text, read_markers),
-        ("CSV", "*.csv", ".csv", change_text, read_markers),
-        ("Qualisys TSV", "*.tsv", ".tsv", change_text, read_markers),
-        ("C3D", "*.c3d", ".c3d", change_bytes, read_markers),
-        ("marker take", "*.take.npz", ".take.npz", change_zip, read_markers),
-        ("recorded take", "written-live.perftake", ".perftake", change_take, _read_recorded),
-        ("database", "*.p*fdb", ".pfdb", change_database, lambda path: check_arrays(open_database(path))),
-        ("calibration", "camera*.*", ".toml", change_toml, load_rig),
-        ("subject", "anna*.toml", ".toml", change_toml, load_subject),
-        ("marker set", "marker-set*.toml", ".toml", change_toml, load_marker_set),
-        ("prop", "prop-*.toml", ".toml", change_toml, load_prop),
-        ("bone map", "bone-map*.toml", ".toml", change_toml, read_bone_map),
-        ("sketch", "sketch.keys", ".csv", change_text, read_sketch),
-        ("names", "names.toml", ".toml", change_toml, load_names),
-        ("plan", "plan*.toml", ".toml", change_toml, lambda path: read_plan(path, {})),
+    rows: Sequence[tuple[str, str, str, Damage, Reader]] = (
+        ("BVH", "*.bvh", ".bvh", damaged_text, read_motion_parts),
+        ("ASF", "*.asf", ".asf", damaged_text, read_asf),
+        ("AMC", "*.amc", ".amc", damaged_text, read_amc),
+        ("archive", "*.zip", ".zip", damaged_zip, unpack),
+        ("tar archive", "*.tar.gz", ".tar.gz", damaged_tar, unpack),
+        ("board points", "board-points.json", ".json", damaged_json, load_board_points),
+        ("TRC", "*.trc", ".trc", damaged_text, read_markers),
+        ("CSV", "*.csv", ".csv", damaged_text, read_markers),
+        ("Qualisys TSV", "*.tsv", ".tsv", damaged_text, read_markers),
+        ("C3D", "*.c3d", ".c3d", damaged_bytes, read_markers),
+        ("marker take", "*.take.npz", ".take.npz", damaged_zip, read_markers),
+        ("recorded take", "written-live.perftake", ".perftake", damaged_take, _read_recorded),
+        ("database", "*.p*fdb", ".pfdb", damaged_database, lambda path: check_arrays(open_database(path))),
+        ("calibration", "camera*.*", ".toml", damaged_toml, load_rig),
+        ("subject", "anna*.toml", ".toml", damaged_toml, load_subject),
+        ("marker set", "marker-set*.toml", ".toml", damaged_toml, load_marker_set),
+        ("prop", "prop-*.toml", ".toml", damaged_toml, load_prop),
+        ("bone map", "bone-map*.toml", ".toml", damaged_toml, read_bone_map),
+        ("sketch", "sketch.keys", ".csv", damaged_text, read_sketch),
+        ("names", "names.toml", ".toml", damaged_toml, load_names),
+        ("plan", "plan*.toml", ".toml", damaged_toml, lambda path: read_plan(path, {})),
     )
     return [
         Door(
             name,
             samples.files(pattern, ending),
-            change,
+            damage,
             _reader(read, folder / f"input{ending}"),
             ending,
             samples.guided(ending),
             share=_share(name),
         )
-        for name, pattern, ending, change, read in rows
+        for name, pattern, ending, damage, read in rows
     ]
 
 
@@ -196,11 +196,11 @@ def _image_doors(folder: Path, samples: Samples) -> list[Door]:
         Door(
             "pictures",
             samples.pictures() + samples.files("*.png", ".png"),
-            change_bytes,
+            damaged_bytes,
             picture,
             slack_bytes=256 << 20,
         ),
-        Door("videos", samples.videos(folder), change_bytes, video, slack_bytes=256 << 20, share=0.25),
+        Door("videos", samples.videos(folder), damaged_bytes, video, slack_bytes=256 << 20, share=0.25),
     ]
 
 
@@ -226,10 +226,10 @@ def _stream_doors(samples: Samples) -> list[Door]:
                 message.json()
 
     return [
-        Door("VMC packets", samples.packets(), change_packet, read_packets),
-        Door("worker messages", samples.messages(), change_bytes, read_messages),
-        Door("marker frames", samples.stamped_frames(), change_bytes, lambda data: _step(samples, data), share=0.25),
-        Door("poses", samples.poses(), change_bytes, lambda data: _ignore(unpack_solved(data))),
+        Door("VMC packets", samples.packets(), damaged_packet, read_packets),
+        Door("worker messages", samples.messages(), damaged_bytes, read_messages),
+        Door("marker frames", samples.stamped_frames(), damaged_bytes, lambda data: _step(samples, data), share=0.25),
+        Door("poses", samples.poses(), damaged_bytes, lambda data: _ignore(unpack_solved(data))),
     ]
 
 
@@ -265,7 +265,7 @@ def _request_door(samples: Samples) -> Door:
             RestartPoint.of_table(request["after"])
         FilterSettings.of_table(request.get("shape") or {})
 
-    return Door("worker requests", samples.requests(), change_json, read)
+    return Door("worker requests", samples.requests(), damaged_json, read)
 
 
 def _description_door() -> Door:
@@ -286,7 +286,7 @@ def _description_door() -> Door:
             open_source(spec).close()
 
     # the simulated performer moves for up to 83 minutes before cameras that see a furnished room
-    return Door("image sources", corpus, change_json, read, slack_bytes=2 << 30, longest_s=15.0, share=0.05)
+    return Door("image sources", corpus, damaged_json, read, slack_bytes=2 << 30, longest_s=15.0, share=0.05)
 
 
 def _is_json(data: bytes) -> bool:
@@ -313,8 +313,8 @@ def _command_door(folder: Path) -> Door:
     build_parser()  # loads all commands, which takes seconds
     started = (*sorted({line.split()[0] for line in lines}),)
 
-    def change(chance: random.Random, data: bytes) -> bytes:
-        return change_text(chance, data)[:4000]
+    def damage(sample: bytes) -> st.SearchStrategy[bytes]:
+        return damaged_text(sample).map(lambda data: data[:4000])
 
     def read(data: bytes) -> None:
         words = [word for word in data.decode("utf-8", "surrogateescape").split() if "\0" not in word]
@@ -324,4 +324,4 @@ def _command_door(folder: Path) -> Door:
             Path("FILE").write_bytes(b"damaged")
             command_line(words)
 
-    return Door("command line", tuple(line.encode() for line in lines), change, read, share=0.5)
+    return Door("command line", tuple(line.encode() for line in lines), damage, read, share=0.5)

@@ -26,7 +26,7 @@ from perfanim.core.sketch.solve_sketch import SketchSettings
 from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, encode_json
 from perfanim.core.worker.restart_point import RestartPoint
 
-_TESTS = Path(__file__).resolve().parents[2] / "tests"
+_TESTS = Path(__file__).resolve().parents[2]
 _FOLDERS = (_TESTS / "compatibility" / "files", _TESTS / "fuzz" / "corpus")
 _FOUND, _GUIDED = _TESTS / "fuzz" / "found", _TESTS / "fuzz" / "guided"
 _FPS = 30.0

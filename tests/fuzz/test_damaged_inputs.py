@@ -1,0 +1,134 @@
+"""Damaged inputs at every reader of foreign input. PERFANIM_FUZZ_INPUTS: inputs of each (`make fuzz`)."""
+
+import os
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fuzzing import limits
+from fuzzing.damage import LARGEST, damaged_text
+from fuzzing.doors import Door, all_doors
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from perfanim.core.errors import FormatError
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
+INPUTS = int(os.environ.get("PERFANIM_FUZZ_INPUTS", "0"))
+USUAL_INPUTS = 30
+HUNG_S = 60
+NAMES = (
+    *("BVH", "ASF", "AMC", "archive", "tar archive", "board points", "TRC", "CSV", "Qualisys TSV", "C3D", "marker take"),
+    *("recorded take", "database", "calibration", "subject", "marker set", "prop", "bone map", "sketch", "names", "plan"),
+    *("pictures", "videos", "VMC packets", "worker messages", "marker frames", "poses", "worker requests"),
+    *("image sources", "command line"),
+)
+
+
+@pytest.fixture(scope="module")
+def doors(tmp_path_factory):
+    limits.limit_memory()
+    doors = {door.name: door for door in all_doors(tmp_path_factory.mktemp("doors"))}
+    assert tuple(doors) == NAMES
+    return doors
+
+
+@pytest.fixture(autouse=True)
+def not_for_ever():
+    """A reader that hangs is stopped by a signal, which is a fault like any other exception."""
+    yield
+    signal.alarm(0)
+
+
+def throw(door: Door, data: bytes) -> limits.Outcome:
+    signal.alarm(HUNG_S)
+    outcome = limits.outcome_of(door, data)
+    assert outcome.fault == "", f"{door.name}: {outcome.fault}"
+    return outcome
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_corpus_is_read_or_refused(doors, name):
+    outcomes = [throw(doors[name], data) for data in (*doors[name].corpus, *doors[name].guided)]
+    if name != "tar archive":  # its first motion is that of a leg alone
+        assert any(outcome.accepted for outcome in outcomes)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_damaged_inputs_are_read_or_refused(doors, name):
+    door = doors[name]
+    count = max(round(door.share * (INPUTS or USUAL_INPUTS)), 5)
+    accepted = []
+
+    @settings(
+        max_examples=count,
+        derandomize=not INPUTS,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+        phases=(Phase.generate, Phase.shrink),
+    )
+    @given(st.sampled_from(door.corpus).flatmap(door.damage))
+    def damaged(data: bytes) -> None:
+        accepted.append(throw(door, data).accepted)
+
+    damaged()
+    if name != "VMC packets":  # a stream counts what it refuses
+        assert not all(accepted)
+
+
+def test_every_file_that_did_harm_is_in_the_corpus(doors):
+    found = {path.read_bytes() for name in ("found", "guided") for path in (Path(__file__).parent / name).iterdir()}
+    assert found
+    assert found <= {data for door in doors.values() for data in (*door.corpus, *door.guided)}
+
+
+class TwoLineError(FormatError):
+    """An error that breaks the rules of its base."""
+
+    def __str__(self) -> str:
+        return "in\ntwo lines"
+
+
+def busy(seconds: float) -> None:
+    begun_s = time.process_time()
+    while time.process_time() - begun_s < seconds:
+        pass
+
+
+def fails(error: BaseException) -> None:
+    raise error
+
+
+@pytest.mark.parametrize(
+    ("read", "fault"),
+    [
+        (lambda data: fails(FormatError("is damaged")), ""),
+        (lambda data: fails(KeyError("b")), "KeyError in the test"),
+        (lambda data: fails(TwoLineError("")), "a message too long, or of several lines"),
+        (lambda data: busy(0.3), "more than 0.2 s"),
+        (lambda data: fails(MemoryError()), "MemoryError in the test"),
+        (lambda data: bytes(range(256)) * (1 << 20), "more memory than 4 times the input and 64 MB"),
+        (lambda data: None, ""),
+    ],
+)
+def test_each_kind_of_fault_is_noticed(read, fault):
+    door = Door("a door", (b"a",), damaged_text, read, longest_s=0.2)
+    if "memory" in fault:
+        door = replace(door, longest_s=60.0)
+    assert limits.outcome_of(door, b"a").fault == fault
+
+
+def test_damage_reaches_large_inputs_and_shrinks():
+    sizes = []
+
+    @settings(max_examples=60, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(damaged_text(b"a = 1\nb\tc\td\n"))
+    def measure(data: bytes) -> None:
+        sizes.append(len(data))
+
+    measure()
+    assert LARGEST // 2 < max(sizes) <= LARGEST
+    assert min(sizes) < 10
