@@ -4,24 +4,29 @@ import os
 import signal
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from fuzzing import limits
+from fuzzing.containers import damaged_take
 from fuzzing.damage import LARGEST, damaged_text
 from fuzzing.doors import Door, all_doors
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from perfanim.core.errors import FormatError
+from perfanim.core.errors import FormatError, TakeError
+from perfanim.core.formats.take_file.footer import find_footer
+from perfanim.core.formats.take_file.reading import read_take_file
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
 INPUTS = int(os.environ.get("PERFANIM_FUZZ_INPUTS", "0"))
 USUAL_INPUTS = 30
 HUNG_S = 60
 NAMES = (
-    *("BVH", "ASF", "AMC", "archive", "tar archive", "board points", "TRC", "CSV", "Qualisys TSV", "C3D", "marker take"),
-    *("recorded take", "database", "calibration", "subject", "marker set", "prop", "bone map", "sketch", "names", "plan"),
+    *("BVH", "ASF", "AMC", "archive", "tar archive", "board points"),
+    *("TRC", "CSV", "Qualisys TSV", "C3D", "marker take", "recorded take", "database"),
+    *("calibration", "subject", "marker set", "prop", "bone map", "sketch", "names", "plan"),
     *("pictures", "videos", "VMC packets", "worker messages", "marker frames", "poses", "worker requests"),
     *("image sources", "command line"),
 )
@@ -40,6 +45,17 @@ def not_for_ever():
     """A reader that hangs is stopped by a signal, which is a fault like any other exception."""
     yield
     signal.alarm(0)
+
+
+def examples(count: int) -> settings:
+    return settings(
+        max_examples=count,
+        derandomize=not INPUTS,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+        phases=(Phase.generate, Phase.shrink),
+    )
 
 
 def throw(door: Door, data: bytes) -> limits.Outcome:
@@ -62,14 +78,7 @@ def test_damaged_inputs_are_read_or_refused(doors, name):
     count = max(round(door.share * (INPUTS or USUAL_INPUTS)), 5)
     accepted = []
 
-    @settings(
-        max_examples=count,
-        derandomize=not INPUTS,
-        database=None,
-        deadline=None,
-        suppress_health_check=list(HealthCheck),
-        phases=(Phase.generate, Phase.shrink),
-    )
+    @examples(count)
     @given(st.sampled_from(door.corpus).flatmap(door.damage))
     def damaged(data: bytes) -> None:
         accepted.append(throw(door, data).accepted)
@@ -124,7 +133,7 @@ def test_each_kind_of_fault_is_noticed(read, fault):
 def test_damage_reaches_large_inputs_and_shrinks():
     sizes = []
 
-    @settings(max_examples=60, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))
+    @examples(60)
     @given(damaged_text(b"a = 1\nb\tc\td\n"))
     def measure(data: bytes) -> None:
         sizes.append(len(data))
@@ -132,3 +141,22 @@ def test_damage_reaches_large_inputs_and_shrinks():
     measure()
     assert LARGEST // 2 < max(sizes) <= LARGEST
     assert min(sizes) < 10
+
+
+def test_damage_of_takes_reaches_facts_and_keeps_the_place_of_the_end_mark(doors, tmp_path):
+    refused = with_end = 0
+
+    @examples(250)
+    @given(damaged_take(doors["recorded take"].corpus[0]))
+    def read(data: bytes) -> None:
+        nonlocal refused, with_end
+        path = tmp_path / "damaged.perftake"
+        path.write_bytes(data)
+        with path.open("rb") as file, suppress(TakeError):
+            with_end += find_footer(file) is not None
+        with suppress(TakeError):
+            refused += any(" must be " in str(fault) for fault in read_take_file(path).faults)
+
+    read()
+    assert refused >= 3
+    assert with_end > 50

@@ -16,7 +16,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from .damage import LARGEST, damaged_bytes, damaged_json, damaged_text
+from .damage import LARGEST, damaged_bytes, damaged_json, damaged_text, mostly
 
 _CHUNK = struct.Struct("<4sHHIII")  # of a take file: magic, kind, 0, sequence number, bytes and CRC-32 of the payload
 _CHUNK_MAGIC = b"\x89PFC"
@@ -50,7 +50,7 @@ def _damaged_zip(draw: st.DrawFn, sample: bytes) -> bytes:
 
 def damaged_zip(sample: bytes) -> st.SearchStrategy[bytes]:
     """Return the archive with a file in it, its name or packing changed; sometimes its bytes."""
-    return st.one_of(_damaged_zip(sample), damaged_bytes(sample))
+    return mostly(_damaged_zip(sample), damaged_bytes(sample))
 
 
 @st.composite
@@ -74,7 +74,7 @@ def _damaged_tar(draw: st.DrawFn, sample: bytes) -> bytes:
 
 def damaged_tar(sample: bytes) -> st.SearchStrategy[bytes]:
     """Return the archive with a file in it, its name, kind or packing changed; sometimes its bytes."""
-    return st.one_of(_damaged_tar(sample), damaged_bytes(sample))
+    return mostly(_damaged_tar(sample), damaged_bytes(sample))
 
 
 @st.composite
@@ -102,7 +102,8 @@ def _damaged_files(draw: st.DrawFn, files: _Files) -> _Files:
 @st.composite
 def _damaged_chunks(draw: st.DrawFn, sample: bytes) -> bytes:
     chunks = list(_chunks(sample))
-    at, other = (draw(st.integers(0, len(chunks) - 1)) for _ in range(2))
+    facts = [place for place, (kind, _, _) in enumerate(chunks) if kind in _JSON_CHUNKS or kind == _END]
+    at, other = draw(st.sampled_from((*facts, *range(len(chunks))))), draw(st.integers(0, len(chunks) - 1))
     number, sequence, payload = chunks[at]
     how = draw(st.sampled_from(("leave out", "swap", "mark", "content", "content", "content", "content")))
     if how == "leave out":
@@ -115,8 +116,8 @@ def _damaged_chunks(draw: st.DrawFn, sample: bytes) -> bytes:
     elif number == _END:
         chunks[at] = (number, sequence, draw(damaged_end(payload)))
     elif number in _JSON_CHUNKS:
-        facts = _with_rare_facts(payload, _JSON_CHUNKS[number]) if draw(st.booleans()) else payload
-        chunks[at] = (number, sequence, draw(damaged_json(facts)))
+        described = _with_rare_facts(payload, _JSON_CHUNKS[number]) if draw(st.booleans()) else payload
+        chunks[at] = (number, sequence, draw(damaged_json(described)))
     else:
         chunks[at] = (number, sequence, draw(damaged_bytes(payload)))
     kept = b"".join(_chunk(*chunk) for chunk in chunks) if draw(st.integers(0, 4)) == 0 else _joined(chunks)
@@ -125,8 +126,7 @@ def _damaged_chunks(draw: st.DrawFn, sample: bytes) -> bytes:
 
 def damaged_take(sample: bytes) -> st.SearchStrategy[bytes]:
     """Return the take with chunks changed, removed or swapped; sometimes its bytes."""
-    chunks = [_damaged_chunks(sample)] * 2 if any(_chunks(sample)) else []
-    return st.one_of(*chunks, damaged_bytes(sample))
+    return mostly(_damaged_chunks(sample), damaged_bytes(sample)) if any(_chunks(sample)) else damaged_bytes(sample)
 
 
 def _with_rare_facts(payload: bytes, rare: dict[str, Any]) -> bytes:
@@ -147,7 +147,7 @@ def _damaged_facts(draw: st.DrawFn, payload: bytes) -> bytes:
 
 def damaged_end(payload: bytes) -> st.SearchStrategy[bytes]:
     """Return a take's end mark with its facts changed; sometimes its bytes."""
-    return st.one_of(_damaged_facts(payload), _damaged_facts(payload), damaged_bytes(payload))
+    return mostly(_damaged_facts(payload), damaged_bytes(payload))
 
 
 def _joined(chunks: list[tuple[int, int, bytes]]) -> bytes:
@@ -191,4 +191,4 @@ def _damaged_header(draw: st.DrawFn, sample: bytes) -> bytes:
 
 def damaged_database(sample: bytes) -> st.SearchStrategy[bytes]:
     """Return the database with facts of its header changed; sometimes its bytes."""
-    return st.one_of(_damaged_header(sample), _damaged_header(sample), damaged_bytes(sample))
+    return mostly(_damaged_header(sample), damaged_bytes(sample))

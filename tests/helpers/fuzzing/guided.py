@@ -50,7 +50,9 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=60.0, help="how long, all doors together (default 60)")
     parser.add_argument("--seed", type=int, default=1, help="of the changes (default 1)")
     parser.add_argument("--door", action="append", choices=GUIDED, help="only this one; may be repeated")
-    parser.add_argument("--out", type=Path, default=Path("fuzz-faults"), help="folder for inputs of faults, and tiny ones")
+    parser.add_argument(
+        "--out", type=Path, default=Path("fuzz-faults"), help="folder for inputs of faults, and tiny ones"
+    )
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     failed = False
