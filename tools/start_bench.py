@@ -31,7 +31,7 @@ from perfanim.core.markers.subject import Subject, subject_tables
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
-from take_fuzz import children
+from soak.processes import children
 
 EMBEDDED = "embedded"
 TICK_S = 1.0 / 240.0  # as of Blender's timer

@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from camera_faults import FAULTS, failed
+from soak.cameras import FAULTS, failed
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -8,7 +8,7 @@ import pytest
 if sys.platform != "linux":
     pytest.skip("looks at /proc", allow_module_level=True)
 
-from session_soak import FPS, MOST_GROWN_MB, MOST_SLOWER, TENTHS, soak, wrong_of
+from soak.sessions import FPS, MOST_GROWN_MB, MOST_SLOWER, TENTHS, soak, wrong_of
 
 
 def test_all_frames_are_solved_without_an_end_of_time() -> None:

@@ -7,7 +7,7 @@ import pytest
 if sys.platform != "linux":
     pytest.skip("looks at /proc", allow_module_level=True)
 
-from vmc_flood import MOST_BLENDER_MB, MOST_WAITING, MOST_WORKERS_MB, flooded
+from soak.trackers import MOST_BLENDER_MB, MOST_WAITING, MOST_WORKERS_MB, flooded
 
 
 def test_a_flood_of_frames_does_not_pile_up() -> None:

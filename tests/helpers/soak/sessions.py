@@ -1,11 +1,8 @@
 """Solve a capture without an end, and measure growth of memory and time.
 
-    python tools/session_soak.py --minutes 15 --method best
-    python tools/session_soak.py --frames 5184000 --method nearest
-
 A session of one performer gets the unlabelled points of a walk and of boxing, forwards and backwards for ever, with
 cuts between them, 1 mm of noise and markers hidden 5 % of the time; once a minute nobody is there for a second. It runs
-faster than real time, for so many minutes or until `--frames` are solved, whichever is first. A row for
+faster than real time. A row for
 each tenth: frames, memory (RSS), median and 99 % of a frame's time, and the latter as time of the processor, which
 other programs on the computer change less.
 
@@ -13,10 +10,6 @@ Wrong where memory grows by more than 10 MB from the end of the first tenth, or 
 time of the processor, is more than 5 % above that of the first. Linux only: it looks at /proc.
 """
 
-import argparse
-import json
-import secrets
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -36,8 +29,10 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.simulated_markers import simulate_markers
-from perfanim.core.solver.settings import METHODS, SolveSettings
+from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.assets import MOTION
+
+from .processes import Row, memory_mb
 
 FPS = 60.0
 HEIGHT_M = 1.75
@@ -45,34 +40,15 @@ NOISE_MM, HIDDEN = 1.0, 0.05
 ABSENT_EVERY, ABSENT = 3600, 60  # frames
 SIGMA_M = 0.001
 TENTHS = 10
-DAY = round(24 * 3600 * FPS)  # frames
 MOST_GROWN_MB, MOST_SLOWER = 10.0, 1.05
-FIGURES = ("frames", "hours", "memory_mb", "median_ms", "p99_ms", "p99_processor_ms")
 
 
-def main() -> int:
-    """Run; the exit status is 1 when memory or times grew."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=inf, help="that it runs at most (default: to the last frame)")
-    parser.add_argument("--frames", type=int, default=DAY, help=f"that are solved at most (default {DAY}: 24 hours)")
-    parser.add_argument("--method", choices=METHODS, default="best", help="of the solver (default best)")
-    parser.add_argument("--seed", type=int, default=None, help="of noise and gaps (default: others at every run)")
-    parser.add_argument("--out", type=Path, help="report to write (JSON)")
-    options = parser.parse_args()
-    if options.frames < TENTHS or options.minutes <= 0.0:
-        parser.error(f"give at least {TENTHS} frames and some time")
-    seed = secrets.randbits(32) if options.seed is None else options.seed
-    sys.stdout.write("".join(f"{name:>18}" for name in FIGURES) + "\n")
-    rows: list[dict[str, float]] = []
-    for row in soak(options.minutes * 60.0, options.frames, options.method, seed):
-        rows.append(row)
-        sys.stdout.write("".join(f"{row[name]:18.6g}" for name in FIGURES) + "\n")
-        sys.stdout.flush()
-    wrong = wrong_of(rows)
-    if options.out:
-        options.out.write_text(json.dumps({"seed": seed, "method": options.method, "rows": rows, "wrong": wrong}))
-    sys.stdout.write(f"{options.method}: {'; '.join(wrong) or 'nothing grew'}; seed {seed}\n")
-    return 1 if wrong else 0
+def rows(count: int, seed: int, method: str = "best", seconds: float = inf) -> Iterator[Row]:
+    """Yield the figures of each tenth of `count` frames, or of the time; the last says what grew."""
+    tenths: list[Row] = []
+    for row in soak(seconds, count, method, seed):
+        tenths.append(row)
+        yield row | {"wrong": wrong_of(tenths) if len(tenths) == TENTHS else []}
 
 
 def soak(seconds: float, most: int, method: str, seed: int) -> Iterator[dict[str, float]]:
@@ -101,7 +77,7 @@ def _tenth(session: Session, frames: Iterator[MarkerFrame], seconds: float, most
     return {
         "frames": count,
         "hours": time_s / 3600.0,
-        "memory_mb": int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6,
+        "memory_mb": memory_mb("self"),
         "median_ms": float(np.median(taken_s)),
         "p99_ms": float(np.percentile(taken_s, 99)),
         "p99_processor_ms": float(np.percentile(processor_s, 99)),
@@ -136,7 +112,3 @@ def _positions(behaviour: str, seed: int) -> Array:
     motion = replace(motion, skeleton=default_skeleton(HEIGHT_M))
     take, _ = simulate_markers(motion, load_marker_set("boxing"), dropout=HIDDEN, seed=seed)
     return np.concatenate((take.positions_m, take.positions_m[::-1]))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

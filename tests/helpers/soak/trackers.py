@@ -1,7 +1,5 @@
 """Flood the port of the trackers while a capture runs.
 
-    python tools/vmc_flood.py --seconds 60 --rate 100000
-
 The whole chain of a capture runs: a process that ticks 60 times a second in Blender's place, the solver's process, and
 the one that listens. A program sends nine markers 60 times a second; then others flood the same port, by turns with
 
@@ -19,12 +17,10 @@ A row is wrong where
 Linux only: it looks at /proc.
 """
 
-import argparse
 import itertools
 import json
 import random
 import re
-import secrets
 import socket
 import subprocess
 import sys
@@ -34,12 +30,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.vmc.frame_assembler import MOST_PACKETS_S
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.subject import Subject, subject_tables
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.client import WorkerClient
@@ -47,6 +40,9 @@ from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
+from .processes import HELPERS, Row, family, memory_mb, simulated_request
+
+RATE = 100_000  # datagrams a second
 KINDS = ("junk", "names", "frames")
 TRACKER = "/VMC/Ext/Tra/Pos"
 FPS = 60.0
@@ -57,37 +53,13 @@ PREPARED = 4096  # packets that are sent in turn
 BURST_S = 0.002
 START_LIMIT_S = 120.0
 MOST_WORKERS_MB, MOST_BLENDER_MB, MOST_TICK_S, MOST_WAITING = 64.0, 16.0, 0.05, 360
-FIGURES = ("sent", "rate", "left_out", "grown_mb", "blender_mb", "waiting", "tick_ms", "reported_s", "again_s")
 
 
-def main() -> int:
-    """Run; the exit status is 1 when anything grew, waited or was not reported."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=60.0, help="of each flood (default 60)")
-    parser.add_argument("--rate", type=int, default=100_000, help="datagrams a second (default 100,000)")
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS, help="of floods (default: all)")
-    parser.add_argument("--seed", type=int, default=None, help="of the packets (default: others at every run)")
-    parser.add_argument("--out", type=Path, help="report to write (JSON)")
-    parser.add_argument("--send", metavar="REQUEST", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.send:
-        _send(**json.loads(options.send))
-        return 0
-    seed = secrets.randbits(32) if options.seed is None else options.seed
-    sys.stdout.write("kind    " + "".join(f"{name:>12}" for name in FIGURES) + "\n")
-    rows = []
-    for kind in options.kinds:
-        row = flooded(kind, options.seconds, options.rate, seed)
-        row["wrong"] = wrong_of(row)
-        rows.append(row)
-        sys.stdout.write(f"{kind:8}" + "".join(f"{row[name]:12.6g}" for name in FIGURES))
-        sys.stdout.write(f"  {'; '.join(row['wrong']) or 'held'}\n{'':10}reports: {' | '.join(row['reports'])}\n")
-        sys.stdout.flush()
-    if options.out:
-        options.out.write_text(json.dumps({"seed": seed, "rows": rows}, indent=1))
-    wrong = sum(bool(row["wrong"]) for row in rows)
-    sys.stdout.write(f"{wrong} of {len(rows)} wrong; seed {seed}\n")
-    return 1 if wrong else 0
+def rows(count: int, seed: int) -> Iterator[Row]:
+    """Yield the row of each kind of flood, `count` seconds of each."""
+    for kind in KINDS:
+        found = flooded(kind, count, RATE, seed)
+        yield found | {"wrong": wrong_of(found)}
 
 
 def flooded(kind: str, seconds: float, rate: int, seed: int, around_s: float = AROUND_S) -> dict[str, Any]:
@@ -95,13 +67,17 @@ def flooded(kind: str, seconds: float, rate: int, seed: int, around_s: float = A
     with tempfile.TemporaryDirectory(prefix="vmc-flood-") as name:
         folder = Path(name)
         port = _free_port()
-        client = WorkerClient(_request(folder, port))
+        client = WorkerClient(
+            simulated_request(folder, {"kind": "vmc", "port": port, "sender": "127.0.0.1"}, [str(_walk())])
+        )
         run = CaptureRun(client)
         asked = {"kind": kind, "port": port, "seconds": seconds, "rate": rate, "seed": seed, "around_s": around_s}
         try:
             _listening(run, port)
             with (folder / "sent").open("w") as said:
-                sender = subprocess.Popen([sys.executable, __file__, "--send", json.dumps(asked)], stdout=said)
+                sender = subprocess.Popen(
+                    [sys.executable, "-m", "soak.trackers", json.dumps(asked)], stdout=said, cwd=HELPERS
+                )
             try:
                 watch = _watch(run, client, sender, folder / "sent")
             finally:
@@ -135,8 +111,8 @@ def _watch(run: CaptureRun, client: WorkerClient, sender: "subprocess.Popen[byte
         begun_s = time.perf_counter()
         pose = run.tick()
         now_s = time.perf_counter()
-        workers_mb = sum(_memory_mb(process) for process in _family(client.process_id))
-        blender_mb = _memory_mb("self")
+        workers_mb = sum(memory_mb(process) for process in family(client.process_id))
+        blender_mb = memory_mb("self")
         if "begin" not in moments:
             base_mb, base_blender_mb = workers_mb, blender_mb
         else:
@@ -179,14 +155,6 @@ def wrong_of(found: dict[str, Any]) -> list[str]:
     return wrong + ([found["error"]] if found["error"] else [])
 
 
-def _request(folder: Path, port: int) -> dict[str, Any]:
-    build_database([_walk()], folder / "starter.pfdb", BuildSettings(fps=FPS))
-    subject = Subject("Sim", default_skeleton(1.75), load_marker_set("boxing"))
-    cameras = {"source": {"kind": "vmc", "port": port, "sender": "127.0.0.1"}, "rig": None, "threshold": None}
-    tables = {"performers": [subject_tables(subject)], "database": str(folder / "starter.pfdb")}
-    return {"job": "capture", "cameras": cameras, "take": str(folder / "take.perftake"), **tables}
-
-
 def _walk() -> Path:
     return min(MOTION.glob("walking*.bvh"))
 
@@ -195,22 +163,6 @@ def _free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.bind(("127.0.0.1", 0))
         return int(link.getsockname()[1])
-
-
-def _family(process_id: int) -> list[int]:
-    """Return a process and those that it has started."""
-    found = Path(f"/proc/{process_id}/task/{process_id}/children")
-    try:
-        return [process_id, *map(int, found.read_text().split())]
-    except OSError:
-        return [process_id]
-
-
-def _memory_mb(process: int | str) -> float:
-    try:
-        return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * 4096 / 1e6
-    except (OSError, IndexError):
-        return 0.0
 
 
 def _send(kind: str, port: int, seconds: float, rate: int, seed: int, around_s: float) -> None:
@@ -270,4 +222,4 @@ def _say(what: str, number: float) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    _send(**json.loads(sys.argv[1]))

@@ -1,7 +1,5 @@
 """Kill or freeze processes of captures at random moments and check their takes.
 
-    python tools/take_fuzz.py --kills 100 --out report.json
-
 Each time the whole chain of a capture runs: a process in Blender's place, the solver's process, the cameras' process
 with the simulated performer. One of the three is killed (SIGKILL), by turns; every other time the two workers are
 frozen (SIGSTOP) instead. "Received" are frames that the cameras had half a second before.
@@ -11,38 +9,33 @@ frozen (SIGSTOP) instead. "Received" are frames that the cameras had half a seco
   longer there), the capture must go on in the same take with one marked gap and end normally. All received frames must
   be there. The time to the next pose is reported as well.
 
-Always every earlier frame must be as in an undisturbed capture, every frame with a pose that Blender had taken must be
-there, no number may be missing, and no process may be left. Linux only: it looks at /proc.
+Every earlier frame must be as in an undisturbed capture, every frame with a pose that Blender had taken must be there,
+no number may be missing, and no process may be left.
 """
 
-import argparse
 import json
 import os
 import random
-import secrets
 import select
 import signal
-import statistics
 import struct
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.take_file.take_edits import recover
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_frame_codec import pack
-from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.subject import Subject, subject_tables
-from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
+
+from .processes import HELPERS, Row, children, descendants, simulated_request
 
 VICTIMS = (
     ("solver", signal.SIGKILL),
@@ -61,73 +54,21 @@ ENDED_S = 10.0
 START_LIMIT_S = 120.0
 
 
-def main() -> int:
-    """Run; the exit status is 1 when anything that must hold did not."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kills", type=int, default=100, help="how many captures (default 100)")
-    parser.add_argument("--seed", type=int, default=None, help="of the moments (default: others at every run)")
-    parser.add_argument("--out", type=Path, help="report to write (JSON)")
-    parser.add_argument("--in-blenders-place", metavar="REQUEST", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.in_blenders_place:
-        _stand_in(json.loads(options.in_blenders_place))
-        return 0
-    seed = secrets.randbits(32) if options.seed is None else options.seed
+def rows(count: int, seed: int) -> Iterator[Row]:
+    """Yield the row of each disturbed capture."""
     chance = random.Random(seed)  # noqa: S311 - moments, no secrets
-    with tempfile.TemporaryDirectory(prefix="take-fuzz-") as name:
+    with tempfile.TemporaryDirectory(prefix="take-soak-") as name:
         folder = Path(name)
-        request = _request(folder)
+        request = simulated_request(folder)
         reference = _reference(request, folder / "reference.perftake")
-        rows = []
-        for number in range(options.kills):
-            victim = VICTIMS[number % len(VICTIMS)]
+        for number in range(count):
             path = folder / f"{number}.perftake"
             asked = {**request, "take": str(path)}
-            rows.append(_killed(asked, path, victim, chance.uniform(0.0, LONGEST_S), reference))
-            sys.stdout.write(f"{number + 1}: {rows[-1]}\n")
-            sys.stdout.flush()
+            yield _killed(asked, path, VICTIMS[number % len(VICTIMS)], chance.uniform(0.0, LONGEST_S), reference)
             path.unlink(missing_ok=True)
-    lost = sorted(row["lost_s"] for row in rows)
-    failed = [row for row in rows if row["wrong"]]
-    report = {
-        "seed": seed,
-        "kills": len(rows),
-        "lost_median_s": lost[len(lost) // 2],
-        "lost_most_s": lost[-1],
-        "replaced_most_s": max(row["replaced_s"] for row in rows),
-        "next_pose": _next_poses(rows),
-        "failed": failed,
-        "rows": rows,
-    }
-    if options.out:
-        options.out.write_text(json.dumps(report, indent=1))
-    sys.stdout.write(f"lost: median {report['lost_median_s']:.3f} s, most {report['lost_most_s']:.3f} s; ")
-    sys.stdout.write(f"replaced within {report['replaced_most_s']:.2f} s; ")
-    sys.stdout.write(f"{len(failed)} of {len(rows)} failed; seed {seed}\n")
-    for case, figures in report["next_pose"].items():
-        sys.stdout.write(f"next pose, {case}: median {figures['median_s']:.2f} s, most {figures['most_s']:.2f} s\n")
-    return 1 if failed else 0
 
 
-def _next_poses(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Return how long after the signal the next pose came, for each worker and signal."""
-    waits: dict[str, list[float]] = {}
-    for row in rows:
-        if row["victim"] != "Blender":
-            waits.setdefault(f"{row['victim']} {row['signal']}", []).append(row["next_pose_s"])
-    return {case: {"median_s": statistics.median(found), "most_s": max(found)} for case, found in waits.items()}
-
-
-def _request(folder: Path) -> dict[str, Any]:
-    build_database([str(MOTION)], folder / "starter.pfdb", BuildSettings(fps=60.0))
-    source = {"kind": "simulated", "behaviour": "walking", "seconds": 60.0, "height_m": 1.75, "loop": True}
-    cameras = {"source": source, "rig": None, "threshold": None}
-    subject = Subject("Sim", default_skeleton(1.75), load_marker_set("boxing"))
-    database = str(folder / "starter.pfdb")
-    return {"job": "capture", "cameras": cameras, "performers": [subject_tables(subject)], "database": database}
-
-
-def _stand_in(request: dict[str, Any]) -> None:
+def stand_in(request: dict[str, Any]) -> None:
     """Take poses as Blender does, 60 times a second.
 
     Prints the worker's process id, a line at the first pose, and the moments at which a worker was replaced and at
@@ -191,8 +132,8 @@ def _killed(
     request: dict[str, Any], path: Path, victim: tuple[str, int], after_s: float, reference: list[bytes]
 ) -> dict[str, Any]:
     """Return the frames kept by one capture with a process killed or frozen."""
-    line = [sys.executable, __file__, "--in-blenders-place", json.dumps(request, default=np.ndarray.tolist)]
-    blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+    line = [sys.executable, "-m", "soak.takes", json.dumps(request, default=np.ndarray.tolist)]
+    blender = subprocess.Popen(line, stdout=subprocess.PIPE, text=True, cwd=HELPERS)
     solver = int(_line(blender))
     _line(blender)
     time.sleep(after_s)
@@ -207,7 +148,7 @@ def _killed(
         replaced_at_s, slowness = map(float, _line(blender).split())
         replaced_s = replaced_at_s - killed_s
         next_pose_s = float(_line(blender)) - killed_s
-        family += [process_id for process_id in _descendants(blender.pid) if process_id not in family]
+        family += [process_id for process_id in descendants(blender.pid) if process_id not in family]
     blender.wait()
     wrong = []
     left = _left(family)
@@ -254,22 +195,6 @@ def _line(process: "subprocess.Popen[str]") -> str:
     return text
 
 
-def children(process_id: int) -> list[int]:
-    """Return the processes that a process has started and that live."""
-    found = []
-    for status in Path("/proc").glob("[0-9]*/status"):
-        try:
-            if f"PPid:\t{process_id}\n" in status.read_text():
-                found.append(int(status.parent.name))
-        except OSError:
-            continue
-    return found
-
-
-def _descendants(process_id: int) -> list[int]:
-    return [found for child in children(process_id) for found in (child, *_descendants(child))]
-
-
 def _left(processes: list[int]) -> list[int]:
     """Return the processes that still run after the time that they have to end."""
     limit_s = time.monotonic() + ENDED_S
@@ -289,4 +214,4 @@ def _is_running(process_id: int) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    stand_in(json.loads(sys.argv[1]))

@@ -1,7 +1,5 @@
 """Kill processes that write at random moments, or let the disk be full.
 
-    python tools/write_faults.py --count 1000 --out report.json
-
 By turns a take is recorded at 60 frames/s, a database built over an old one, notes written into a take, a motion
 exported over an old file, and takes solved by `perfanim batch` (one time in 25: it lasts for seconds). The process is
 killed (SIGKILL); every fifth time no file may grow beyond so many bytes instead, as on a full disk (RLIMIT_FSIZE).
@@ -14,15 +12,12 @@ killed (SIGKILL); every fifth time no file may grow beyond so many bytes instead
 POSIX only.
 """
 
-import argparse
 import contextlib
 import hashlib
-import json
 import mmap
 import os
 import random
 import resource
-import secrets
 import shutil
 import signal
 import struct
@@ -30,7 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,6 +49,8 @@ from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.system.assets import MOTION
+
+from .processes import Row
 
 KILLED, FULL = "killed", "disk full"
 MOST_LOST_S = 0.25
@@ -300,10 +297,10 @@ def _processes_of(place: Path) -> list[int]:
     return found
 
 
-def campaign(count: int, seed: int, show: Callable[[dict[str, Any]], None]) -> list[dict[str, Any]]:
-    """Disturb so many works by turns; return a row for each."""
-    chance, rows = random.Random(seed), []  # noqa: S311 - moments, no secrets
-    with tempfile.TemporaryDirectory(prefix="write-faults-") as name:
+def rows(count: int, seed: int) -> Iterator[Row]:
+    """Yield the row of each disturbed work, by turns."""
+    chance = random.Random(seed)  # noqa: S311 - moments, no secrets
+    with tempfile.TemporaryDirectory(prefix="write-soak-") as name:
         folder = Path(name)
         material = Material(folder)
         works = material.works(folder)
@@ -315,41 +312,9 @@ def campaign(count: int, seed: int, show: Callable[[dict[str, Any]], None]) -> l
         for number in range(count):
             place = folder / f"place-{number}"
             if number % BATCH_EVERY == BATCH_EVERY - 1:
-                row = killed_batch(material, place, lasts_s, chance)
+                yield killed_batch(material, place, lasts_s, chance)
             else:
                 work = list(works)[number % len(works)]
                 fault = FULL if number % FULL_EVERY == FULL_EVERY - 1 else KILLED
-                row = {"work": work} | disturbed(works[work], material, place, fault, chance)
-            rows.append(row)
-            show(row)
+                yield {"work": work} | disturbed(works[work], material, place, fault, chance)
             shutil.rmtree(place, ignore_errors=True)
-    return rows
-
-
-def main() -> int:
-    """Run; the exit status is 1 where anything was lost."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=1000, help="how many faults (default 1000)")
-    parser.add_argument("--seed", type=int, default=None, help="of the moments (default: others at every run)")
-    parser.add_argument("--out", type=Path, help="report to write (JSON)")
-    options = parser.parse_args()
-    seed = secrets.randbits(32) if options.seed is None else options.seed
-
-    def show(row: dict[str, Any]) -> None:
-        sys.stdout.write(f"{row}\n" if row["wrong"] else ".")
-        sys.stdout.flush()
-
-    rows = campaign(options.count, seed, show)
-    sys.stdout.write("\n")
-    for work, fault in sorted({(row["work"], row["fault"]) for row in rows}):
-        those = [row for row in rows if (row["work"], row["fault"]) == (work, fault)]
-        sys.stdout.write(f"{work}, {fault}: {len(those)}, {sum(bool(row['wrong']) for row in those)} wrong\n")
-    failed = [row for row in rows if row["wrong"]]
-    if options.out:
-        options.out.write_text(json.dumps({"seed": seed, "rows": rows}, indent=1))
-    sys.stdout.write(f"{len(failed)} of {len(rows)} wrong; seed {seed}\n")
-    return 1 if failed else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,7 +1,5 @@
 """Let one of two cameras fail in many ways; measure report and recovery.
 
-    python tools/camera_faults.py --count 20
-
 Two drivers of this file give images of 60 Hz with the noise of a sensor; the source reads them as it reads real ones.
 A camera on a network is a server on this computer, which OpenCV reads.
 At a random moment the right one begins, for a second and a half, to
@@ -20,16 +18,10 @@ without a note, and the share of the left camera's images that were used meanwhi
 reported later than 0.25 s, recovered later than 1 s, or where fewer than 95 % of the left camera's images are used.
 """
 
-import argparse
-import json
 import random
-import secrets
-import statistics
-import sys
 import threading
 import time
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 from typing import Any
 from unittest.mock import patch
 
@@ -39,6 +31,8 @@ from mjpeg_server import MjpegServer
 from perfanim.core.errors import CaptureError
 from perfanim.core.geometry.arrays import Image
 from perfanim.core.vision.sources import camera_source
+
+from .processes import Row
 
 FAULTS = ("stall", "taken", "slow", "fast", "size", "backward", "torn", "stream", "cut")
 FPS = 60.0
@@ -179,35 +173,9 @@ def _wrong(row: dict[str, Any]) -> list[str]:
     return wrong
 
 
-def main() -> int:
-    """Run; the exit status is 1 where a goal was missed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=20, help="of each fault (default 20)")
-    parser.add_argument("--faults", nargs="+", choices=FAULTS, default=FAULTS, help="which (default: all)")
-    parser.add_argument("--seed", type=int, default=None, help="of the moments (default: others at every run)")
-    parser.add_argument("--out", type=Path, help="report to write (JSON)")
-    options = parser.parse_args()
-    seed = secrets.randbits(32) if options.seed is None else options.seed
-    chance, rows = random.Random(seed), []  # noqa: S311 - moments, no secrets
-    head = "fault     reported s, median  most   recovered s, median  most   left camera used, least   wrong"
-    sys.stdout.write(f"{head}\n")
-    for fault in options.faults:
-        those = [failed(fault, chance) for _ in range(options.count)]
-        rows += those
-        reported, recovered = ([row[name] for row in those] for name in ("reported_s", "recovered_s"))
-        wrong = sum(bool(row["wrong"]) for row in those)
-        sys.stdout.write(
-            f"{fault:10}{statistics.median(reported):18.3f}{max(reported):6.3f}"
-            f"{statistics.median(recovered):22.3f}{max(recovered):6.3f}"
-            f"{min(row['used'] for row in those):26.3f}   {wrong} of {len(those)}  {those[0]['note']}\n"
-        )
-        sys.stdout.flush()
-    if options.out:
-        options.out.write_text(json.dumps({"seed": seed, "rows": rows}, indent=1))
-    wrong = sum(bool(row["wrong"]) for row in rows)
-    sys.stdout.write(f"{wrong} of {len(rows)} wrong; seed {seed}\n")
-    return 1 if wrong else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def rows(count: int, seed: int) -> Iterator[Row]:
+    """Yield the rows of each fault, `count` of each."""
+    chance = random.Random(seed)  # noqa: S311 - moments, no secrets
+    for fault in FAULTS:
+        for _ in range(count):
+            yield failed(fault, chance)

@@ -7,11 +7,12 @@ import pytest
 if sys.platform == "win32":
     pytest.skip("a kill is a signal", allow_module_level=True)
 
-from write_faults import FULL, KILLED, campaign
+from soak.writes import FULL, KILLED
+from soak.writes import rows as disturbed_works
 
 
 def test_nothing_that_stood_before_is_lost() -> None:
-    rows = campaign(15, 1, lambda row: None)
+    rows = list(disturbed_works(15, 1))
     assert [row for row in rows if row["wrong"]] == []
     assert {(row["work"], row["fault"]) for row in rows} >= {
         (work, KILLED) for work in ("record", "build", "notes", "export")
