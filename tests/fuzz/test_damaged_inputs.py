@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from perfanim.core.errors import FormatError, TakeError
 from perfanim.core.formats.take_file.footer import find_footer
-from perfanim.core.formats.take_file.reading import read_take_file
+from perfanim.core.formats.take_file.take_reader import read_take_file
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at /proc")
 INPUTS = int(os.environ.get("PERFANIM_FUZZ_INPUTS", "0"))
@@ -133,7 +133,7 @@ def test_each_kind_of_fault_is_noticed(read, fault):
 def test_damage_reaches_large_inputs_and_shrinks():
     sizes = []
 
-    @examples(60)
+    @examples(150)
     @given(damaged_text(b"a = 1\nb\tc\td\n"))
     def measure(data: bytes) -> None:
         sizes.append(len(data))

@@ -1,4 +1,4 @@
-"""A few random sequences with a fixed seed, while a capture is live; `make operator-fuzz-window` runs hundreds."""
+"""A few random sequences with a fixed seed, while a capture is live; `make operator-fuzz WINDOW=yes` runs hundreds."""
 
 import math
 import shutil

@@ -37,7 +37,7 @@ _ODD_BYTES = (
     *(struct.pack("<f", value) for value in (float("nan"), float("inf"), 1e30, -1e-30, 0.0)),
 )
 _TOKENS = re.compile(rb"[^\s,;=\[\]{}\"']+|[\s,;=\[\]{}\"']")
-_KINDS = ("replace", "insert", "delete", "repeat", "swap", "cut", "fill", "fill numbered")
+_KINDS = (*("replace", "insert", "delete", "repeat", "swap", "cut") * 8, "fill", "fill numbered")  # filling takes long
 
 _places = st.one_of(st.integers(0, 63), st.integers(0, 1023), st.integers(0, LARGEST))  # headers are the tender parts
 _lengths = st.sampled_from((1, 1, 1, 2, 4, 12, 64, 1024))
