@@ -87,8 +87,8 @@ def test_nothing_lies_over_a_heading_while_the_counters_come(desktop: Desktop, w
 def test_the_bones_change_as_often_as_a_bare_timer_changes_them(desktop: Desktop, window: BlenderWindow) -> None:
     """Compare rates in one window, scene and run, five times; the middle one counts, as both vary with the machine.
 
-    A benchmark, as rates depend on the machine: `make window-test MARK=benchmark`. Without a graphics card the simulated
-    cameras, vision and solver share the cores with the software drawing.
+    A benchmark, as rates depend on the machine: `make window-test MARK=benchmark`. Without a graphics card the
+    simulated cameras, vision and solver share the cores with the software drawing.
     """
     started(desktop, window, "rate")
     rounds: list[dict[str, Any]] = []
