@@ -27,6 +27,17 @@ _KINDS = (
     bpy.types.PropertyGroup,
     bpy.types.UIList,
 )
+_PANELS = (  # in the order of the sidebar
+    "guide_panel",
+    "character_panel",
+    "step_panels",
+    "capture_panel",
+    "targets_panel",
+    "takes_panel",
+    "sketch_panel",
+    "batch_panel",
+    "alignment",
+)
 
 
 def _other_modules() -> Sequence[ModuleType]:
@@ -36,10 +47,9 @@ def _other_modules() -> Sequence[ModuleType]:
     from . import operators, settings
     from .character import bone_map_settings
     from .jobs import activity
-    from .panels import alignment, batch, capture, character, guide, sketch, steps, takes, targets
     from .preferences import new_file_defaults
 
-    panels = (guide, character, steps, capture, targets, takes, sketch, batch, alignment)  # as in the sidebar
+    panels = [import_module(f".panels.{name}", __package__) for name in _PANELS]
     # activity is unregistered first, so that it ends running work while the rest is still there
     return (bone_map_settings, *_modules_of(settings), *_modules_of(operators), new_file_defaults, *panels, activity)
 

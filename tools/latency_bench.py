@@ -126,7 +126,7 @@ def captured(folder: Path, fps: float, seconds: float, tick_s: float | None) -> 
     import bpy
     from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
     from perfanim.perfanim_addon.character.create_character import create_character
-    from perfanim.perfanim_addon.operators.capture import TICK_S
+    from perfanim.perfanim_addon.operators.capture_operators import TICK_S
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     subject = open_simulated(_SOURCE).subject

@@ -11,12 +11,12 @@ from ...core.errors import CharacterError
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
 from ...core.retarget.retargeter import RetargetPlan, apply_plan
+from ..character.armature_reading import clear_offsets, delta_transforms
 from ..character.create_character import find_armature
 from ..character.posing import plan_for
-from ..character.rig import clear_offsets, delta_transforms
+from .action_placement import BLEND_S, Placement, PlacementMode, new_action, place_action
 from .channels import HAS_SLOTS, channels_of
 from .keyframes import KeyWriter, bone_path, fill
-from .placement import BLEND_S, Placement, PlacementMode, new_action, place_action
 from .quaternion_curves import keep_in_quaternions
 
 _OBJECT_GROUP = "Object Transforms"  # as Blender calls it

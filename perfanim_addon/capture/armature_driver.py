@@ -9,10 +9,10 @@ from ...core.body.skeleton import Skeleton
 from ...core.geometry.arrays import IntArray
 from ...core.retarget.retargeter import apply_plan
 from ..animation.quaternion_curves import keep_in_quaternions
-from ..character.body_parts import PARTS, bones_of_parts
+from ..character.armature_reading import clear_offsets, delta_transforms
 from ..character.create_character import find_armature
+from ..character.part_bones import PARTS, bones_of_parts
 from ..character.posing import plan_for
-from ..character.rig import clear_offsets, delta_transforms
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
 

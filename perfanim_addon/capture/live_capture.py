@@ -16,11 +16,11 @@ from ..jobs.job import Job, command
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
-from ..viewport import camera_preview, overlay
-from . import request, sound
+from ..viewport import overlay, picture_overlay
+from . import capture_request, sound
+from .capture_recording import Cue, Recording
 from .capture_run import CaptureRun, Phase
 from .live_refinement import REFINED_AT_S, LiveRefinement
-from .recording import Cue, Recording
 from .scene_driver import SceneDriver
 from .write_take import RecordedPart, TakeMotion, write_take
 
@@ -47,7 +47,7 @@ class LiveCapture:
         self._driver: SceneDriver | None = None
         self._is_shown = False
         self.take_path = ""
-        self.setup: request.Setup | None = None
+        self.setup: capture_request.Setup | None = None
         self._drawn: overlay.Scene | None = None
         self._refinement: LiveRefinement | None = None
         self._stop_asked = False
@@ -99,7 +99,7 @@ class LiveCapture:
         pose = self.run.tick()
         picture = self.run.take_preview()
         if picture is not None:
-            camera_preview.show(picture, self.run.notice)
+            picture_overlay.show(picture, self.run.notice)
         self._record(context, self.run)
         if pose is None or self._driver is None:
             return False
@@ -148,7 +148,7 @@ class LiveCapture:
     def _begin(self, context: bpy.types.Context) -> None:
         """Check the files and the chosen characters, and start the worker."""
         chosen = settings(context)
-        setup = request.make(chosen)
+        setup = capture_request.make(chosen)
         self._driver = SceneDriver(context, setup.performers, setup.props, chosen.body_parts)
         self.by_button = chosen.record_by_button
         if not self.by_button:
@@ -181,7 +181,7 @@ class LiveCapture:
     def tune(self, chosen: Any) -> None:
         """Go on with the smoothing and the foot lock of the settings."""
         if self.run is not None:
-            self.run.tune(request.shape(chosen))
+            self.run.tune(capture_request.shape(chosen))
 
     def stop(self) -> None:
         """Ask for a clean end; `tick` goes on until `done`."""
@@ -224,7 +224,7 @@ class LiveCapture:
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
         with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
-            take_library.mark_captured(self.take_path, request.shape(settings(context)), span)
+            take_library.mark_captured(self.take_path, capture_request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
 

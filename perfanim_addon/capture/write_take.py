@@ -13,10 +13,10 @@ from ...core.geometry.arrays import Array, Mask
 from ...core.markers.prop import Prop
 from ...core.retarget.retargeter import RetargetPlan
 from ...core.session.pose_filters import FilterSettings, filter_poses
+from ..animation.action_placement import Placement, PlacementMode
 from ..animation.actions import scene_frames, write_action, write_object_action, write_with_plan
-from ..animation.placement import Placement, PlacementMode
-from ..character.body_parts import part_of_bones
 from ..character.create_character import find_armature
+from ..character.part_bones import part_of_bones
 from ..character.posing import plan_for
 from ..settings import target_settings
 from ..settings.capture_settings import settings

@@ -10,7 +10,7 @@ from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_m
 from ...core.retarget.retargeter import RootMotion
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.property_kinds import string
-from .rig import read_armature_rest
+from .armature_reading import read_armature_rest
 
 _ROOT_MOTIONS = (
     ("HIPS", "Hips", "The hips carry the character through the room"),

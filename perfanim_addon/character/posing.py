@@ -14,9 +14,9 @@ from ...core.retarget.bone_map import BoneMap, find_bone_map, identity_bone_map
 from ...core.retarget.bone_map_files import read_presets
 from ...core.retarget.retargeter import RetargetPlan, RootMotion, plan_retarget
 from ..preferences.paths import user_folder
+from .armature_reading import check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
 from .bone_map_settings import clear_map, store_map, store_problem, stored_map, stored_root_motion
 from .create_character import check_armature
-from .rig import check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
 
 _SAME_SHARE = 0.003  # of the length of both legs, up to which a bone is as long as the performer's
 _LINKED = "make a library override of it (Object > Library Override > Make)"

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import bpy
 
 from ...core.errors import PerfanimError
-from ..viewport import camera_preview, overlay
+from ..viewport import overlay, picture_overlay
 
 
 class Activity(Protocol):
@@ -52,7 +52,7 @@ def end() -> None:
     _state.activity = _state.timer = None
     if timer is not None:
         bpy.context.window_manager.event_timer_remove(timer)
-    camera_preview.hide()  # the last picture of a job may stay until the next,
+    picture_overlay.hide()  # the last picture of a job may stay until the next,
     if activity is not None:
         activity.close()
     overlay.hide()  # and so may the space that it found

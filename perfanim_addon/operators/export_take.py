@@ -15,11 +15,11 @@ from .. import take_library
 from ..capture.performer_targets import add_character
 from ..capture.write_take import increasing, pose_arrays
 from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
-from ..panels.takes import KEY as PANEL
+from ..panels.takes_panel import KEY as PANEL
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, number, property_column, switch, whole_number
 from ..settings.batch_settings import NAMINGS
-from .common import PanelOperator, report_error
+from .operator_bases import PanelOperator, report_error
 from .put_on_character import TakeOperator, recorded_poses, take_motion
 
 _MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender, and without a character

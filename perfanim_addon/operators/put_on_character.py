@@ -10,15 +10,15 @@ from ...core.errors import TakeError
 from ...core.formats.take_file.take_reader import TakeFile, read_take_file, take_name, unused_path
 from ...core.session.pose_filters import FilterSettings
 from .. import take_library
-from ..capture import request
+from ..capture import capture_request
 from ..capture.performer_targets import performer_targets
 from ..capture.write_take import RecordedPart, TakeMotion, filter_take, write_take
-from ..panels.takes import KEY as PANEL
+from ..panels.takes_panel import KEY as PANEL
 from ..preferences.property_kinds import string
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
-from .common import PanelOperator
-from .jobs import JobOperator
+from .job_operators import JobOperator
+from .operator_bases import PanelOperator
 
 
 class TakeOperator:
@@ -33,7 +33,7 @@ def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
     """Return a take's filtered motion with its characters; TakeError if unsolved."""
     if not take.poses:
         raise TakeError("has no solved poses", where=take.notes.name, advice="click Solve Again")
-    chosen = FilterSettings.of_table(request.shape(settings(context)))
+    chosen = FilterSettings.of_table(capture_request.shape(settings(context)))
     poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
     return TakeMotion(performer_targets(context, take.setup.subjects()), take.setup.carried_props(), poses)
 

@@ -9,14 +9,14 @@ from ...core.errors import SubjectError, TakeError
 from ...core.formats.take_file.take_reader import summarise
 from ...core.markers.subject import Subject, load_subject, save_subject
 from ..jobs import activity
-from ..panels import takes
+from ..panels import takes_panel
 from ..preferences.paths import absolute
 from ..settings import performer_refinement, readiness
 from ..settings.capture_settings import settings
-from .common import PanelOperator, UndoOperator
-from .database import SolvingOperator
+from .database_operators import SolvingOperator
+from .operator_bases import PanelOperator, UndoOperator
 from .put_on_character import TakeOperator
-from .subject import profile_path
+from .subject_operators import profile_path
 
 _FITS = "fits this take: nothing to change"
 
@@ -61,7 +61,7 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
 class _AnsweringOperator(PanelOperator):
     """Base of the answers to a refined performer."""
 
-    panel = takes.KEY
+    panel = takes_panel.KEY
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:

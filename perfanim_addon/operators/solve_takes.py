@@ -13,13 +13,13 @@ from ...core.labelling.take_import import UPS
 from ...core.solver.settings import METHODS
 from ...core.system.files import is_file
 from .. import take_library
-from ..panels import takes
+from ..panels import takes_panel
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, draw_props, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .common import DialogOperator
-from .database import SolvingOperator
+from .database_operators import SolvingOperator
+from .operator_bases import DialogOperator
 from .put_on_character import TakeOperator, put_on_character
 
 _METHODS = [(name, name, f"The method {name!r}") for name in METHODS]
@@ -70,7 +70,7 @@ class PERFANIM_OT_solve_take(DialogOperator, TakeOperator, SolvingOperator, bpy.
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         """List the new take and put it onto the character."""
-        takes.choose(self._target)
+        takes_panel.choose(self._target)
         name = summarise(self._target).notes.name
         text = (
             put_on_character(context, self._target) if self.put_on else f"{summary['frames']} frames solved as {name}"
@@ -83,7 +83,7 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
 
     bl_label = "Import Marker Takes"
     title = "Importing takes"
-    panel = takes.KEY
+    panel = takes_panel.KEY
     filename_ext = ""
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{ending}".replace(".take.npz", ".npz") for ending in READABLE), options={"HIDDEN"}
@@ -117,7 +117,7 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         kept, failed = summary["takes"], summary["failed"]
-        takes.choose(Path(kept[0]["out"]))
+        takes_panel.choose(Path(kept[0]["out"]))
         count = (
             f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else f"{len(kept)} take" + "s" * (len(kept) > 1)
         )

@@ -8,9 +8,9 @@ from ...core.errors import TakeError
 from ...core.formats.take_file.take_reader import summarise
 from ...core.formats.take_file.take_setup import MOST_STARS
 from .. import take_library
-from ..panels.takes import KEY as PANEL
+from ..panels.takes_panel import KEY as PANEL
 from ..preferences.property_kinds import choice, draw_props, string, switch, whole_number
-from .common import PanelOperator
+from .operator_bases import PanelOperator
 
 
 class _FileOperator(PanelOperator):

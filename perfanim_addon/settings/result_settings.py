@@ -4,8 +4,8 @@ from typing import Any
 
 import bpy
 
+from ..animation.action_placement import Placement, PlacementMode
 from ..animation.keyframes import KeyBounds
-from ..animation.placement import Placement, PlacementMode
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.property_kinds import choice, draw_props, number, property_column, switch
 

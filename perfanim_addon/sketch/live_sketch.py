@@ -18,8 +18,8 @@ from ...core.sketch.sketch_file import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import MessageKind
+from ..animation.action_placement import fit_strips
 from ..animation.actions import is_keyed_in_each_frame, refill_action
-from ..animation.placement import fit_strips
 from ..capture.armature_driver import ArmatureDriver
 from ..character.create_character import find_armature
 from ..jobs import activity

@@ -9,11 +9,11 @@ from ...core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ...core.geometry import rotations as rot
 from ...core.retarget.character_rest_pose import align_character
 from ...core.retarget.to_standard_skeleton import to_standard_skeleton
+from ..character.armature_reading import read_armature_rest
 from ..character.axes import BLENDER_FROM_WORLD
 from ..character.bone_map_settings import stored_map
 from ..character.create_character import check_armature
 from ..character.posing import bones_of
-from ..character.rig import read_armature_rest
 
 
 def own_skeleton(armature_object: bpy.types.Object) -> Skeleton:

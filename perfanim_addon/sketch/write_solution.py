@@ -18,8 +18,8 @@ from ...core.system.files import reading
 from ..animation.actions import write_action
 from ..animation.keyframes import KeyBounds
 from ..capture.capture_space import CaptureSpace
-from ..character.body_parts import bones_of_parts
 from ..character.bone_map_settings import joint_label
+from ..character.part_bones import bones_of_parts
 from ..character.posing import plan_for
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement

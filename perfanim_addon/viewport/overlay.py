@@ -21,7 +21,7 @@ from ...core.markers.subject import Subject
 from ...core.simulate.studio.studio_rig import default_rig
 from ...core.vision.common_space import CommonSpace, common_space
 from ..character.axes import points_to_blender
-from . import drawing
+from . import viewport_drawing
 from .name_layout import PlacedName, place_names
 
 Colour = tuple[float, float, float, float]
@@ -103,7 +103,7 @@ def show_space(rig: CameraRig) -> None:
     """Show the floor that all cameras see until `hide`, where a new character stands."""
     if "floor" in rig.metadata:
         show(Scene((), np.empty((0, 3)), points_to_blender, rig), ScenePose(()), frozenset({"SPACE"}))
-        drawing.redraw("VIEW_3D")
+        viewport_drawing.redraw("VIEW_3D")
 
 
 def hide() -> None:
@@ -112,7 +112,7 @@ def hide() -> None:
         return
     bpy.types.SpaceView3D.draw_handler_remove(_state.handler, "WINDOW")
     _state.handler = _state.scene = _state.pose = None
-    drawing.redraw("VIEW_3D")
+    viewport_drawing.redraw("VIEW_3D")
 
 
 def _draw() -> None:
@@ -129,11 +129,12 @@ def _draw() -> None:
     placed = _placed(shapes, names, scale)
     shapes.draw()
     for name, place in placed:
-        drawing.text(name, place.start, _NAME * scale, _NAME_COLOUR)
+        viewport_drawing.text(name, place.start, _NAME * scale, _NAME_COLOUR)
     for performer in pose.performers[:1]:
         text = f"Confidence {performer.confidence:.0%}"
-        right = drawing.free(area, region)[1] - drawing.text_width(text, _TEXT * scale)
-        drawing.text(text, (right - _MARGIN * scale, _MARGIN * scale), _TEXT * scale, confidence_colour(performer))
+        right = viewport_drawing.free(area, region)[1] - viewport_drawing.text_width(text, _TEXT * scale)
+        place = (right - _MARGIN * scale, _MARGIN * scale)
+        viewport_drawing.text(text, place, _TEXT * scale, confidence_colour(performer))
 
 
 def _placed(shapes: "Shapes", names: list[tuple[str, Array]], scale: float) -> list[tuple[str, PlacedName]]:
@@ -141,7 +142,7 @@ def _placed(shapes: "Shapes", names: list[tuple[str, Array]], scale: float) -> l
     if not names:
         return []
     points = np.array([point for _, point in names])
-    widths = [drawing.text_width(name, _NAME * scale) for name, _ in names]
+    widths = [viewport_drawing.text_width(name, _NAME * scale) for name, _ in names]
     placed = place_names(points, widths, _NAME * scale, _BESIDE * scale, _DOT * scale)
     for point, place in zip(points, placed, strict=True):
         if place.is_away:
@@ -267,7 +268,7 @@ class Shapes:
     def draw(self) -> None:
         """Draw all in one go."""
         if self.corners:
-            drawing.triangles(np.concatenate(self.corners), self.colours)
+            viewport_drawing.triangles(np.concatenate(self.corners), self.colours)
 
 
 _CIRCLE: Array = np.stack([f(np.linspace(0.0, 2.0 * np.pi, _SIDES, endpoint=False)) for f in (np.cos, np.sin)], axis=1)

@@ -54,7 +54,7 @@ def test_the_addon_is_whole_and_nothing_else_is_in(archive: zipfile.ZipFile) -> 
     names = set(archive.namelist())
     for needed in (
         "__init__.py",
-        "perfanim_addon/panels/steps.py",
+        "perfanim_addon/panels/step_panels.py",
         "core/system/helper_process.py",
         "core/session/session.py",
     ):

@@ -51,7 +51,7 @@ def test_all_panels_move_to_the_tab_of_the_preferences(addon: ModuleType, extens
 
 def test_what_the_cameras_are_told_is_kept_in_the_preferences(addon: ModuleType, extension: str) -> None:
     left = bpy.context.preferences.addons[extension].preferences.left_camera
-    setup = importlib.import_module(f"{extension}.perfanim_addon.capture.request")
+    setup = importlib.import_module(f"{extension}.perfanim_addon.capture.capture_request")
     settings = bpy.context.scene.perfanim
     settings.source = "CAMERAS"
     try:

@@ -71,7 +71,7 @@ def cut(path: Path) -> Path:
 
 
 def shown(part: Any) -> list[Any]:
-    part("panels.takes")._fill()
+    part("panels.takes_panel")._fill()
     return list(bpy.context.window_manager.perfanim_takes.entries)
 
 
@@ -80,7 +80,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
     prepare = (
         []
         if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database").starter_arguments()
+        else part("operators.database_operators").starter_arguments()
     )
     bpy.context.scene.perfanim.feet = "off"  # shown as the take has it
     capture = live.LiveCapture(None, prepare)
@@ -117,7 +117,7 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
 
 def test_a_take_that_is_listed_already_can_still_be_chosen(part: Any) -> None:
     """The panel may be drawn between the end of a take's file and the operator that selects it."""
-    panel = part("panels.takes")
+    panel = part("panels.takes_panel")
     write_take(part("take_library").folder(), "older")
     write_take(part("take_library").folder(), "newer")
     shown(part)
@@ -150,7 +150,10 @@ def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
         rows = {item.title: item for item in shown(part)}
         assert len(shown(part)) == 3
         assert set(rows) == {"walk", "jump", "stand"}
-        assert (rows["walk"].summary.complete, part("panels.takes")._length(rows["walk"].summary)) == (True, "0:00")
+        assert (rows["walk"].summary.complete, part("panels.takes_panel")._length(rows["walk"].summary)) == (
+            True,
+            "0:00",
+        )
         assert not rows["jump"].summary.complete
         assert [take.path for take in takes.cut_off()] == [folder / "jump.perftake"]
     finally:

@@ -31,11 +31,11 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
             job.tick()
             picture = job.take_preview()
             if picture is not None:
-                part("viewport.camera_preview").show(picture, job.text)
+                part("viewport.picture_overlay").show(picture, job.text)
                 assert tuple(bpy.data.images["Perfanim Preview"].size) == picture.shape[1::-1]
             assert time.monotonic() < limit, job.text
             time.sleep(0.02)
     finally:
         job.close()
-        part("viewport.camera_preview").hide()
+        part("viewport.picture_overlay").hide()
     return str(operator.on_result(clicked, bpy.context, job.summary))

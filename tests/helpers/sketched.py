@@ -33,7 +33,7 @@ def key(part: Any, armature: bpy.types.Object, walk: Motion) -> None:
 
 
 def solve(part: Any, operator: str = "PERFANIM_OT_solve_sketch") -> str:
-    found = getattr(part("operators.sketch"), operator)
+    found = getattr(part("operators.sketch_operators"), operator)
     clicked = SimpleNamespace()
     clicked.bounds = lambda context: found.bounds(clicked, context)
     return run_job(part, found, clicked)

@@ -39,7 +39,7 @@ def browser():
 
 
 def capture_facts():
-    running, capture = part("jobs.activity"), part("operators.capture")
+    running, capture = part("jobs.activity"), part("operators.capture_operators")
     if running is None or capture is None:
         return {"registered": False}
     messages = {panel: text for panel, (text, _icon) in running._state.messages.items()}
@@ -62,7 +62,7 @@ def capture_facts():
 
 
 def preview_facts():
-    preview = part("viewport.camera_preview")
+    preview = part("viewport.picture_overlay")
     if preview is None:
         return {}
     return {"shown": preview._state.handler is not None, "image": preview.NAME in bpy.data.images}

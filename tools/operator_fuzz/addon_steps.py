@@ -116,10 +116,10 @@ def tick(chance: random.Random, folder: Path) -> None:
 def _modal(running: Any) -> None:
     """Give a timer's event to the operator of the running capture or job."""
     if hasattr(running, "recordings"):
-        operator = part("operators.capture").PERFANIM_OT_start_capture
+        operator = part("operators.capture_operators").PERFANIM_OT_start_capture
         own = {"_capture": running, "_shown_at": 0.0, "_status": ""}
     else:  # what only the started operator knows of its result, a window shows
-        operator, own = part("operators.jobs").JobOperator, {"_job": running, "panel": running.panel}
+        operator, own = part("operators.job_operators").JobOperator, {"_job": running, "panel": running.panel}
     _StandIn(operator, own).modal(bpy.context, SimpleNamespace(type="TIMER", value="NOTHING"))
 
 

@@ -8,8 +8,8 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.animation import actions
+from perfanim.perfanim_addon.animation.action_placement import Placement
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
-from perfanim.perfanim_addon.animation.placement import Placement
 from played import curves_of, key_times, played_poses, points_from_blender
 
 SKELETON = default_skeleton(1.68)

@@ -6,10 +6,10 @@ import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
+from perfanim.perfanim_addon.animation import action_placement as action_placement
 from perfanim.perfanim_addon.animation import actions
-from perfanim.perfanim_addon.animation import placement as action_placement
+from perfanim.perfanim_addon.animation.action_placement import Placement, PlacementMode
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
-from perfanim.perfanim_addon.animation.placement import Placement, PlacementMode
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
 from played import curves_of, played_poses
 

@@ -20,7 +20,11 @@ from ticking import tick_until
 
 
 def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None:
-    live, states, database = part("capture.live_capture"), part("settings.readiness"), part("operators.database")
+    live, states, database = (
+        part("capture.live_capture"),
+        part("settings.readiness"),
+        part("operators.database_operators"),
+    )
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
     prepare = [] if states.starter_database_path().exists() else database.starter_arguments()
@@ -81,7 +85,7 @@ def check_drawn_over(character: Any, drawn: Any) -> None:
 
 
 def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
-    live, character = part("capture.live_capture"), part("operators.character")
+    live, character = part("capture.live_capture"), part("operators.character_operators")
     name = part("capture.performer_targets").add_character(
         bpy.context, character.performer_skeleton(bpy.context.scene.perfanim)
     )
@@ -91,7 +95,7 @@ def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
     prepare = (
         []
         if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database").starter_arguments()
+        else part("operators.database_operators").starter_arguments()
     )
     capture = live.LiveCapture(None, prepare)
     try:
@@ -143,13 +147,13 @@ def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotat
     performers = (SimpleNamespace(name="Anna", skeleton=skeleton),)
     asked = {"take": "a.perftake"}
     setup = SimpleNamespace(performers=performers, props=(), request=asked, start=lambda _python: run)
-    monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: setup)
+    monkeypatch.setattr(part("capture.capture_request"), "make", lambda _chosen: setup)
     bpy.context.scene.perfanim.overlay = set()  # there are no cameras
     return run
 
 
 def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
+    skeleton = part("operators.character_operators").performer_skeleton(bpy.context.scene.perfanim)
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_set(7)
     run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
@@ -169,7 +173,7 @@ def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, mo
 
 def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     chosen, running = bpy.context.scene.perfanim, part("jobs.activity")
-    skeleton = part("operators.character").performer_skeleton(chosen)
+    skeleton = part("operators.character_operators").performer_skeleton(chosen)
     bpy.context.scene.render.fps = 60
     run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     noted: list[Any] = []
@@ -203,7 +207,7 @@ def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest
 
 def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     chosen = bpy.context.scene.perfanim
-    skeleton = part("operators.character").performer_skeleton(chosen)
+    skeleton = part("operators.character_operators").performer_skeleton(chosen)
     play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
     chosen.record_by_button = True
     capture = part("capture.live_capture").LiveCapture(None, [])
@@ -216,7 +220,7 @@ def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, mo
 def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     live, running, chosen = part("capture.live_capture"), part("jobs.activity"), bpy.context.scene.perfanim
     bpy.context.scene.render.fps = 60
-    skeleton = part("operators.character").performer_skeleton(chosen)
+    skeleton = part("operators.character_operators").performer_skeleton(chosen)
     name = part("capture.performer_targets").add_character(bpy.context, skeleton)
     armature = bpy.data.objects[name]
     nod = swing(skeleton, ("head", "lradius", "rradius"), 100)
@@ -252,8 +256,8 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
 
 def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
     posing = part("character.posing")
-    parts = part("character.body_parts")
-    skeleton = part("operators.character").performer_skeleton(bpy.context.scene.perfanim)
+    parts = part("character.part_bones")
+    skeleton = part("operators.character_operators").performer_skeleton(bpy.context.scene.perfanim)
     armature = bpy.data.objects[part("capture.performer_targets").add_character(bpy.context, skeleton)]
     product = posing.plan_for(armature, skeleton)
     assert parts.bones_of_parts(armature, product, parts.PARTS) is None
@@ -276,9 +280,9 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
     prepare = (
         []
         if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database").starter_arguments()
+        else part("operators.database_operators").starter_arguments()
     )
-    running, operator = part("jobs.activity"), part("operators.capture").PERFANIM_OT_start_capture
+    running, operator = part("jobs.activity"), part("operators.capture_operators").PERFANIM_OT_start_capture
     capture = part("capture.live_capture").LiveCapture(None, prepare)
     running.begin(bpy.context, capture, 1.0)
     tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
@@ -311,7 +315,7 @@ def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -
     prepare = (
         []
         if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database").starter_arguments()
+        else part("operators.database_operators").starter_arguments()
     )
     capture = live.LiveCapture(None, prepare)
     errors = sys.modules[live.__name__.replace("perfanim_addon.capture.live_capture", "core.errors")]
@@ -365,7 +369,7 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path, monk
     prepare = (
         []
         if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database").starter_arguments()
+        else part("operators.database_operators").starter_arguments()
     )
     monkeypatch.setattr(part("capture.live_capture"), "LiveRefinement", Refinement)
     capture = part("capture.live_capture").LiveCapture(None, prepare)

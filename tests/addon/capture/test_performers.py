@@ -81,7 +81,7 @@ def play(part: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
         run.tick = lambda: run.poses.append(poses[len(run.poses)]) or run.poses[-1]
         run.shown = run.close = run.stop = lambda: None
         asked = SimpleNamespace(performers=(ANNA, *SUBJECTS), props=(), request={"take": ""}, start=lambda _: run)
-        monkeypatch.setattr(part("capture.request"), "make", lambda _chosen: asked)
+        monkeypatch.setattr(part("capture.capture_request"), "make", lambda _chosen: asked)
         monkeypatch.setattr(part("take_library"), "mark_captured", lambda *_: None)
         bpy.context.scene.perfanim.overlay, bpy.context.scene.render.fps = set(), 60  # there are no cameras
         bpy.context.scene.frame_set(1)
@@ -136,12 +136,12 @@ def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     build_path = str(part("preferences.paths").user_folder("databases") / "a.pfdb")
     build_database([str(MOTION / "boxing-01-neutral.bvh")], build_path, BuildSettings(fps=10.0))
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
-    setup = part("capture.request").make(scene.perfanim)
+    setup = part("capture.capture_request").make(scene.perfanim)
     assert [subject.name for subject in setup.performers[1:]] == ["Ben"]
     assert [table["name"] for table in setup.request["performers"][1:]] == ["Ben"]
     assert setup.request["cameras"]["source"]["partners"] == [{"behaviour": "kendo"}]
     shown.entries.clear()
-    assert len(part("capture.request").make(scene.perfanim).request["performers"]) == 1
+    assert len(part("capture.capture_request").make(scene.perfanim).request["performers"]) == 1
 
 
 def test_a_new_character_stands_beside_the_first_as_the_performers_do(part: Any, play: Any, ben: Any) -> None:
@@ -334,9 +334,9 @@ def test_a_take_is_put_on_the_characters_that_are_meant(part: Any, shown: Any, b
 
 def test_a_take_names_all_and_each_can_be_exported(part: Any, ben: Any, tmp_path: Path) -> None:
     path = taken(part, "duel")
-    part("panels.takes")._fill()
+    part("panels.takes_panel")._fill()
     (item,) = bpy.context.window_manager.perfanim_takes.entries
-    assert part("panels.takes").origin_of(item.summary) == "Anna and Ben, boxing, lwr, database walks"
+    assert part("panels.takes_panel").origin_of(item.summary) == "Anna and Ben, boxing, lwr, database walks"
     given = {"path": str(path), "kind": "BVH"}
     with pytest.raises(RuntimeError, match="Ben: the performer has no character"):
         bpy.ops.perfanim.export_take(**given, filepath=str(tmp_path / "b.bvh"), performer=2)

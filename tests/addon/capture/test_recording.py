@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
-from perfanim.perfanim_addon.capture.recording import Cue, Recording
+from perfanim.perfanim_addon.capture.capture_recording import Cue, Recording
 
 
 class Clock:

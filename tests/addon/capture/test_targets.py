@@ -67,7 +67,7 @@ def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path
     bpy.ops.perfanim.add_target()
     listed = bpy.context.window_manager.perfanim_takes
     listed.entries.add().path = str(tmp_path / "still.take.npz")
-    operator = part("operators.targets").PERFANIM_OT_measure_target
+    operator = part("operators.target_operators").PERFANIM_OT_measure_target
     assert bpy.ops.perfanim.measure_target.poll() == (bpy.context.window is not None)
     played = SimpleNamespace(called="My Sword")
     told = run_job(part, operator, played)
@@ -141,7 +141,7 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
 
 
 def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, shown: Any) -> None:
-    prop, character = load_prop("sword"), part("operators.character")
+    prop, character = load_prop("sword"), part("operators.character_operators")
     skeleton = character.performer_skeleton(bpy.context.scene.perfanim)
     armature = bpy.data.objects[part("capture.performer_targets").add_character(bpy.context, skeleton)]
     entry = shown.entries.add()

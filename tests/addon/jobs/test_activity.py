@@ -34,23 +34,23 @@ def activity(running: Any) -> PlayedActivity:
     running.begin(bpy.context, activity, 0.1)
     assert running.current() is activity
     assert running._state.timer is not None
-    running.camera_preview.show(np.zeros((4, 6, 3), np.uint8), "look here")
-    assert running.camera_preview.NAME in bpy.data.images
+    running.picture_overlay.show(np.zeros((4, 6, 3), np.uint8), "look here")
+    assert running.picture_overlay.NAME in bpy.data.images
     scene, pose = SimpleNamespace(), SimpleNamespace()
     running.overlay.show(scene, pose, frozenset({"MARKERS"}))
     return activity
 
 
 def gone(running: Any, activity: PlayedActivity) -> bool:
-    shown = running.camera_preview._state.handler is not None or running.camera_preview.NAME in bpy.data.images
+    shown = running.picture_overlay._state.handler is not None or running.picture_overlay.NAME in bpy.data.images
     shown = shown or running.overlay._state.handler is not None
     return activity.closed == 1 and running.current() is None and running._state.timer is None and not shown
 
 
 def test_the_preview_is_the_picture_and_changes_its_size(running: Any, activity: PlayedActivity) -> None:
     picture = np.random.default_rng(0).integers(0, 255, (5, 7, 3)).astype(np.uint8)
-    running.camera_preview.show(picture, "")
-    image = bpy.data.images[running.camera_preview.NAME]
+    running.picture_overlay.show(picture, "")
+    image = bpy.data.images[running.picture_overlay.NAME]
     pixels = np.array(image.pixels[:]).reshape(5, 7, 4)
     np.testing.assert_array_equal(np.rint(pixels[::-1, :, :3] * 255), picture)
     assert image.users == 0  # so it is not saved with the file

@@ -58,7 +58,7 @@ def part(part: Any, folder: Path) -> Any:
 
 def run_job(part: Any) -> tuple[str, list[str]]:
     """Do what the operator does between the click and the end; return its line and what the panel said meanwhile."""
-    operator = part("operators.batch").PERFANIM_OT_run_batch
+    operator = part("operators.batch_operators").PERFANIM_OT_run_batch
     played = SimpleNamespace(title=operator.title)
     played.uses_starter = lambda context: operator.uses_starter(played, context)
     played.panel = operator.panel
@@ -79,7 +79,7 @@ def run_job(part: Any) -> tuple[str, list[str]]:
 
 def test_a_folder_of_takes_is_done_and_shown(part: Any, folder: Path, tmp_path: Path, monkeypatch: Any) -> None:
     chosen, shown = bpy.context.scene.perfanim_batch, []
-    monkeypatch.setattr(part("operators.batch"), "show_page", shown.append)
+    monkeypatch.setattr(part("operators.batch_operators"), "show_page", shown.append)
     assert not bpy.ops.perfanim.run_batch.poll()
     chosen.takes, chosen.out = str(folder / "takes"), str(tmp_path / "out")
     assert bpy.ops.perfanim.run_batch.poll()

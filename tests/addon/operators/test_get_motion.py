@@ -15,7 +15,7 @@ from perfanim.perfanim_addon.jobs.job import Job, command
 
 def asked(part: Any, **chosen: Any) -> tuple[Any, SimpleNamespace]:
     """Return the operator, and its dialog with what was chosen there."""
-    operator = part("operators.database").PERFANIM_OT_get_motion
+    operator = part("operators.database_operators").PERFANIM_OT_get_motion
     dialog = SimpleNamespace(
         **({"collection": "ADDRESS", "address": "", "only": "", "mirror": False, "cull": False} | chosen)
     )
@@ -41,7 +41,7 @@ def test_an_archive_from_an_address_is_used_at_once(part: Any, tmp_path: Path) -
 def test_stop_during_the_download_keeps_what_came_and_changes_nothing(part: Any, tmp_path: Path) -> None:
     before = bpy.context.scene.perfanim.database
     motion_archive(tmp_path / "walks.tar")
-    folder = part("operators.database")._folder()
+    folder = part("operators.database_operators")._folder()
     limit = time.monotonic() + PATIENCE_S
     with serving(tmp_path, pause_s=0.05) as address:
         operator, dialog = asked(part, address=f"{address}/walks.tar")
@@ -75,7 +75,7 @@ def test_several_subjects_and_behaviours_are_taken(part: Any) -> None:
 
 @pytest.mark.parametrize("chosen", [{"collection": "cmu"}, {"address": "https://example.org/walks.zip"}])
 def test_without_online_access_nothing_is_asked_for(part: Any, monkeypatch: Any, chosen: dict[str, str]) -> None:
-    module = part("operators.database")
+    module = part("operators.database_operators")
     monkeypatch.setattr(module, "is_online_allowed", lambda: False)
     operator, dialog = asked(part, **chosen)
     with pytest.raises(module.DownloadError, match="online access is off; allow it in the Preferences"):
@@ -87,5 +87,5 @@ def test_without_online_access_nothing_is_asked_for(part: Any, monkeypatch: Any,
 def test_an_address_that_is_none_is_told(part: Any) -> None:
     for address in ("", "walks.zip", "file:///walks.zip"):
         operator, dialog = asked(part, address=address)
-        with pytest.raises(part("operators.database").DownloadError, match="no http or https address"):
+        with pytest.raises(part("operators.database_operators").DownloadError, match="no http or https address"):
             operator.arguments(dialog, bpy.context)

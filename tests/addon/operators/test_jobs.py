@@ -23,7 +23,7 @@ from perfanim.core.simulate.studio.studio_rig import default_rig
 
 
 def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
-    operator = part("operators.database").PERFANIM_OT_build_database
+    operator = part("operators.database_operators").PERFANIM_OT_build_database
     write_bvh(perform("walking", 3.0), tmp_path / "walk.bvh")
     (tmp_path / "broken.bvh").write_text("no motion")
     played = SimpleNamespace(
@@ -47,7 +47,7 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
 
 
 def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extension: str, tmp_path: Path) -> None:
-    operator = part("operators.database").PERFANIM_OT_build_database
+    operator = part("operators.database_operators").PERFANIM_OT_build_database
     (tmp_path / "broken.bvh").write_text("no motion")
     played = SimpleNamespace(
         files=[SimpleNamespace(name="broken.bvh")], directory=str(tmp_path), filepath="", mirror=False, cull=False
@@ -63,7 +63,7 @@ def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extensio
 
 
 def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, tmp_path: Path) -> None:
-    operator = part("operators.cameras").PERFANIM_OT_calibrate_cameras
+    operator = part("operators.camera_operators").PERFANIM_OT_calibrate_cameras
     chosen = bpy.context.scene.perfanim
     chosen.source = "VIDEOS"
     assert not bpy.ops.perfanim.calibrate_cameras.poll()
@@ -96,7 +96,7 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
 
 
 def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str) -> None:
-    operator = part("operators.cameras").PERFANIM_OT_calibrate_board
+    operator = part("operators.camera_operators").PERFANIM_OT_calibrate_board
     chosen = bpy.context.scene.perfanim
     chosen.source = "VIDEOS"
     assert not bpy.ops.perfanim.calibrate_board.poll()
@@ -121,7 +121,7 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str)
 
 
 def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
-    operator = part("operators.cameras").PERFANIM_OT_save_board
+    operator = part("operators.camera_operators").PERFANIM_OT_save_board
     chosen = bpy.context.scene.perfanim
     for chosen.board_kind in ("CHESSBOARD", "CHARUCO"):
         target = tmp_path / f"{chosen.board_kind}.pdf"
@@ -137,7 +137,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert "calibrate the cameras" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.record_t_pose.poll()
     assert not bpy.ops.perfanim.set_floor.poll()
-    cameras, subject = part("operators.cameras"), part("operators.subject")
+    cameras, subject = part("operators.camera_operators"), part("operators.subject_operators")
     text = run_job(part, cameras.PERFANIM_OT_calibrate_board, SimpleNamespace())
     assert text.startswith("good: 0.")
     assert "covered" in text
@@ -162,7 +162,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert performer.name == "Zoë 2"
     lengths = [np.linalg.norm(s.offsets_m[1:], axis=1).sum() for s in (performer.skeleton, default_skeleton(1.75))]
     assert lengths[0] == pytest.approx(lengths[1], rel=0.05)
-    assert part("capture.request").cameras(chosen)["rig"]["cam_1"]["name"] == found.cameras[1].name
+    assert part("capture.capture_request").cameras(chosen)["rig"]["cam_1"]["name"] == found.cameras[1].name
 
     text = run_job(part, cameras.PERFANIM_OT_set_floor, SimpleNamespace())
     assert text == "floor set at the board, origin at its middle"
@@ -181,7 +181,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
 
 
 def test_the_performer_hears_the_last_seconds_and_the_hold(part: Any) -> None:
-    cue = part("operators.subject").cue
+    cue = part("operators.subject_operators").cue
     said = ["learning the background", "4: arms out", "3: arms out", "3: arms out", "2: arms out", "1: arms out"]
     said += ["hold still: arms out", "hold still: arms out", "5: arms down"]
     heard = [cue(before, now) for before, now in pairwise(said)]

@@ -10,7 +10,7 @@ def test_no_method_has_the_name_of_a_property_of_blender(part: Any) -> None:
     """`self.options` is Blender's, whatever the class defines: Import Motion failed at the click."""
     owned = {each.identifier for each in bpy.types.Operator.bl_rna.properties}
     assert "options" in owned
-    waiting, seen = [part("operators.common").CheckedOperator], set()
+    waiting, seen = [part("operators.operator_bases").CheckedOperator], set()
     while waiting:
         cls = waiting.pop()
         seen.add(cls.__name__)

@@ -73,7 +73,7 @@ def test_a_wrong_body_is_refined_and_used_from_a_file_beside_the_old_one(
     assert (found.name, found.marker_set.names) == ("Anna", walk.right.marker_set.names)
     assert bones_off(found, walk.right) < 0.6 * bones_off(walk.wrong, walk.right)
     assert "anna refined.toml is used from now on" in part("jobs.activity").message("takes")[0]
-    texts = [text for _, text, _ in part("operators.subject")._profile_items(None, None)]
+    texts = [text for _, text, _ in part("operators.subject_operators")._profile_items(None, None)]
     assert texts == [f"{stem}: Anna, average body" for stem in ("anna refined", "anna")]
     assert not bpy.ops.perfanim.use_refined_performer.poll()
     offer.keep_refined(take, found, ["again"])
@@ -190,7 +190,7 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, wa
     assert captured(30.0, f"{take}.gone") == ""
     assert live.refining_take(SimpleNamespace(run=None), chosen) == ""
     assert captured(20.0) == take
-    takes, panel = part("panels.takes"), part("panels.capture").PERFANIM_PT_capture
+    takes, panel = part("panels.takes_panel"), part("panels.capture_panel").PERFANIM_PT_capture
     assert "Refine Performer by This Capture" not in labels(panel, takes.draw_offer)
     offer.offer_capture(captured(20.0))
     assert "Refine Performer by This Capture" in labels(panel, takes.draw_offer)
@@ -204,7 +204,10 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, wa
 
 
 def test_the_end_of_a_capture_makes_the_offer(part: Any, anna: Path, take: str) -> None:
-    operator, offer = part("operators.capture").PERFANIM_OT_start_capture, part("settings.performer_refinement")
+    operator, offer = (
+        part("operators.capture_operators").PERFANIM_OT_start_capture,
+        part("settings.performer_refinement"),
+    )
     bpy.context.scene.perfanim.source = "CAMERAS"
     for seconds, offered in ((21.0, take), (5.0, "")):
         poses = [SimpleNamespace(time_s=0.0), SimpleNamespace(time_s=seconds)]
@@ -242,7 +245,7 @@ def test_a_wrong_body_is_refined_while_the_capture_goes_on(
     assert bones_off(offer.refined().subject, walk.right) < 0.6 * bones_off(walk.wrong, walk.right)
     assert (anna.read_bytes(), bpy.context.scene.perfanim.subject) == (before, str(anna))
     assert [file.name for file in Path(bpy.app.tempdir).glob("refined*")] == []
-    takes, panel = part("panels.takes"), part("panels.capture").PERFANIM_PT_capture
+    takes, panel = part("panels.takes_panel"), part("panels.capture_panel").PERFANIM_PT_capture
     drawn = labels(panel, takes.draw_offer)
     assert {"Use", "Keep", "Anna, refined by this take:"} <= set(drawn)
     monkeypatch.setattr(takes.activity, "current", lambda: object.__new__(takes.LiveCapture))

@@ -78,7 +78,7 @@ def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
 
 
 def shown(part: Any) -> list[Any]:
-    part("panels.takes")._fill()
+    part("panels.takes_panel")._fill()
     return list(bpy.context.window_manager.perfanim_takes.entries)
 
 
@@ -98,14 +98,14 @@ def test_marker_takes_are_imported_into_the_list_and_played(part: Any, walk: Sim
     assert "choose the marker set that was worn" in text
     (item,) = shown(part)
     assert (item.title, item.summary.complete) == ("walk", True)
-    assert part("panels.takes").origin_of(item.summary) == "Anna, locomotion, nearest, database walk"
-    assert part("panels.takes").size_of(item.summary).startswith("20 frames, ")
+    assert part("panels.takes_panel").origin_of(item.summary) == "Anna, locomotion, nearest, database walk"
+    assert part("panels.takes_panel").size_of(item.summary).startswith("20 frames, ")
     bpy.context.scene.render.fps = 30
     bpy.context.scene.frame_set(7)
     assert bpy.ops.perfanim.play_take(path=item.path) == {"FINISHED"}
     armature = bpy.context.scene.perfanim.armature
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(7, 27), atol=1e-3)
-    assert part("panels.takes").origin_of(shown(part)[0].summary).endswith(f"on {armature.name}")
+    assert part("panels.takes_panel").origin_of(shown(part)[0].summary).endswith(f"on {armature.name}")
     bpy.context.scene.frame_set(15)  # half way through the walk the body stands upright there
     hips = armature.matrix_world @ armature.pose.bones["root"].head
     wanted = walk.motion.root_positions_m[8] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
@@ -125,7 +125,7 @@ def test_without_a_database_the_starter_is_made_first(part: Any, walk: SimpleNam
     bpy.context.scene.perfanim.database = ""
     target = part("settings.readiness").starter_database_path()
     made = ["database", "build", str(walk.folder / "walk.bvh"), "--fps", "30", "--out", str(target)]
-    monkeypatch.setattr(part("operators.database"), "starter_arguments", lambda: made)
+    monkeypatch.setattr(part("operators.database_operators"), "starter_arguments", lambda: made)
     assert not target.exists()
     assert imported(part, walk, "walk.c3d") == "1 take imported"
     assert target.exists()
@@ -142,7 +142,7 @@ def test_a_take_is_solved_again_with_other_settings(part: Any, walk: SimpleNames
     chosen = {"database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED", "put_on": False}
     text = run_job(part, operator, SimpleNamespace(path=path, method="local-pca", **chosen))
     assert text == "20 frames solved as walk (local-pca)"
-    assert [(i.title, part("panels.takes").origin_of(i.summary)) for i in shown(part)] == [
+    assert [(i.title, part("panels.takes_panel").origin_of(i.summary)) for i in shown(part)] == [
         ("walk (local-pca)", "Anna anew, locomotion, local-pca, database walk"),
         ("walk", "Anna, locomotion, nearest, database walk"),
     ]
@@ -161,7 +161,7 @@ def test_a_take_without_a_performer_is_listed_and_solved_with_the_chosen_one(par
     write_whole_take(bare, replace(take.setup, performers=(), database={}), TakeNotes("bare"), frames, [])
     part("take_library").forget()
     (item,) = (item for item in shown(part) if item.title == "bare")
-    assert part("panels.takes").origin_of(item.summary) == "no performer yet: click Solve Again"
+    assert part("panels.takes_panel").origin_of(item.summary) == "no performer yet: click Solve Again"
     for operator in (bpy.ops.perfanim.play_take, bpy.ops.perfanim.export_take):
         with pytest.raises(RuntimeError, match="bare: has no solved poses; click Solve Again"):
             operator(path=str(bare))

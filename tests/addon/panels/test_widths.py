@@ -80,7 +80,7 @@ def test_characters_targets_sketches_and_takes(part: Any, panels: list[type], tm
     for name, data in (("A walk of a whole afternoon", whole), ("half", whole[: len(whole) // 2])):
         (part("take_library").folder() / f"{name}.perftake").write_bytes(data)
     part("take_library").forget()
-    part("panels.takes")._fill()
+    part("panels.takes_panel")._fill()
     shown = bpy.context.window_manager.perfanim_takes
     assert len(shown.entries) == 2
     for shown.active in range(2):
@@ -89,7 +89,7 @@ def test_characters_targets_sketches_and_takes(part: Any, panels: list[type], tm
 
 def test_a_running_capture(part: Any, panels: list[type]) -> None:
     (panel,) = [panel for panel in panels if panel.__name__ == "PERFANIM_PT_capture"]
-    module = part("panels.capture")
+    module = part("panels.capture_panel")
     figures = module.Statistics()
     for name, value in {"received": 123456, "lost": 12345, "blind": 12345, "waiting": 120, "not_shown": 12345}.items():
         assert hasattr(figures, name)

@@ -96,7 +96,7 @@ def run(test: Any) -> None:
 
 @pytest.fixture
 def self_test(addon: ModuleType, extension: str) -> Any:
-    return importlib.import_module(f"{extension}.perfanim_addon.capture.self_test")
+    return importlib.import_module(f"{extension}.perfanim_addon.capture.self_test_run")
 
 
 def test_the_self_test_captures_the_simulated_performer(self_test: Any, tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_a_capture_is_asked_for_with_the_method_of_the_preferences(
     part: Any, preferences: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(part("settings.readiness"), "database_frames", lambda path: 1)
-    make = part("capture.request").make
+    make = part("capture.capture_request").make
     assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "best"}
     preferences.method = "lwr"
     assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "lwr"}
@@ -99,7 +99,7 @@ def test_what_a_killed_blender_has_left_is_removed_before_a_capture(
 ) -> None:
     monkeypatch.setattr(part("settings.readiness"), "database_frames", lambda path: 1)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    make = part("capture.request").make
+    make = part("capture.capture_request").make
     kept = Path(make(bpy.context.scene.perfanim).request["cameras"]["background_file"])
     for age_s, is_kept in ((7200, True), (90_000, False)):
         kept.touch()
@@ -112,7 +112,7 @@ def test_what_a_killed_blender_has_left_is_removed_before_a_capture(
 def test_motion_is_imported_by_as_many_processes_as_the_preferences_say(
     part: Any, preferences: Any, tmp_path: Path
 ) -> None:
-    operator = part("operators.database").PERFANIM_OT_build_database
+    operator = part("operators.database_operators").PERFANIM_OT_build_database
     played = SimpleNamespace(files=[], directory="", filepath=str(tmp_path), mirror=False, cull=False)
     played.build_options = partial(operator.build_options, played)
     assert "--workers" not in operator.arguments(played, bpy.context)

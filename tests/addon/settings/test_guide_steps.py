@@ -149,7 +149,7 @@ def test_every_button_is_an_operator_and_every_setting_exists(guide: Any, chosen
 
 
 def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, chosen: Any) -> None:
-    operator = part("operators.guide").PERFANIM_OT_check_setup
+    operator = part("operators.guide_operators").PERFANIM_OT_check_setup
     assert not bpy.ops.perfanim.check_setup.poll()  # nothing is to be checked of known cameras
     chosen.practise, chosen.practise_fault = True, "BRIGHT"
     clicked = SimpleNamespace(keep_picture=lambda line: None)
@@ -168,7 +168,7 @@ def test_the_space_of_a_good_check_is_drawn_until_the_next_job(
     calibrate(chosen, tmp_path / "cameras.toml", floor=True)
     space = common_space(default_rig())
     clicked = SimpleNamespace(keep_picture=lambda line: None)
-    check = part("operators.guide").PERFANIM_OT_check_setup
+    check = part("operators.guide_operators").PERFANIM_OT_check_setup
     for summary in (BUMPED | {"space": space.text}, GOOD):
         check.on_result(clicked, bpy.context, summary)
         assert overlay._state.handler is None
@@ -186,7 +186,7 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     part: Any, guide: Any, chosen: Any, tmp_path: Path
 ) -> None:
     places = part("settings.ignored_places")
-    check = part("operators.guide").PERFANIM_OT_check_setup
+    check = part("operators.guide_operators").PERFANIM_OT_check_setup
     clicked = SimpleNamespace(keep_picture=lambda line: None)
     ignore, forget = bpy.ops.perfanim.ignore_reflections, bpy.ops.perfanim.forget_ignored
     chosen.practise, chosen.practise_fault = True, "REFLECTION"
@@ -202,12 +202,12 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     chosen.source = "SIMULATED"
 
     summary = {"rig": rig_tables(default_rig())}  # the calibration that follows takes them over
-    part("operators.cameras")._use_rig(chosen, summary, "cameras.toml")
+    part("operators.camera_operators")._use_rig(chosen, summary, "cameras.toml")
     assert len(load_rig(chosen.calibration).ignored) == len(found)
     first = places.sentences(chosen)[0]
     assert f"{sum(place[0] == first[0] for place in found.values())} place" in first[1]
     assert first[1].endswith(f"ignored in the {('left', 'right')[first[0]]} camera")
-    assert part("capture.request").calibration(chosen)[f"cam_{first[0]}"]["ignored_px"].shape[1] == 2
+    assert part("capture.capture_request").calibration(chosen)[f"cam_{first[0]}"]["ignored_px"].shape[1] == 2
     for camera, _ in places.sentences(chosen):
         assert forget(camera=camera) == {"FINISHED"}
     assert places.sentences(chosen) == []
@@ -216,7 +216,7 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
 
 
 def test_each_reflection_is_ignored_by_its_number(part: Any, guide: Any, chosen: Any) -> None:
-    preview, places = part("viewport.camera_preview"), part("settings.ignored_places")
+    preview, places = part("viewport.picture_overlay"), part("settings.ignored_places")
     chosen.source, chosen.practise = "SIMULATED", True
     rows = [
         {"fault": "reflection", "text": "the left camera sees 2", "places": ((0, 5.0, 6.0), (0, 7.0, 8.0))},
@@ -228,7 +228,7 @@ def test_each_reflection_is_ignored_by_its_number(part: Any, guide: Any, chosen:
 
     def buttons() -> list[str]:
         drawn = Layout("column")
-        part("panels.guide")._draw_reflections(drawn, chosen)
+        part("panels.guide_panel")._draw_reflections(drawn, chosen)
         return list(filter(None, drawn.texts()))
 
     assert buttons() == ["Ignore These Places", "Only 1", "Only 2", "Only 3"]
@@ -280,7 +280,7 @@ def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any
 
 
 def test_a_capture_shows_the_fault_to_practise_on(part: Any, chosen: Any) -> None:
-    practised = part("capture.request")._practised
+    practised = part("capture.capture_request")._practised
     chosen.practise_fault = "DARK"
     assert practised(chosen) == {}
     chosen.practise = True

@@ -76,7 +76,7 @@ def test_the_chosen_markers_must_be_the_subjects(
     states: Any, chosen: Any, extension: str, database: Path, tmp_path: Path
 ) -> None:
     chosen.database = str(database)
-    setup = sys.modules[f"{extension}.perfanim_addon.capture.request"]
+    setup = sys.modules[f"{extension}.perfanim_addon.capture.capture_request"]
     path = tmp_path / "anna.toml"
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("locomotion"), 0.006), path)
     chosen.subject = str(path)
@@ -128,7 +128,7 @@ def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path)
 
 
 def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels.drawing"]
+    panels = sys.modules[f"{extension}.perfanim_addon.panels.panel_drawing"]
     text = "/a/very/long/path/" + "x" * 100 + " is not a motion database; build it again"
     lines = panels.wrapped(text, 32)
     assert all(len(line) <= 32 for line in lines)
@@ -141,7 +141,7 @@ def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> 
 
 
 def test_a_state_does_not_lie_over_its_panel_s_name(addon: ModuleType, extension: str) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels.drawing"]
+    panels = sys.modules[f"{extension}.perfanim_addon.panels.panel_drawing"]
     assert panels.shortened("Anna, 6 mm", 21) == "Anna, 6 mm"
     assert panels.shortened("Simulated performer, average body", 21) == "Simulated performer…"
     assert len(panels.shortened("x" * 30, 21)) == 21
@@ -152,7 +152,7 @@ def names_of(rig: dict[str, Any]) -> list[str]:
 
 
 def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any, chosen: Any, tmp_path: Path) -> None:
-    setup = sys.modules[states.__name__.replace("settings.readiness", "capture.request")]
+    setup = sys.modules[states.__name__.replace("settings.readiness", "capture.capture_request")]
     video = tmp_path / "left.mp4"
     video.touch()
     chosen.source, chosen.left_video = "VIDEOS", str(video)

@@ -27,7 +27,11 @@ def test_only_programs_of_this_computer_without_online_access(part: Any, monkeyp
     assert states.cameras(chosen).text == f"port {told.port}"  # no calibration is asked for
     assert "use an average body" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.calibrate_performer.poll()
-    assert part("capture.request").cameras(chosen)["source"] == {"kind": "vmc", "port": 39540, "sender": "127.0.0.1"}
+    assert part("capture.capture_request").cameras(chosen)["source"] == {
+        "kind": "vmc",
+        "port": 39540,
+        "sender": "127.0.0.1",
+    }
     for online, sender, ready in ((False, "192.168.1.7", False), (False, " ", False), (True, " ", True)):
         monkeypatch.setattr(sending, "is_online_allowed", lambda online=online: online)
         told.sender = sender

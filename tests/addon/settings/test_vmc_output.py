@@ -9,7 +9,7 @@ import pytest
 @pytest.fixture
 def asked(part: Any, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """What the worker is asked for, without the files that a capture checks first."""
-    setup = part("capture.request")
+    setup = part("capture.capture_request")
     monkeypatch.setattr(setup.readiness, "database_frames", lambda path: 1)
     return lambda: setup.make(bpy.context.scene.perfanim).request["vmc"]
 

@@ -14,8 +14,8 @@ from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import camera_choice, ignored_places, readiness
 from ..settings.capture_settings import settings
-from . import character
-from .drawing import draw_job, draw_text, header_status
+from . import character_panel
+from .panel_drawing import draw_job, draw_text, header_status
 
 
 def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -197,7 +197,7 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("perfanim.add_character", icon="ADD")
         row.operator("perfanim.use_active_armature", text="Use Active", icon="EYEDROPPER")
-        character.draw_bones(layout, chosen.armature)
+        character_panel.draw_bones(layout, chosen.armature)
 
 
 class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):

@@ -6,14 +6,14 @@ import bpy
 
 from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
-from ..capture import request
+from ..capture import capture_request
 from ..jobs import activity
 from ..preferences.paths import absolute
 from ..settings import camera_choice, guide_steps, ignored_places, readiness
 from ..settings.capture_settings import settings
-from ..viewport import camera_preview, overlay
-from .common import PanelOperator
-from .jobs import JobOperator
+from ..viewport import overlay, picture_overlay
+from .job_operators import JobOperator
+from .operator_bases import PanelOperator
 
 PANEL = "guide"
 
@@ -27,7 +27,7 @@ class _PictureJob(JobOperator):
         """Show the job's last picture with a line above it, and return it."""
         picture: Image | None = self._job.take_preview()
         if picture is not None:
-            camera_preview.show(picture, line)
+            picture_overlay.show(picture, line)
         return picture
 
 
@@ -67,8 +67,8 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         is_practice = chosen.source == "SIMULATED" and chosen.practise_fault != "NONE"
         return {
             "job": "check setup",
-            "source": request.source(chosen),
-            "rig": request.calibration(chosen, True) if readiness.cameras(chosen).ready else None,
+            "source": capture_request.source(chosen),
+            "rig": capture_request.calibration(chosen, True) if readiness.cameras(chosen).ready else None,
             "background_s": float(chosen.background_s),
             "countdown_s": float(chosen.countdown_s),
             "marker_set": readiness.marker_set_source(chosen),
@@ -111,7 +111,7 @@ class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
         places = {number: place for number, place in found.items() if self.number in (0, number)}
         ignored_places.keep(chosen, [*ignored_places.ignored(chosen), *places.values()])
         if guide_steps.forgive_reflections(places):
-            camera_preview.hide()
+            picture_overlay.hide()
         return ""
 
 

@@ -9,7 +9,7 @@ from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import target_settings
-from . import character, drawing
+from . import character_panel, panel_drawing
 
 KEY = "targets"
 _ROWS = 2
@@ -65,9 +65,9 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
         if 0 <= shown.active < len(shown.entries):
             fields = property_column(column)
             _draw_fields(fields, shown.entries[shown.active], shown.active)
-        drawing.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
-        drawing.draw_job(layout, KEY)
-        drawing.draw_text(context, layout, *activity.message(KEY))
+        panel_drawing.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
+        panel_drawing.draw_job(layout, KEY)
+        panel_drawing.draw_text(context, layout, *activity.message(KEY))
 
 
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:
@@ -80,4 +80,4 @@ def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_
     row.prop(entry, "subject")
     row.operator_menu_enum("perfanim.use_profile", "profile", text="", icon="COMMUNITY").target = index
     layout.prop(entry, "armature")
-    character.draw_bones(layout, entry.armature, KEY)
+    character_panel.draw_bones(layout, entry.armature, KEY)

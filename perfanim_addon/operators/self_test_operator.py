@@ -4,14 +4,14 @@ from typing import Any
 
 import bpy
 
-from ..capture.self_test import PANEL, SelfTest
+from ..capture.self_test_run import PANEL, SelfTest
 from ..jobs import activity
 from ..jobs.job import Job
 from ..preferences import diagnostics
 from ..settings import readiness
-from ..viewport import drawing
-from .database import starter_arguments
-from .jobs import JobOperator
+from ..viewport import viewport_drawing
+from .database_operators import starter_arguments
+from .job_operators import JobOperator
 
 
 class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
@@ -32,7 +32,7 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
         if event.type == "TIMER" or "PASS_THROUGH" not in result:
             state = activity.message(PANEL)[0] or f"{self._test.text} ..."
             diagnostics.tested = [*self._test.lines, f"Self-test: {state}"]
-            drawing.redraw("PREFERENCES")
+            viewport_drawing.redraw("PREFERENCES")
         return result
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...core.geometry.arrays import Image
-from . import drawing
+from . import viewport_drawing
 
 NAME = "Perfanim Preview"
 
@@ -46,7 +46,7 @@ def show(picture: Image, line: str) -> None:
     _state.line = line
     if _state.handler is None:
         _state.handler = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL")
-    drawing.redraw(*_SHOWN_IN)
+    viewport_drawing.redraw(*_SHOWN_IN)
 
 
 def hide() -> None:
@@ -58,7 +58,7 @@ def hide() -> None:
     image = bpy.data.images.get(NAME)
     if image is not None:
         bpy.data.images.remove(image)
-    drawing.redraw(*_SHOWN_IN)
+    viewport_drawing.redraw(*_SHOWN_IN)
 
 
 def _draw() -> None:
@@ -70,11 +70,11 @@ def _draw() -> None:
     if image is None:
         return
     scale = bpy.context.preferences.system.ui_scale
-    left, right = drawing.free(bpy.context.area, bpy.context.region)
+    left, right = viewport_drawing.free(bpy.context.area, bpy.context.region)
     width = min(_WIDTH * scale, _SHARE * (right - left))
     height = width * image.size[1] / image.size[0]
     x, y = left + _MARGIN * scale, _MARGIN * scale
     # from 5.0 on the viewport does not encode colours
     encode = {"is_scene_linear_with_rec709_srgb_target": True} if bpy.app.version >= (5, 0, 0) else {}
     draw_texture_2d(gpu.texture.from_image(image), (x, y), width, height, **encode)
-    drawing.text(_state.line, (x, y + height + 0.5 * _TEXT * scale), _TEXT * scale, _WHITE)
+    viewport_drawing.text(_state.line, (x, y + height + 0.5 * _TEXT * scale), _TEXT * scale, _WHITE)

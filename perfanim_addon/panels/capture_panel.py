@@ -7,13 +7,13 @@ import bpy
 
 from ..capture.capture_run import Statistics
 from ..capture.live_capture import LiveCapture, further_performers
-from ..character.body_parts import PARTS
+from ..character.part_bones import PARTS
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import readiness, vmc_output
 from ..settings.capture_settings import OVERLAYS, settings
-from .drawing import draw_progress, draw_text, header_status
+from .panel_drawing import draw_progress, draw_text, header_status
 
 
 class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):

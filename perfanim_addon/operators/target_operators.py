@@ -4,12 +4,12 @@ from typing import Any
 
 import bpy
 
-from ..panels import takes
-from ..panels.targets import KEY as PANEL
+from ..panels import takes_panel
+from ..panels.targets_panel import KEY as PANEL
 from ..preferences.paths import user_folder
 from ..preferences.property_kinds import string
-from .common import DialogOperator, UndoOperator
-from .jobs import JobOperator
+from .job_operators import JobOperator
+from .operator_bases import DialogOperator, UndoOperator
 
 
 class PERFANIM_OT_add_target(UndoOperator, bpy.types.Operator):
@@ -54,7 +54,7 @@ class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator
         shown = context.scene.perfanim_targets
         if not 0 <= shown.active < len(shown.entries) or shown.entries[shown.active].kind != "PROP":
             return "Add a prop first"
-        if not takes.active_path(context):
+        if not takes_panel.active_path(context):
             return "Capture the prop alone, lying still, and select the take under Takes"
         return ""
 
@@ -62,7 +62,7 @@ class PERFANIM_OT_measure_target(DialogOperator, JobOperator, bpy.types.Operator
         name = bpy.path.clean_name(self.called) or "Prop"
         self._target = str(user_folder("props") / f"{name}.toml")
         self._index = context.scene.perfanim_targets.active
-        take = takes.active_path(context)
+        take = takes_panel.active_path(context)
         return ["calibrate", "prop", take, "--name", self.called or name, "--out", self._target]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

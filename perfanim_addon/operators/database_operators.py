@@ -20,8 +20,8 @@ from ..preferences.paths import user_folder
 from ..preferences.property_kinds import choice, draw_props, string, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .common import DialogOperator, PanelOperator
-from .jobs import JobOperator
+from .job_operators import JobOperator
+from .operator_bases import DialogOperator, PanelOperator
 
 PANEL = "database"
 _ADDRESS = "ADDRESS"

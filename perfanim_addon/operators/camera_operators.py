@@ -9,11 +9,11 @@ from bpy_extras.io_utils import ExportHelper
 from ...core.errors import CalibrationError
 from ...core.geometry.rig_file import rig_from, save_rig
 from ...core.system.files import is_folder
-from ..capture import request, sound
+from ..capture import capture_request, sound
 from ..preferences.paths import absolute, user_folder
 from ..settings import ignored_places, readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
-from .jobs import JobOperator
+from .job_operators import JobOperator
 
 PANEL = "cameras"
 _TAKEN_HZ = 1320.0
@@ -126,7 +126,7 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
 
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         chosen = settings(context)
-        return {**_board_request(chosen), "job": "record floor", "rig": request.calibration(chosen)}
+        return {**_board_request(chosen), "job": "record floor", "rig": capture_request.calibration(chosen)}
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
@@ -152,9 +152,9 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
     def request(self, context: bpy.types.Context) -> dict[str, Any]:
         chosen = settings(context)
         return {
-            **request.cameras(chosen),
+            **capture_request.cameras(chosen),
             "job": "record floor markers",
-            "rig": request.calibration(chosen),
+            "rig": capture_request.calibration(chosen),
             "preview": True,
             "height_m": chosen.floor_height_mm / 1000.0,
             "longest_m": chosen.floor_longest_mm / 1000.0 or None,
@@ -176,7 +176,7 @@ def _board_request(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
     if chosen.source == "SIMULATED":
         chosen.board_kind = "CHESSBOARD"
         chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
-    return {"source": request.source(chosen), "board": board_spec(chosen), "preview": True}
+    return {"source": capture_request.source(chosen), "board": board_spec(chosen), "preview": True}
 
 
 def _use_rig(chosen: PERFANIM_PG_settings, summary: dict[str, Any], name: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..settings import batch_settings
-from .database import SolvingOperator
+from .database_operators import SolvingOperator
 
 PANEL = "batch"
 

@@ -12,8 +12,8 @@ from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
-from .drawing import draw_job, draw_text, header_status
-from .steps import PERFANIM_PT_camera_controls, draw_ignored, draw_source
+from .panel_drawing import draw_job, draw_text, header_status
+from .step_panels import PERFANIM_PT_camera_controls, draw_ignored, draw_source
 
 _IN_A_ROW = 3  # buttons of ringed places
 _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_left", "board_right")

@@ -17,8 +17,8 @@ from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column, string, whole_number
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import performer_refinement, result_settings
-from . import drawing
-from .capture import PERFANIM_PT_capture
+from . import panel_drawing
+from .capture_panel import PERFANIM_PT_capture
 
 KEY = "takes"
 ROWS = 4
@@ -107,8 +107,8 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
             layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
-        drawing.draw_job(layout, KEY)
-        drawing.draw_text(context, layout, *activity.message(KEY))
+        panel_drawing.draw_job(layout, KEY)
+        panel_drawing.draw_text(context, layout, *activity.message(KEY))
         layout.operator("perfanim.import_takes", icon="IMPORT")
         _draw_room(layout, len(shown.entries))
 
@@ -123,7 +123,7 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
         return
     column = layout.column(align=True)
     for text in (take.created.replace("T", " ")[:16], size_of(take), origin_of(take)):
-        drawing.draw_text(context, column, text, "BLANK1")
+        panel_drawing.draw_text(context, column, text, "BLANK1")
     column = property_column(layout)
     draw_props(column, item, "rating", "notes")
     layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path
@@ -147,7 +147,7 @@ def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: 
     column = layout.column(align=True)
     for text in (f"{found.subject.name}, refined by this take:", *found.changes):
         # no line begins with a sign that belongs to the number before it
-        drawing.draw_text(context, column, text.replace("± ", "±\u00a0").replace(" %", "\u00a0%"), "BLANK1")
+        panel_drawing.draw_text(context, column, text.replace("± ", "±\u00a0").replace(" %", "\u00a0%"), "BLANK1")
     if isinstance(activity.current(), LiveCapture):
         return  # its body stays as it is; the answer waits
     row = column.row(align=True)
@@ -182,12 +182,12 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
     cut = take_library.cut_off()
     if cut:
         count = "A capture was" if len(cut) == 1 else f"{len(cut)} captures were"
-        drawing.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
+        panel_drawing.draw_text(context, panel.layout, f"{count} cut off", "ERROR")
         operator = "perfanim.play_take" if cut[0].complete else "perfanim.recover_take"
         button = panel.layout.operator(operator, text=f"Recover {cut[0].notes.name}", icon="FILE_REFRESH")
         button.path = str(cut[0].path)
     if captured or cut:
-        drawing.draw_job(panel.layout, KEY)
+        panel_drawing.draw_job(panel.layout, KEY)
 
 
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:

@@ -13,16 +13,16 @@ from ...core.retarget.bone_map import BoneMap, checked_map
 from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
+from ..character.armature_reading import read_armature_rest
 from ..character.bone_map_settings import store_map
 from ..character.create_character import check_armature, find_armature
 from ..character.posing import PRESETS_FOLDER, find_map
-from ..character.rig import read_armature_rest
-from ..panels.character import shown_armature
+from ..panels.character_panel import shown_armature
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import string
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
-from .common import DialogOperator, UndoOperator
+from .operator_bases import DialogOperator, UndoOperator
 
 PANEL = "character"
 

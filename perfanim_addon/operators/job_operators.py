@@ -9,8 +9,8 @@ from ...core.errors import PerfanimError
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..preferences import preferences
-from ..viewport import camera_preview
-from .common import CheckedOperator, RunningOperator, defect, report_error
+from ..viewport import picture_overlay
+from .operator_bases import CheckedOperator, RunningOperator, defect, report_error
 
 TICK_S = 0.1
 
@@ -71,7 +71,7 @@ class JobOperator(CheckedOperator):
                 return self._finish(context, self.on_result(context, job.summary), ok=True)
             picture = job.take_preview()
             if picture is not None:
-                camera_preview.show(picture, job.text)
+                picture_overlay.show(picture, job.text)
         except PerfanimError as error:
             return self._fail(context, error)
         except Exception as error:  # a defect must not leave timer and worker behind

@@ -6,7 +6,7 @@ from ..capture.live_capture import LiveCapture
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
-from . import drawing
+from . import panel_drawing
 
 KEY = "batch"
 
@@ -28,6 +28,6 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
                 column.prop(chosen, "save_as")
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
-        drawing.draw_job(layout, KEY)
+        panel_drawing.draw_job(layout, KEY)
         if not isinstance(activity.current(), LiveCapture):
-            drawing.draw_text(context, layout, *activity.message(KEY))
+            panel_drawing.draw_text(context, layout, *activity.message(KEY))

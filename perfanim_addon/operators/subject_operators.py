@@ -10,13 +10,13 @@ from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
 from ...core.system.files import is_file
-from ..capture import request, sound
+from ..capture import capture_request, sound
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import choice
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .common import UndoOperator
-from .jobs import JobOperator
+from .job_operators import JobOperator
+from .operator_bases import UndoOperator
 
 PANEL = "subject"
 HELD_S = 2.0  # each pose
@@ -193,7 +193,7 @@ def cue(before: str, now: str) -> float | None:
 def _recording(context: bpy.types.Context, job: str, poses: tuple[str, ...], take: str) -> dict[str, Any]:
     chosen = settings(context)
     return {
-        **request.cameras(chosen),
+        **capture_request.cameras(chosen),
         "job": job,
         "marker_set": readiness.marker_set_source(chosen),
         "poses": poses,

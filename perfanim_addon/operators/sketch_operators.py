@@ -27,9 +27,9 @@ from ..sketch import control_colours, follow_rig, hips_path, live_sketch
 from ..sketch.controls import STORED, add_controls, controls_of, key_controls, set_keys
 from ..sketch.read_controls import read_controls
 from ..sketch.write_solution import SketchBody, joints_of, kept_sketch, write_solution
-from .character import performer_skeleton
-from .common import RunningOperator, UndoOperator, report_error
-from .database import SolvingOperator, is_starter_missing
+from .character_operators import performer_skeleton
+from .database_operators import SolvingOperator, is_starter_missing
+from .operator_bases import RunningOperator, UndoOperator, report_error
 
 PANEL = live_sketch.KEY
 

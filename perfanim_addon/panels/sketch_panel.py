@@ -9,7 +9,7 @@ from ..settings.capture_settings import settings
 from ..sketch import live_sketch
 from ..sketch.controls import controls_of
 from ..sketch.live_sketch import KEY
-from . import drawing
+from . import panel_drawing
 
 
 class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
@@ -38,8 +38,8 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
                 row.operator("perfanim.bake_sketch", icon="NLA_PUSHDOWN")
             if armature.perfanim_sketch.action is not None:
                 layout.operator("perfanim.take_up_sketch", icon="LOOP_BACK")
-        drawing.draw_job(layout, KEY)
-        drawing.draw_text(context, layout, *activity.message(KEY))
+        panel_drawing.draw_job(layout, KEY)
+        panel_drawing.draw_text(context, layout, *activity.message(KEY))
 
 
 class PERFANIM_PT_sketch_settings(SidebarPanel, bpy.types.Panel):

@@ -10,8 +10,8 @@ from ..jobs import activity
 from ..preferences import preferences
 from ..settings import guide_steps, performer_refinement, readiness
 from ..settings.capture_settings import settings
-from .common import CheckedOperator, RunningOperator, defect, report_error
-from .database import is_starter_missing, starter_arguments
+from .database_operators import is_starter_missing, starter_arguments
+from .operator_bases import CheckedOperator, RunningOperator, defect, report_error
 
 PANEL = "capture"
 TICK_S = 1 / 240  # a pose waits for half of it; a tick without one is over in a tenth of a millisecond
