@@ -21,12 +21,12 @@ from ..errors import MOST_TEXT, PerfanimError, shorten
 from .guarded_run import guarded_run
 from .partial_result import PartialResult
 
-# Each command's module has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
+# The module NAME_command has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
 COMMANDS = (
     "demo", "check", "calibrate", "track", "take", "database", "solve", "sketch", "evaluate", "retarget", "vmc",
     "batch", "simulate", "bench", "diagnose",
 )  # fmt: skip
-_PACKAGES = ("calibrate", "take", "batch")  # commands with a package, in its module `NAME_command`
+_PACKAGES = ("calibrate", "take", "batch")  # commands with a package of their own
 
 # The solver's matrices are small: threads cost more than they gain, most of all beside other processes.
 # Read by numpy's libraries when they are loaded, which is not before a command is chosen.
@@ -78,9 +78,8 @@ def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for name in commands:
         # one command's module: the others' take a second to load
-        import_module(f".{name}.{name}_command" if name in _PACKAGES else f".{name}", __package__).add_parser(
-            subparsers
-        )
+        folder = f".{name}" if name in _PACKAGES else ""
+        import_module(f"{folder}.{name}_command", __package__).add_parser(subparsers)
     _add_json_option(parser)
     return parser
 

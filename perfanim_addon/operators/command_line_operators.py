@@ -27,7 +27,7 @@ def run(arguments: Sequence[str]) -> int:
         arguments: without the command's name.
     """
     from ...core.cli import in_blender
-    from ...core.cli.retarget import BLENDER_VARIABLE
+    from ...core.cli.retarget_command import BLENDER_VARIABLE
     from ...core.system import helper_process
     from ...core.worker.child_process import library_paths
 

@@ -31,7 +31,7 @@ from ..options import (
     check_range,
 )
 from ..partial_result import PartialResult
-from ..retarget import check_blender
+from ..retarget_command import check_blender
 from . import take_server
 from .plan import ALSO, KEYS, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
 from .processes import in_processes

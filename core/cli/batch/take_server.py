@@ -52,7 +52,7 @@ class CommandLine:
 
     def solve(self, options: Sequence[str]) -> "tuple[SolvedTake, dict[str, Any]]":
         """Run `perfanim solve`; return poses and motion, and facts."""
-        from ..solve import solve
+        from ..solve_command import solve
 
         args = parse_options("solve", options)
         with _usage_as_settings_error():
@@ -61,13 +61,13 @@ class CommandLine:
 
 def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":
     """Return the options of a command; SettingsError for wrong usage."""
-    from .. import solve
+    from .. import solve_command
     from ..main import build_parser
 
     with _usage_as_settings_error():
         args = build_parser([command]).parse_args([command, *options])
         if command == "solve":
-            solve.check(args)
+            solve_command.check(args)
     return args
 
 

@@ -9,7 +9,7 @@ from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
-from perfanim.core.cli import evaluate as command
+from perfanim.core.cli import evaluate_command as command
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.motion.asf import read_asf
 from perfanim.core.formats.motion.bvh import write_bvh

@@ -6,7 +6,7 @@ import pytest
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.cli import simulate as command
+from perfanim.core.cli import simulate_command as command
 from perfanim.core.errors import FormatError, MarkerSetError, SettingsError, SkeletonError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.bvh import write_bvh

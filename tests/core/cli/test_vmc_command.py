@@ -112,7 +112,7 @@ def test_only_this_computer_is_listened_to_by_default(tmp_path, monkeypatch, opt
         opened.append((port, sender))
         raise ClosedError
 
-    monkeypatch.setattr("perfanim.core.cli.vmc.Receiver", receiver)
+    monkeypatch.setattr("perfanim.core.cli.vmc_command.Receiver", receiver)
     with pytest.raises(ClosedError):
         run(["--out", tmp_path / "a.bvh", "--seconds", "0.01", *options], lambda _: None)
     assert opened == [(0, address)]

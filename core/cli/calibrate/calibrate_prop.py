@@ -16,7 +16,7 @@ from ...markers.prop import save_prop
 from ...subjects.prop_calibration import calibrate_prop
 from ...system.progress import Progress
 from ..options import add_text
-from .subject import part
+from .calibrate_subject import part
 
 
 def add_parser(subparsers: Any) -> None:

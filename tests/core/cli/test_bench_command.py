@@ -1,7 +1,7 @@
 """`perfanim bench` where the benchmarks are, and where they are not."""
 
 import pytest
-from perfanim.core.cli import bench
+from perfanim.core.cli import bench_command as bench
 from perfanim.core.cli.main import build_parser, main
 
 

@@ -10,7 +10,7 @@ from ..system.files import atomic_path
 from ..system.progress import Progress
 from .main import jsonable
 from .options import add_number, add_text, check_range
-from .retarget import run_blender
+from .retarget_command import run_blender
 
 
 def add_parser(subparsers: Any) -> None:

@@ -19,7 +19,7 @@ from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
 from ..system.progress import Progress
 from .options import add_motion_options, add_number, add_repeated, add_switch, add_text
 from .partial_result import PartialResult
-from .retarget import check_blender, run_blender
+from .retarget_command import check_blender, run_blender
 
 
 def add_parser(subparsers: Any) -> None:
