@@ -66,7 +66,7 @@ def test_markers_are_dots_rings_and_lines_to_the_camera_that_alone_sees_them() -
 
 
 def test_names_that_had_to_go_away_have_a_line_to_their_markers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(overlay.drawing, "text_width", lambda line, size: 0.6 * size * len(line))
+    monkeypatch.setattr(overlay.viewport_drawing, "text_width", lambda line, size: 0.6 * size * len(line))
     for apart_px, has_line in ((200.0, False), (3.0, True)):
         shapes = overlay.Shapes()
         names = [(name, np.array([100.0, 100.0 + apart_px * number])) for number, name in enumerate(NAMES)]
