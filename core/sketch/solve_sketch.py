@@ -20,7 +20,7 @@ from ..system.progress import Progress, no_progress
 from .base_motion import BaseMotion, blended, corrected
 from .joint_targets import carried_root, target_joints, targets_of
 from .motion_library import MotionLibrary
-from .pose_fit import BodyFit
+from .pose_fit import PoseFit
 from .reach import Reach
 from .retrieval import Looks, Stretch, Windows, choose_windows, looks_of, nearest_windows, stretches_of
 from .sketch_file import Control, Sketch, tilted, upright_from
@@ -151,7 +151,7 @@ class SketchSolver:
         self._skeleton, self.database = skeleton, database
         self._library: MotionLibrary | None = None
         self._behaviours: tuple[str, ...] = ()
-        self._fits: dict[tuple[str, ...], BodyFit] = {}
+        self._fits: dict[tuple[str, ...], PoseFit] = {}
         self._searched: dict[tuple[Stretch, bool], _Searched] = {}
         self._solved: _Solved | None = None
 
@@ -261,7 +261,7 @@ class SketchSolver:
     def _fit_frames(self, inputs: _FitInputs, at: IntArray) -> tuple[Array, RootPose]:
         """Return poses (N, 28, 3) and roots (N) of some frames."""
         if inputs.joints not in self._fits:
-            self._fits[inputs.joints] = BodyFit(self._skeleton, self.database, inputs.joints)
+            self._fits[inputs.joints] = PoseFit(self._skeleton, self.database, inputs.joints)
         roots = RootPose(inputs.root_rotations[at], inputs.root_positions_m[at])
         return self._fits[inputs.joints].fit(inputs.poses[at], roots, inputs.points_m[at], inputs.sigmas_m[at])
 

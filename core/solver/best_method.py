@@ -19,7 +19,6 @@ from .motion_prior import MotionPrior, PriorEstimate, open_network
 from .observation import Observation
 from .settings import BestSettings
 from .solution import Estimate
-from .straight_steps import straight_steps
 from .subject_model import RootPose, SubjectModel
 
 _KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
@@ -130,19 +129,15 @@ class BestMethod:
         # as closely as to other bodies: courses of a known one are better still
         settings, covariance, limits = self._settings, self._smaller_change, self._limits
         root_sigma, sigma_m = (settings.root_sigma_m, settings.root_sigma_rad), settings.marker_sigma_m
-        change, is_straight = straight_steps(
-            Prior(poses, covariance), roots, root_sigma, observations, limits, self._subject, sigma_m
-        )
-        fitted, found = poses + change[:, 6:], gaussian_conditioning.moved_root(roots, change)
-        for index in np.flatnonzero(~is_straight):
-            root = RootPose(roots.rotation[index], roots.position_m[index])
-            prior = Prior(poses[index], covariance)
-            expectation = Expectation(prior, observations[index], root, root_sigma, limits)
+        fitted, rotations, places = poses.copy(), roots.rotation.copy(), roots.position_m.copy()
+        for index, observation in enumerate(observations):
+            root, prior = RootPose(rotations[index], places[index]), Prior(poses[index], covariance)
+            expectation = Expectation(prior, observation, root, root_sigma, limits)
             fitted[index], root, _ = gaussian_conditioning.fit_to_markers(
                 expectation, self._subject, sigma_m, _FIT_STEPS
             )
-            found.rotation[index], found.position_m[index] = root.rotation, root.position_m
-        return fitted, found
+            rotations[index], places[index] = root.rotation, root.position_m
+        return fitted, RootPose(rotations, places)
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""

@@ -27,7 +27,7 @@ _EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no pr
 _LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
 _FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
 _TINY = np.float32(1e-3)  # differences below a ten millionth of this are none
-STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
+_STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,11 @@ class FitFacts:
 
 
 def fit_to_markers(
-    expectation: Expectation, subject: SubjectModel, marker_sigma_m: float, steps: int
+    expectation: Expectation,
+    subject: SubjectModel,
+    marker_sigma_m: float,
+    steps: int,
+    straight_rad: float = _STRAIGHT_RAD,
 ) -> tuple[Array, RootPose, FitFacts]:
     """Fit pose (D,) and root to the markers under the prior, within the limits.
 
@@ -241,7 +245,8 @@ def fit_to_markers(
     Args:
         expectation: prior, observed markers, root and limits.
         marker_sigma_m: standard deviation of a marker's coordinate beside its noise.
-        steps: at most.
+        steps: Largest number of steps.
+        straight_rad: A step in which no joint turns more needs no other.
     """
     sigmas_m = control_sigmas(expectation.observation, marker_sigma_m)
     covariance, mean = expectation.prior.covariance, expectation.prior.mean
@@ -273,7 +278,7 @@ def fit_to_markers(
         beyond_rad = beyond_limits(mean + change[6:], expectation.limits)
         # limits that were passed before are in the linear model
         passed_rad = np.abs(beyond_rad[is_within]).max(initial=0.0)
-        if max(np.abs(change - kept[0])[3:].max(), passed_rad) < STRAIGHT_RAD:
+        if max(np.abs(change - kept[0])[3:].max(), passed_rad) < straight_rad:
             break
     else:
         change = kept[0]  # the last step was not tried

@@ -28,10 +28,10 @@ class Observation:
     noise_m: Array | None = None
 
     @classmethod
-    def of_points(cls, points_m: Array) -> "Observation":
+    def of_points(cls, points_m: Array, noise_m: Array | None = None) -> "Observation":
         """Return the observation of located markers only."""
         count = len(points_m)
-        return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan))
+        return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan), noise_m=noise_m)
 
     def smoothed(self, points_m: Array, noise_m: Array) -> "Observation":
         """Return the observation with other positions (M, 3) and their noise (M,).

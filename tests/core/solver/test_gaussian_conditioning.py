@@ -7,12 +7,10 @@ from perfanim.core.solver.gaussian_conditioning import (
     Prior,
     continue_prior,
     fit_to_markers,
-    moved_root,
     neighbours_prior,
     widen_joints,
 )
 from perfanim.core.solver.observation import Observation
-from perfanim.core.solver.straight_steps import straight_steps
 from perfanim.core.solver.subject_model import RootPose
 from scipy.stats import multivariate_normal
 
@@ -247,37 +245,3 @@ def test_fit_keeps_joints_within_their_limits(model, frame):
         for pose, _, _ in (fit_to_markers(wanted, model, 0.02, 8) for wanted in (expectation, free))
     ]
     assert beyond[0] < 0.05 < 0.1 < beyond[1]  # 0.02 is the standard deviation beyond a limit
-
-
-def test_many_fits_at_once_take_the_step_of_single_ones(model, frame):
-    prior, pose, root, points = frame
-    near = pose + np.array([[0.0], [0.002], [0.4]])  # the last so far that one step is not enough
-    observations = [Observation.of_points(points.copy()) for _ in near]
-    observations[1].points_m[2] = np.nan
-    observations[1] = observations[1].smoothed(observations[1].points_m, np.full(len(points), 0.004))
-    roots = RootPose(np.tile(root.rotation, (3, 1)), np.tile(root.position_m, (3, 1)))
-    limits = np.stack((pose - 0.45, pose + 0.45))
-    priors = Prior(near, prior.covariance)
-    change, is_straight = straight_steps(priors, roots, (0.03, 0.1), observations, limits, model, NOISE_M)
-    assert is_straight.tolist() == [True, True, False]
-    found = moved_root(roots, change)
-    for row in range(2):
-        expectation = Expectation(Prior(near[row], prior.covariance), observations[row], root, (0.03, 0.1), limits)
-        single, single_root, facts = fit_to_markers(expectation, model, NOISE_M, 3)
-        assert facts.steps == 1
-        np.testing.assert_allclose(near[row] + change[row, 6:], single, atol=1e-10)
-        np.testing.assert_allclose(found.rotation[row], single_root.rotation, atol=1e-10)
-        np.testing.assert_allclose(found.position_m[row], single_root.position_m, atol=1e-10)
-
-
-def test_fits_beyond_a_limit_or_by_single_cameras_need_more_than_one_step(model, frame):
-    prior, pose, root, points = frame
-    near = np.stack((pose, pose))
-    hidden = np.where(np.arange(len(points))[:, None] == 2, np.nan, points)
-    cameras = np.where(np.arange(len(points)) == 2, 0, -1)
-    seen_once = Observation(hidden, cameras, np.zeros((len(points), 2)))
-    roots = RootPose(np.tile(root.rotation, (2, 1)), np.tile(root.position_m, (2, 1)))
-    priors, observations = Prior(near, prior.covariance), [seen_once, Observation.of_points(points)]
-    for limits, expected in ((UNLIMITED, [False, True]), (np.stack((pose - 1.0, pose - 0.1)), [False, False])):
-        _, is_straight = straight_steps(priors, roots, (0.03, 0.1), observations, limits, model, NOISE_M)
-        assert is_straight.tolist() == expected
