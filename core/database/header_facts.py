@@ -58,7 +58,7 @@ def read_facts(path: Path, header: bytes) -> dict[str, Any]:
     """
     facts = json.loads(header)
     if not isinstance(facts, dict):
-        raise ValueError("its header is no table")
+        raise ValueError("its header is not a table")
     rows, names = facts.get("zeros"), [key.name for key in REFERENCE_POSE]
     if isinstance(rows, list):
         facts["zeros"] = [dict(zip(names, row, strict=False)) if isinstance(row, list) else row for row in rows]

@@ -108,7 +108,9 @@ def file_name(address: str, name: str = "") -> str:
     ending = next((ending for ending in _ENDINGS if last.lower().endswith(ending)), "")
     if not ending:
         raise DownloadError(
-            "is no archive of motion", where=address, advice=f"give the address of a file that ends in {_ENDINGS[0]}"
+            "is not an archive of motion",
+            where=address,
+            advice=f"give the address of a file that ends in {_ENDINGS[0]}",
         )
     stem = re.sub(r"[^A-Za-z0-9_-]+", "-", name or last[: -len(ending)])[:_LONGEST_NAME].strip("-")
     return f"{stem or 'motion'}{ending}"

@@ -384,7 +384,7 @@ def check_arrays(database: Database) -> None:
                 fine &= bool(np.all((numbers[part] >= 0) & (numbers[part] < database.frames)))
         if not fine:
             where, advice = f"{database.path}, frames from {frames}", "build the database again"
-            raise DatabaseError("holds numbers that are no poses", where=where, advice=advice)
+            raise DatabaseError("contains invalid poses", where=where, advice=advice)
 
 
 def identity(database: Database) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Names that differ, for joints and markers of files that repeat some."""
+"""Unique names for joints and markers of files that repeat some."""
 
 from collections.abc import Sequence
 

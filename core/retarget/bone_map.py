@@ -86,7 +86,7 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
         presets: name -> joint -> bone; one that fits entirely comes before everything else.
 
     Raises:
-        CharacterError: it is no biped, with the reason; or arms, legs and hips are not found.
+        CharacterError: the armature is not a biped, with the reason; or arms, legs and hips are not found.
     """
     for name, preset in (presets or {}).items():
         if (bones := _fitting(rest, preset)) is not None:
@@ -113,7 +113,7 @@ def checked_map(rest: ArmatureRest, bones: Mapping[str, str], origin: str, swapp
     """Return the map of given bones with the state of each joint.
 
     Raises:
-        CharacterError: the armature lacks one of the bones, a bone that is needed is not given, or it is no biped.
+        CharacterError: A bone does not exist, a required one is not given, or the armature is not a biped.
     """
     unknown = [bone for bone in bones.values() if bone not in rest.index]
     if unknown:

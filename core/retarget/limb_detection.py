@@ -92,7 +92,7 @@ def check_upright(score: float) -> None:
     if score < _UPRIGHT:
         angle = np.degrees(np.arccos(np.clip(score, -1.0, 1.0)))
         raise CharacterError(
-            f"it is no biped: its trunk leans {angle:.0f} degrees from the line of its legs, as on four feet",
+            f"the armature is not a biped: its trunk leans {angle:.0f} degrees from its legs, as on four feet",
             advice="choose a character that stands on two legs in its rest pose",
         )
 

@@ -1,7 +1,7 @@
 """C3D marker takes: reader for all processors, integer and real storage.
 
-After the public format description (c3d.org): a 512-byte header block, parameter blocks with groups and parameters,
-then frames of four words a point (x, y, z, residual with camera mask) and the analog samples, which are passed over.
+Format (c3d.org): a 512-byte header block, parameter blocks with groups and parameters, then frames of four words per
+point (x, y, z, residual with camera mask) and analog samples, which are ignored.
 """
 
 import math
@@ -28,15 +28,16 @@ Parameters = dict[tuple[str, str], list[Any]]  # values by group and name
 
 @dataclass(frozen=True)
 class Layout:
-    """Where and how the frames are stored.
+    """Storage of the frames.
 
     Args:
-        points, analog_words: of a frame, which has four words for each point, then the analog ones.
-        frames: that are stored whole.
-        scale: of integers; negative: the words are real numbers.
-        start: first byte of the frames.
-        processor: of the file's header: the order of bytes and the kind of real numbers.
-        metres: a length unit of the file.
+        points: Points per frame, of four words each.
+        analog_words: Words per frame after the points.
+        frames: Frames that are stored completely.
+        scale: Factor of integers; negative if the words are real numbers.
+        start: First byte of the frames.
+        processor: Code of the header for byte order and real numbers.
+        metres: Metres per length unit of the file.
     """
 
     points: int
@@ -51,42 +52,42 @@ class Layout:
 
     @property
     def order(self) -> str:
-        """The order of bytes, as struct and NumPy have it."""
+        """Byte order for struct and NumPy."""
         return ">" if self.processor == _MIPS else "<"
 
     @property
     def is_dec(self) -> bool:
-        """Whether real numbers are those of a VAX."""
+        """Whether real numbers are in the VAX format."""
         return self.processor == _DEC
 
     @property
     def width(self) -> int:
-        """Words of a frame."""
+        """Words per frame."""
         return 4 * self.points + self.analog_words
 
 
 def read_c3d(path: Path | str) -> MarkerTake:
-    """Return the take of a C3D file in metres; negative residual means missing.
+    """Return the take of a C3D file in metres; a negative residual means missing.
 
-    Points without a label are called "unnamed". A header that promises more frames than are stored is believed only as
-    far as whole frames are there.
+    Points without a label are called "unnamed". If the header declares more frames than are stored, the complete ones
+    are read.
 
     Raises:
-        FormatError: not a C3D file, damaged, or without points.
+        FormatError: The file is not C3D, is damaged, or has no points.
     """
     with reading(path):
         return _C3dParser(read_bytes(path), str(path)).read()
 
 
 def layout_of(data: bytes, where: str) -> Layout:
-    """Return where the frames of a C3D file's bytes are; errors as in `read_c3d`."""
+    """Return the storage of the frames in a C3D file; errors as in `read_c3d`."""
     with reading(where):
         reader = _C3dParser(data, where)
         return reader.layout(reader.parameters())
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in a C3D header, 0 when open; errors as in `read_c3d`."""
+    """Return the frame count in a C3D header, 0 if it is left open; errors as in `read_c3d`."""
     with reading(path):
         return _C3dParser(read_bytes(path), str(path)).header_frames()
 
@@ -114,14 +115,12 @@ class _C3dParser:
         positions = points[..., :3] * layout.metres
         if layout.scale > 0.0:
             positions = positions * layout.scale
-        # the fourth word: camera mask in the high byte, residual in the low one, -1 as a whole for a missing point
-        missing = points[..., 3] < 0.0
-        missing |= ~np.all(np.isfinite(positions), axis=-1)
-        positions = np.where(missing[..., None], np.nan, positions)
+        # the fourth word has the camera mask in its high byte, the residual in the low one; -1 is a missing point
+        positions = np.where(points[..., 3:] < 0.0, np.nan, positions)
         numbers = layout.first_frame + np.arange(layout.frames, dtype=np.float64)
         times = (numbers - layout.first_frame) / layout.fps
         names = self._names(parameters, layout.points)
-        return make_take(self.where, Path(self.where).stem, layout.fps, names, positions, numbers, times)
+        return make_take(self.where, layout.fps, names, positions, numbers, times)
 
     def header_frames(self) -> int:
         frames = max(self._word(5) - self._word(4) + 1, 0)
@@ -140,7 +139,7 @@ class _C3dParser:
         return value
 
     def _word(self, index: int) -> int:
-        """Return 16-bit word `index` of the header, counted from 1."""
+        """Return a 16-bit word of the header, counted from 1."""
         value: int = struct.unpack_from(self.order + "H", self.data, 2 * (index - 1))[0]
         return value
 
@@ -148,7 +147,7 @@ class _C3dParser:
         points = int(_point(parameters, "USED", self._word(2))) & 0xFFFF
         if points == 0:
             raise FormatError("has no points", where=self.where)
-        scale = self._real(self.data[12:16])  # where the parameter differs, the data are scaled as the header says
+        scale = self._real(self.data[12:16])  # takes precedence over the parameter SCALE
         if not np.isfinite(scale) or scale == 0.0:
             scale = float(_point(parameters, "SCALE", -1.0))
         fps = float(_point(parameters, "RATE", 0.0))
@@ -172,7 +171,7 @@ class _C3dParser:
     def _frame_count(self, parameters: Parameters, stored: int) -> int:
         declared = max(self._word(5) - self._word(4) + 1, 0)
         long_count = int(_point(parameters, "FRAMES", 0)) & 0xFFFF
-        # 65535 means "more than fits", then the trial's fields or the file's size tell
+        # 65535 means that the count does not fit; then the file's size decides
         if max(declared, long_count) >= 0xFFFF or declared == 0:
             return stored
         return min(declared, stored)
@@ -236,6 +235,6 @@ def _from_dec(words: NDArray[np.uint16]) -> Array:
     """Return the values of VAX F-floating numbers, two 16-bit words each."""
     pairs = words.reshape(-1, 2).astype(np.uint32)
     bits = (pairs[:, 0] << np.uint32(16)) | pairs[:, 1]
-    # the same bits read as IEEE have an exponent that is two too great
+    # the same bits read as IEEE have an exponent that is too large by two
     values = bits.astype(np.uint32).view(np.float32).astype(np.float64) / 4.0
     return np.where((bits >> np.uint32(23)) & np.uint32(0xFF) == 0, 0.0, values)

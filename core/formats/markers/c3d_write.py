@@ -11,16 +11,16 @@ from ...system.files import atomic_path
 
 _BLOCK = 512
 _INTEL = 84
-_MOST_NAMES = 255  # of one parameter
-_MOST_FRAMES = 0xFFFF  # in a 16-bit word; longer takes have their end in the TRIAL group
+_MOST_NAMES = 255  # in one parameter
+_MOST_FRAMES = 0xFFFF  # in a 16-bit word; the TRIAL group holds the end of longer takes
 _CHARACTERS, _WORD, _REAL = -1, 2, 4
 
 
 def write_c3d(take: MarkerTake, path: Path | str) -> None:
-    """Write a take as C3D; missing frames and markers have residual -1.
+    """Write a take as C3D; missing frames and markers have the residual -1.
 
     Raises:
-        FormatError: more than 255 markers, or the folder cannot be written.
+        FormatError: The take has more than 255 markers, or the folder cannot be written.
     """
     if len(take.names) > _MOST_NAMES:
         raise FormatError(
@@ -41,11 +41,13 @@ def write_c3d(take: MarkerTake, path: Path | str) -> None:
     )  # fmt: skip
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write(header.ljust(_BLOCK, b"\0") + parameters)
-        file.write(words.tobytes())  # no block is filled up: readers count the frames of long takes by the file's size
+        file.write(
+            words.tobytes()
+        )  # without padding, because readers count the frames of long takes by the file's size
 
 
 def _parameters(take: MarkerTake, first: int, frames: int) -> bytes:
-    """Return the parameter section, whole blocks."""
+    """Return the parameter section in whole blocks."""
     width = max(len(name.encode("utf-8")) for name in take.names)
     labels = b"".join(name.encode("utf-8").ljust(width) for name in take.names)
     last = first + frames - 1
@@ -79,5 +81,5 @@ def _group(number: int, name: str) -> bytes:
 
 
 def _parameter(group: int, name: str, kind: int, shape: tuple[int, ...], values: bytes) -> bytes:
-    body = struct.pack("<bB", kind, len(shape)) + bytes(shape) + values + b"\0"  # the last byte: no description
+    body = struct.pack("<bB", kind, len(shape)) + bytes(shape) + values + b"\0"  # empty description
     return struct.pack("<bb", len(name), group) + name.encode("ascii") + struct.pack("<h", len(body) + 2) + body

@@ -1,7 +1,7 @@
 """Marker takes as CSV: exports of OptiTrack's Motive, and a plain table.
 
 Our own table: comment lines with "#", one of them with "fps=..."; a header `frame,time_s,NAME_x,NAME_y,NAME_z,...`;
-then one row a frame in metres, blank where a marker is missing.
+then one row per frame in metres, blank where a marker is missing.
 """
 
 import csv
@@ -16,11 +16,11 @@ from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import make_take, metres_of, numbers_of, rate_from_times, table_of
+from .reader_parts import make_take, metres_of, numbers_of, table_of
 
-_BLANK: list[str] = []
+_BLANK: list[str] = []  # shared by all blank lines, to save memory
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
-# Motive's kinds of columns, best first: measured before modelled
+# Motive's kinds of columns, measured before modelled ones
 _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 
 
@@ -28,14 +28,14 @@ def read_csv(path: Path | str) -> MarkerTake:
     """Return the take of a CSV file in metres; see the module for the layouts.
 
     Raises:
-        FormatError: not a marker take, or damaged; names file and line.
+        FormatError: The file is not a marker take or is damaged; names file and line.
     """
     where = str(path)
     text = read_bytes(path).decode("utf-8-sig", errors="replace")
     if "\x00" in text:
         raise FormatError("is not a text file", where=where)
     try:
-        rows = [row or _BLANK for row in csv.reader(io.StringIO(text, newline=None))]  # of blank lines all the same
+        rows = [row or _BLANK for row in csv.reader(io.StringIO(text, newline=None))]
     except csv.Error as error:
         raise FormatError(f"is not CSV ({error})", where=where) from error
     if rows and rows[0] and rows[0][0].strip() == "Format Version":
@@ -64,11 +64,10 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
     positions *= metres_of(facts.get("Length Units", "Meters"), where)
     rate = facts.get("Export Frame Rate") or facts.get("Capture Frame Rate") or "nan"
     fps = numbers_of([rate], f"{where}, line 1")[0]
-    fps = fps if fps > 0.0 else rate_from_times(table[:, 1])
     names = [labels["name"][i] for i in starts]
-    own = [name.split(":")[-1] for name in names]  # without the subject, unless several of them have a "Marker1"
+    own = [name.split(":")[-1] for name in names]  # without the subject, unless several subjects have a "Marker1"
     names = own if len(set(own)) == len(own) else names
-    return make_take(where, facts.get("Take Name") or Path(where).stem, fps, names, positions, table[:, 0], table[:, 1])
+    return make_take(where, fps, names, positions, table[:, 0], table[:, 1], facts.get("Take Name", ""))
 
 
 def _plain(rows: list[list[str]], where: str) -> MarkerTake:
@@ -88,22 +87,20 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
     times = next((column for column in clocks if column is not None), None)
     stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", "\n".join(comments))
     fps = numbers_of([stated[1]], where)[0] if stated else float("nan")
-    if not fps > 0.0 and times is not None:
-        fps = rate_from_times(times)
-    if not fps > 0.0:
+    if not fps > 0.0 and times is None:
         raise FormatError("gives neither fps nor times", where=where, advice="add a line '# fps=60' or a column time_s")
     positions = table[:, np.array(list(names))[:, None] + np.arange(3)]
-    return make_take(where, Path(where).stem, fps, list(names.values()), positions, frames, times)
+    return make_take(where, fps, list(names.values()), positions, frames, times)
 
 
 def _column(table: Array, header: list[str], key: str) -> Array | None:
-    """Return the column of a name in small or capital letters, None without it."""
+    """Return the column with a name, in any case; None without it."""
     at = next((index for index, cell in enumerate(header) if cell.lower() == key), None)
     return None if at is None else table[:, at]
 
 
 def _name_of(cells: list[str]) -> str:
-    """Return the name that three columns share, "" if they are no x, y and z."""
+    """Return the name that x, y and z columns share, "" for other columns."""
     if "".join(cell[-1:] for cell in cells).lower() != "xyz":
         return ""
     found = {match["name"] for cell in cells if (match := _COLUMN.fullmatch(cell))}

@@ -1,4 +1,4 @@
-"""Marker takes in the formats of other programs and in our own, all in metres."""
+"""Reading and writing of marker takes in all formats, in metres."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from .trc import read_trc, write_trc
 
 @dataclass(frozen=True)
 class _Format:
-    """Reader of a format, and of the frame count in its header if it has one."""
+    """Reader of a format, and of the frame count in its header if there is one."""
 
     read: Callable[[Path], MarkerTake]
     count: Callable[[Path], int] | None = None
@@ -38,27 +38,25 @@ WRITABLE = (".take.npz", ".c3d", ".csv", ".trc")
 
 
 def is_recorded(path: Path | str) -> bool:
-    """Return whether a file name is that of a recorded take."""
+    """Return whether a file name has the ending of recorded takes."""
     return Path(path).name.lower().endswith(ENDING)
 
 
 def read_take(path: Path | str) -> MarkerTake:
-    """Return the marker take of a file; its extension chooses the format.
-
-    Positions are metres in the file's own axes, NaN where missing. Readable: `READABLE`.
+    """Return the marker take of a file in metres and the file's own axes; its ending, of `READABLE`, tells the format.
 
     Raises:
-        FormatError: another kind of file, damaged, or without markers.
-        TakeError: a .take.npz of another version, or a recorded take without poses.
+        FormatError: The file is of another kind, damaged, or without markers.
+        TakeError: A .take.npz has another version, or a recorded take has no poses.
     """
     known = _format_of(path)
     if known is None:
-        raise FormatError("is no marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
+        raise FormatError("is not a marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
     return known.read(Path(path))
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in the header of a file, 0 if its format has none."""
+    """Return the frame count in the header of a file, 0 if there is none."""
     known = _format_of(path)
     return known.count(Path(path)) if known and known.count else 0
 
@@ -69,19 +67,17 @@ def _format_of(path: Path | str) -> _Format | None:
 
 
 def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
-    """Raise FormatError for a file name with another ending; default `write_take`'s."""
+    """Raise FormatError for a file name with another ending; by default those of `write_take`."""
     if not Path(path).name.lower().endswith(endings):
         raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(endings)}")
 
 
 def write_take(take: MarkerTake, path: Path | str) -> None:
-    """Write a take; the file name's ending chooses the format.
+    """Write a take; the file name's ending, of `WRITABLE`, tells the format.
 
     Raises:
-        FormatError: an ending that cannot be written, or the folder cannot be.
+        FormatError: The ending is another one, or the file cannot be written.
     """
     check_ending(path)
-    for ending, write in ((".take.npz", save_take), (".c3d", write_c3d), (".csv", write_csv), (".trc", write_trc)):
-        if Path(path).name.lower().endswith(ending):
-            write(take, path)
-            return
+    ending = next(ending for ending in WRITABLE if Path(path).name.lower().endswith(ending))
+    {".take.npz": save_take, ".c3d": write_c3d, ".csv": write_csv, ".trc": write_trc}[ending](take, path)

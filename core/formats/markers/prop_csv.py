@@ -1,4 +1,4 @@
-"""Where a prop was, as a table: one row a frame, for programs that know no takes."""
+"""Motion of a prop as a table for other programs, one row per frame."""
 
 import csv
 from collections.abc import Sequence
@@ -11,11 +11,7 @@ HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "m
 
 
 def write_prop_csv(poses: Sequence[ScenePose], index: int, name: str, fps: float, path: Path | str) -> None:
-    """Write a prop's position and rotation, a row a frame; blank while hidden.
-
-    Raises:
-        FormatError: `path` cannot be written.
-    """
+    """Write a prop's position and rotation, blank while it was not found; FormatError if `path` cannot be written."""
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         file.write(f"# prop of perfanim: {name}, metres, y up, fps={fps!r}\n")
         writer = csv.writer(file, lineterminator="\n")

@@ -1,19 +1,16 @@
 """Marker takes as TSV of Qualisys Track Manager: millimetres, tab-separated."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from ...errors import FormatError
-from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
-from .reader_parts import frame_count, make_take, numbers_of
+from .reader_parts import frame_count, lines_of, make_take, numbers_of, table_of
 
-_METRES = 0.001  # of its unit; the file does not name it
-_HEADER_LINES = 50  # more than any header has, events among them
-_AHEAD = 2  # columns before the positions, frame and time, where they are exported
-_NULL = "null"  # one export of missing values; others are blank and zeros
+_METRES = 0.001  # per unit, which the file does not name
+_HEADER_LINES = 50  # more than any header has, including events
+_AHEAD = 2  # optional columns before the positions: frame and time
 
 
 def read_tsv(path: Path | str) -> MarkerTake:
@@ -23,10 +20,10 @@ def read_tsv(path: Path | str) -> MarkerTake:
     origin are missing positions.
 
     Raises:
-        FormatError: another kind of TSV file or of Qualisys data, damaged, or without markers; names file and line.
+        FormatError: The file is of another kind, damaged, or without markers; names file and line.
     """
-    where = str(path)
-    lines = read_bytes(path).decode("utf-8-sig", errors="replace").splitlines()
+    where, data = str(path), read_bytes(path)
+    lines = lines_of(data)
     header, first = _header(lines, where)
     names = [name.strip() for name in header["MARKER_NAMES"]]
     while names and not names[-1]:
@@ -34,19 +31,17 @@ def read_tsv(path: Path | str) -> MarkerTake:
     declared = _value(header, "NO_OF_MARKERS", where)
     if not names or declared != len(names):
         raise FormatError(f"declares {declared:g} markers and names {len(names)}", where=where)
-    fps = _value(header, "FREQUENCY", where)
-    if not fps > 0.0:
-        raise FormatError("gives no frequency", where=where)
-    rows = _rows(lines, first, 3 * len(names), where)
-    ahead = rows.shape[1] - 3 * len(names)
+    width = 3 * len(names)
+    ahead = _AHEAD if len(_fields(lines[first], width)) == width + _AHEAD else 0
+    rows = table_of(_rows(lines, first, width, ahead, where), len(lines), ahead + width, len(data), where)
     positions = rows[:, ahead:].reshape(len(rows), len(names), 3) * _METRES
     frames, times = (rows[:, 0], rows[:, 1]) if ahead else (None, None)
-    return make_take(where, Path(where).stem, fps, names, positions, frames, times)
+    return make_take(where, _value(header, "FREQUENCY", where), names, positions, frames, times)
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return how many frames the header promises; errors as in `read_tsv`."""
-    header, _ = _header(read_bytes(path).decode("utf-8-sig", errors="replace").splitlines(), str(path))
+    """Return the frame count in the header; errors as in `read_tsv`."""
+    header, _ = _header(lines_of(read_bytes(path)), str(path))
     return frame_count(_value(header, "NO_OF_FRAMES", str(path)))
 
 
@@ -60,7 +55,7 @@ def _header(lines: list[str], where: str) -> tuple[dict[str, list[str]], int]:
     header: dict[str, list[str]] = {}
     for number, line in enumerate(lines[:_HEADER_LINES]):
         key, *fields = line.split("\t")
-        if "MARKER_NAMES" in header and _is_data(line):
+        if "MARKER_NAMES" in header and line and _is_data(line):
             if (header.get("DATA_INCLUDED") or ["3D"])[0].strip().upper() != "3D":
                 raise FormatError("holds no 3D data", where=where, advice="export 3D data from QTM")
             return header, number
@@ -68,37 +63,29 @@ def _header(lines: list[str], where: str) -> tuple[dict[str, list[str]], int]:
     advice = "export with the header from QTM"
     if "MARKER_NAMES" in header:
         raise FormatError("has no frames", where=where)
-    raise FormatError("is no marker export of Qualisys (it has no line MARKER_NAMES)", where=where, advice=advice)
+    raise FormatError("is not a marker export of Qualisys (it has no line MARKER_NAMES)", where=where, advice=advice)
 
 
 def _is_data(line: str) -> bool:
     try:
-        numbers_of(_fields(line), "")
+        numbers_of(_fields(line, 0), "")
     except FormatError:
         return False
     return True
 
 
-def _fields(line: str) -> list[str]:
-    return ["" if field.strip().lower() == _NULL else field for field in line.split("\t")]
+def _fields(line: str, width: int) -> list[str]:
+    """Return the fields of a row of `width` positions, without a tab at its end and with NULL as blank."""
+    fields = ["" if field.strip().lower() == "null" else field for field in line.split("\t")]
+    return fields[:-1] if len(fields) in (width + 1, width + _AHEAD + 1) and not fields[-1].strip() else fields
 
 
-def _rows(lines: list[str], first: int, width: int, where: str) -> Array:
-    """Return the frames' numbers, after frame and time if the file has them."""
-    rows: list[list[float]] = []
+def _rows(lines: list[str], first: int, width: int, ahead: int, where: str) -> Iterator[tuple[list[str], str]]:
     for number, line in enumerate(lines[first:], start=first + 1):
         if not line:
             continue
-        fields = _fields(line)
-        if len(fields) in (width + 1, width + _AHEAD + 1) and not fields[-1].strip():
-            fields.pop()  # of a tab at the end
-        if len(fields) not in (width, width + _AHEAD) or (rows and len(fields) != len(rows[0])):
-            expected = len(rows[0]) if rows else width
-            raise FormatError(
-                f"has {len(fields)} fields, not {expected}", where=f"{where}, line {number}",
-                advice="the file is cut off or damaged",
-            )  # fmt: skip
-        rows.append(numbers_of(fields, f"{where}, line {number}"))
-    if not rows:
-        raise FormatError("has no frames", where=where)
-    return np.array(rows)
+        fields, place = _fields(line, width), f"{where}, line {number}"
+        if len(fields) != width + ahead:
+            advice = "the file is cut off or damaged"
+            raise FormatError(f"has {len(fields)} fields, not {width + ahead}", where=place, advice=advice)
+        yield fields, place

@@ -1,4 +1,4 @@
-"""Trajectories of labelled markers from solved poses."""
+"""Marker takes from the labelled markers of solved poses."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,16 +18,13 @@ def read_recorded_take(path: Path | str) -> MarkerTake:
     """Return the markers of a recorded take as they were labelled live.
 
     Raises:
-        TakeError: no take, nothing of it is left, or no pose was solved.
+        TakeError: The file is not a take, nothing of it is left, or no pose was solved.
     """
     return marker_take(read_take_file(path))
 
 
 def marker_take(take: TakeFile) -> MarkerTake:
-    """Return a recorded take's labelled markers in its world.
-
-    What single cameras showed is left out: a recorded take keeps it by blob, not by marker.
-    """
+    """Return a recorded take's labelled markers in its world, without those seen by a single camera."""
     poses = take.recorded_poses_of()
     if len(poses) < 2:
         raise TakeError(
@@ -41,7 +38,7 @@ def marker_take(take: TakeFile) -> MarkerTake:
 def take_of_poses(
     poses: Sequence[PerformerPose], names: Sequence[str], name: str, fps: float, rig: CameraRig | None = None
 ) -> MarkerTake:
-    """Return the labelled markers of poses, with `rig` also single cameras'."""
+    """Return the labelled markers of poses, with `rig` also those seen by a single camera."""
     single = None
     if rig is not None:
         cameras = np.array([pose.single_cameras for pose in poses])

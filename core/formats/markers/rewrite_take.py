@@ -1,4 +1,4 @@
-"""Rewriting of a marker file with changed positions and everything else kept."""
+"""Rewriting of marker files with changed positions; everything else is kept."""
 
 from pathlib import Path
 
@@ -13,21 +13,19 @@ from .c3d import Layout, layout_of
 from .marker_files import check_ending, read_take, write_take
 from .trc import rewrite_trc
 
-_INTEGERS = 32767  # the largest position that a C3D file of integers holds, in its scale
-
 
 def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> list[str]:
     """Write a changed take; return notes about content that the new file lost.
 
     In the file's own format everything else stays byte for byte: analog samples, events, parameters, points without a
-    name. Positions that are new in a C3D file have no cameras and the residual 0, as that of interpolated points.
+    name. New positions in a C3D file have no cameras and the residual 0, like interpolated points.
 
     Args:
-        take: as `read_take` gives it, in its world and order of markers, with other positions.
-        target: file to write; its ending chooses the format.
+        take: Result of `read_take` with other positions.
+        target: File to write; its ending tells the format.
 
     Raises:
-        FormatError: an ending that cannot be written, a folder that cannot be, or a position that does not fit.
+        FormatError: The target cannot be written, or a position does not fit.
     """
     check_ending(target)
     kind = Path(source).suffix.lower()
@@ -52,19 +50,19 @@ def _lost(source: Path) -> list[str]:
         kept = ["analog samples"] * analog + ["events", "parameters", "residuals"]
         return [f"not written: {', '.join(kept)} of {source.name}; a .c3d keeps them"]
     if source.suffix.lower() == ".csv":
-        return [f"not written: columns of {source.name} that are no markers"]
+        return [f"not written: columns of {source.name} without markers"]
     return []
 
 
 def _c3d(data: bytes, where: str, positions_m: Array, changed: Mask, new: Mask) -> bytes:
-    """Return a C3D file's bytes with changed positions; `new` ones as interpolated."""
+    """Return a C3D file's bytes with changed positions, the `new` ones marked as interpolated."""
     layout = layout_of(data, where)
     result = bytearray(data)
     values = positions_m / layout.metres
     if layout.scale > 0.0:
         words = _words(result, layout, layout.order + "i2")
         values = np.rint(values / layout.scale)
-        if np.any(np.abs(values[changed]) > _INTEGERS):
+        if np.any(np.abs(values[changed]) > 32767):
             advice = "write another format"
             raise FormatError("a position does not fit its integers", where=where, advice=advice)
     else:
@@ -78,12 +76,12 @@ def _c3d(data: bytes, where: str, positions_m: Array, changed: Mask, new: Mask) 
 
 
 def _words(data: bytearray, layout: Layout, kind: str) -> NDArray[np.generic]:
-    """Return a view (F, words of a frame) of the frames in `data`."""
+    """Return a view (F, words per frame) of the frames in `data`."""
     count = layout.width * layout.frames
     return np.frombuffer(data, kind, count, layout.start).reshape(layout.frames, layout.width)
 
 
 def _to_dec(values: Array) -> NDArray[np.uint32]:
-    """Return VAX F-floating numbers as 32 bits, high half in the first two bytes."""
+    """Return numbers in the VAX F format as 32 bits, the high half first."""
     bits = np.where(np.isfinite(values), 4.0 * values, 0.0).astype(np.float32).view(np.uint32)
     return (bits >> np.uint32(16)) | (bits << np.uint32(16))

@@ -10,22 +10,21 @@ from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import frame_count, make_take, metres_of, rate_from_times, table_of
+from .reader_parts import frame_count, lines_of, make_take, metres_of, table_of
 
 
 def read_trc(path: Path | str) -> MarkerTake:
     """Return the take of a TRC file in metres.
 
     Blank fields, every spelling of NaN and points at the very origin are missing positions; rows may end early. Points
-    without a name are passed over. A data rate of zero is taken from the times.
+    without a name are ignored. If the data rate is zero, the times give it.
 
     Raises:
-        FormatError: not a TRC file, damaged, or without markers; names file and line.
+        FormatError: The file is not TRC, is damaged, or has no markers; names file and line.
     """
-    where = str(path)
-    data = read_bytes(path)
-    lines = data.decode("utf-8", errors="replace").replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if not lines[0].lstrip("\ufeff").lower().startswith("pathfiletype"):
+    where, data = str(path), read_bytes(path)
+    lines = lines_of(data)
+    if not lines[0].lower().startswith("pathfiletype"):
         raise FormatError("is not a TRC file (it does not begin with PathFileType)", where=where)
     if len(lines) < 5:
         raise FormatError("ends within its header", where=f"{where}, line {len(lines)}", advice="the file is cut off")
@@ -33,20 +32,13 @@ def read_trc(path: Path | str) -> MarkerTake:
     names = _names(lines[3], header, where)
     width = 2 + 3 * len(names)
     rows = table_of(_rows(lines, width, where), len(lines), width, len(data), where)
-    fps = _number(header.get("datarate", ""))
-    if not fps > 0.0:
-        fps = rate_from_times(rows[:, 1])
-    if not fps > 0.0:
-        raise FormatError("gives neither a data rate nor times", where=where)
     positions = rows[:, 2:].reshape(len(rows), len(names), 3) * metres_of(header.get("units", "mm"), where)
-    return make_take(where, Path(where).stem, fps, names, positions, rows[:, 0], rows[:, 1])
+    return make_take(where, _number(header.get("datarate", "")), names, positions, rows[:, 0], rows[:, 1])
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in a TRC header, 0 when open; errors as in `read_trc`."""
-    lines = read_bytes(path).decode("utf-8", errors="replace").splitlines()
-    frames = _number(_header(lines, str(path)).get("numframes", ""))
-    return frame_count(frames)
+    """Return the frame count in a TRC header, 0 if it is left open; errors as in `read_trc`."""
+    return frame_count(_number(_header(lines_of(read_bytes(path)), str(path)).get("numframes", "")))
 
 
 def _header(lines: list[str], where: str) -> dict[str, str]:
@@ -67,11 +59,11 @@ def _number(text: str) -> float:
 
 
 def _names(line: str, header: dict[str, str], where: str) -> list[str]:
-    # some writers shift the names by a column against the data: what counts is their order
+    # some writers shift the names by a column against the data, so only their order counts
     names = [field.strip() for field in line.split("\t")[2:] if field.strip()]
     declared = _number(header.get("nummarkers", ""))
     if not names:
-        advice = "name the points in the program that it is from"
+        advice = "name the points in the program that wrote it"
         raise FormatError("has no markers with a name", where=f"{where}, line 4", advice=advice)
     if declared < len(names):
         raise FormatError(f"declares {declared:g} markers, names {len(names)}", where=f"{where}, line 4")
@@ -84,7 +76,7 @@ def _rows(lines: list[str], width: int, where: str) -> Iterator[tuple[list[str],
         if not fields[0].strip():
             continue
         place = f"{where}, line {number}"
-        # Vicon and BTK put points without a name behind the named ones: they are passed over
+        # Vicon and BTK put points without a name after the named ones; these are ignored
         beyond = len(line.rstrip().split("\t")) - width
         if beyond > 0 and beyond % 3:
             raise FormatError(f"has fields beyond its {width}", where=place)
@@ -113,7 +105,7 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
 def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: Mask) -> bytes:
     """Return a TRC file's bytes with changed positions, (F, M, 3) and (F, M)."""
     text = data.decode("utf-8", errors="surrogateescape")
-    parts = re.split("(\r\n|\r|\n)", text)  # lines, and what ends them between
+    parts = re.split("(\r\n|\r|\n)", text)  # lines and line ends in turn
     lines = parts[::2]
     metres = metres_of(_header(lines, where).get("units", "mm"), where)
     values, decimals = positions_m / metres, 5 if metres < 0.1 else 8

@@ -1,7 +1,7 @@
 """Acclaim motion: AMC files, as written by the CMU Motion Capture Database.
 
-Their values are angles about fixed axes, first about the first letter of the bone's axis order, in a frame C that the
-ASF file gives for each bone: the joint's rotation relative to rest is C R(values) C^-1.
+Values are angles about fixed axes, in the bone's axis order, in a frame C that the ASF file gives for each bone: the
+joint's rotation relative to rest is C R(values) C^-1.
 """
 
 import re
@@ -17,21 +17,20 @@ from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, Mask
 from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
-from .numbers import check_pose_bytes, parse_numbers
+from .numbers import angle_jumps, check_pose_bytes, parse_numbers
 
 CMU_FPS = 120.0
-_ANGLE_JUMP = np.radians(150.0)  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
 _SPACE, _TAB, _NEWLINE = b" \t\n"
 
 
 @dataclass(frozen=True)
 class AmcValues:
-    """The numbers of an AMC file.
+    """Numbers of an AMC file.
 
     Args:
-        layout: bones of each frame, in the file's order.
-        values: (F, D) in that order, in the file's units; NaN where the file says so.
-        factor: radians of one unit of an angle.
+        layout: Bones of each frame, in the file's order.
+        values: Values (F, D) in that order, in the file's units; NaN where the file says so.
+        factor: Radians per unit of an angle.
     """
 
     layout: tuple[AsfBone, ...]
@@ -40,17 +39,16 @@ class AmcValues:
 
     @property
     def angle_jumps(self) -> Mask:
-        """(F,) true where an angle is more than 150 degrees from that of the frame before."""
+        """Frames (F,) with an angle far from that of the frame before."""
         turning = [channel[0] == "r" for bone in self.layout for channel in bone.channels]
-        steps = np.abs(np.diff(self.values[:, turning], axis=0))
-        return np.concatenate(([False], np.any(steps * self.factor > _ANGLE_JUMP, axis=1)))
+        return angle_jumps(np.degrees(self.values[:, turning] * self.factor))
 
 
 def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
-    """Return the numbers held in the bytes of an AMC file.
+    """Return the numbers in the bytes of an AMC file.
 
     Raises:
-        FormatError: not an AMC file, damaged, or of another skeleton; names file and line.
+        FormatError: The file is not AMC, is damaged, or belongs to another skeleton; names file and line.
     """
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -59,8 +57,7 @@ def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
     degrees = b":RADIANS" not in header and (asf.degrees or b":DEGREES" in header)
     layout = _layout(body, where, asf, header.count(b"\n"))
     values = _values(body, layout)
-    if values is None:
-        # indented, with blank lines, or damaged
+    if values is None:  # indented, with blank lines, or damaged
         values = _values(_stripped(body), layout)
     if values is None:
         raise _first_fault(body, where, layout, header.count(b"\n"))
@@ -115,10 +112,9 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
 
 
 def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
-    """Return (F, D) values in the layout's order, None if a frame departs from it.
+    """Return values (F, D) in the layout's order, None if a frame departs from it.
 
-    Every frame has the same names on the same lines, so they are compared and blanked out in one go for all frames,
-    and a table of numbers is left.
+    Every frame has the same names on the same lines, so each name is checked and blanked out in all frames at once.
     """
     text = np.frombuffer(body if body.endswith(b"\n") else body + b"\n", dtype=np.uint8)
     ends = np.flatnonzero(text == _NEWLINE)
@@ -180,16 +176,17 @@ def _line_fault(words: list[str], expected: list[str]) -> str:
 def amc_motion(table: AmcValues, asf: AsfFile, fps: float, name: str) -> Motion:
     """Return the motion of an AMC file's numbers on the skeleton of its ASF file.
 
-    AMC files do not store their rate; CMU's is `CMU_FPS`. Degrees of freedom that the frames lack are zero.
+    Args:
+        fps: Frame rate, which AMC files do not store; CMU's is `CMU_FPS`.
 
     Raises:
-        FormatError: as `Motion`; frames with NaN are none.
+        FormatError: A frame contains NaN, or as `Motion`.
     """
     skeleton, values = asf.skeleton, table.values
     rotations = rot.identity((len(values), len(skeleton)))
     positions = np.tile(asf.root_position, (len(values), 1))
     columns = _columns(table.layout)
-    same: dict[str, list[AsfBone]] = {}  # by the axes of their angles: these are computed together
+    same: dict[str, list[AsfBone]] = {}  # bones with the same axes, which are computed together
     for bone in table.layout:
         if bone.name in skeleton.names and _turning_axes(bone):
             same.setdefault("".join(_turning_axes(bone)), []).append(bone)
@@ -212,5 +209,5 @@ def _columns(layout: Sequence[AsfBone]) -> dict[tuple[str, str], int]:
 
 
 def _turning_axes(bone: AsfBone) -> list[str]:
-    """Return the axes of the bone's angles, in the order of their turns."""
+    """Return the axes of the bone's angles in the order of rotation."""
     return [axis for axis in bone.axis_order if f"r{axis.lower()}" in bone.channels]

@@ -1,6 +1,6 @@
 """Acclaim skeletons: ASF files, as written by the CMU Motion Capture Database.
 
-A bone of an ASF file starts at the end of its parent's bone; here it is the joint of the same name at its start.
+A bone of an ASF file starts at the end of its parent's bone; here it becomes the joint of the same name at its start.
 """
 
 from collections.abc import Iterator
@@ -28,10 +28,10 @@ class AsfBone:
     """One bone of an ASF file, in the file's units except for angles (radians).
 
     Args:
-        direction: (3,) unit direction in the rest pose.
-        axis: (4,) rest-from-bone-frame quaternion.
-        axis_order: order of the rotations about fixed axes, e.g. "XYZ" (first x).
-        channels: degrees of freedom in the order of the AMC values, e.g. ("rx", "rz").
+        direction: Unit direction (3,) in the rest pose.
+        axis: Rest-from-bone-frame quaternion (4,).
+        axis_order: Order of the rotations about fixed axes, e.g. "XYZ" (x first).
+        channels: Degrees of freedom in the order of the AMC values, e.g. ("rx", "rz").
     """
 
     name: str
@@ -47,11 +47,11 @@ class AsfFile:
     """Content of an ASF file.
 
     Args:
-        bones: by name, without the root.
-        root: the root as a bone of no length; its channels are the file's `order`.
-        root_position: (3,) rest position in the file's unit.
-        root_orientation: (4,) rest orientation.
-        skeleton: the joints that can move, see `read_asf`.
+        bones: Bones by name, without the root.
+        root: The root as a bone without length; its channels are the file's `order`.
+        root_position: Rest position (3,) in the file's unit.
+        root_orientation: Rest orientation (4,).
+        skeleton: Joints that can move, see `read_asf`.
     """
 
     path: str
@@ -66,13 +66,13 @@ class AsfFile:
 
 
 def read_asf(path: Path | str) -> AsfFile:
-    """Return everything that an ASF file says, with its skeleton in metres.
+    """Return the content of an ASF file, with its skeleton in metres.
 
-    Joints carry the file's bone names. Bones without degrees of freedom absent from the standard skeleton
-    (CMU's lhipjoint, rhipjoint) are folded into their children's offsets. Angle frames and orders are the file's.
+    Joints have the file's bone names. Bones without degrees of freedom that the standard skeleton lacks (CMU's
+    lhipjoint, rhipjoint) are folded into their children's offsets.
 
     Raises:
-        FormatError: not an ASF file, or damaged; names file and line.
+        FormatError: The file is not ASF or is damaged; names file and line.
     """
     return parse_asf(read_bytes(path), str(path))
 
@@ -99,7 +99,7 @@ class _Parser:
         self.line = 0
 
     def _split(self) -> dict[str, list[range]]:
-        """Return the lines of each section that is used, as often as it begins."""
+        """Return the line ranges of each section; a section may occur several times."""
         starts = [number for number, line in enumerate(self.lines) if line.lstrip().startswith(":")]
         sections: dict[str, list[range]] = {name: [] for name in _SECTIONS}
         for start, stop in pairwise((*starts, len(self.lines))):
@@ -268,7 +268,7 @@ def _parents_first(parents: dict[str, str], where: str) -> list[str]:
     while waiting:
         ready = [name for name in waiting if parents[name] == ROOT or parents[name] in order]
         if not ready:
-            raise FormatError(f"has bones that do not hang on the root: {', '.join(waiting[:5])}", where=where)
+            raise FormatError(f"has bones that are not connected to the root: {', '.join(waiting[:5])}", where=where)
         order[ready[0]] = None
         waiting.remove(ready[0])
     return list(order)

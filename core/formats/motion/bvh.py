@@ -1,7 +1,7 @@
 """BVH motion files: reader for every channel layout, and writer.
 
-A joint's position channels replace its OFFSET, rotations are multiplied in the order of the channels (a file with
-Zrotation Xrotation Yrotation means Rz Rx Ry), angles are degrees, Y is up.
+A joint's position channels replace its OFFSET; rotations are multiplied in the order of the channels (Zrotation
+Xrotation Yrotation means Rz Rx Ry); angles are in degrees; Y is up.
 """
 
 import math
@@ -18,37 +18,33 @@ from ...geometry import rotations as rot
 from ...geometry.arrays import Array, IntArray, Mask
 from ...system.files import atomic_path, read_bytes
 from .bvh_hierarchy import BvhHierarchy, read_hierarchy
-from .numbers import check_pose_bytes, parse_numbers
+from .numbers import angle_jumps, check_pose_bytes, parse_numbers
 
-# metres of one unit of a file; "cmu" is the unit of the CMU database's own files (inches / 0.45)
+# metres per unit; "cmu" is the unit of the CMU database's own files (inches / 0.45)
 UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "cmu": 0.0254 / 0.45}
 WRITTEN_ORDER = "ZXY"
-_LONGEST_LIMB_M = 1.25  # pelvis to finger tips of an adult; decides between units, which lie a factor of two apart
-_ANGLE_JUMP_DEG = 150.0  # between frames; the two forms of one Euler rotation lie 180 or 360 degrees apart
-_BLOCK = 1 << 17  # poses of joints that are computed at once
-_STILL = 1e-4  # position channels that move a joint by less than this (file units) only repeat its offset
 
 
 def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") -> SourceMotion:
     """Return the motion of a BVH file, in metres.
 
     Args:
-        content: path, or the bytes of a file.
-        name: clip name; for bytes also the file's name in messages (a path names itself).
-        unit: one of UNITS, or "auto" to take the one that makes the body most nearly man-sized.
+        content: Path or bytes of a file.
+        name: Name of the clip; for bytes also the file's name in messages.
+        unit: One of UNITS, or "auto" for the one that makes the body closest to the size of an adult.
 
-    Frames with "nan" keep it (see `SourceMotion.finite_frames`). A declared frame count that differs from the rows
-    present is noted, not refused, as long as the last row is whole.
+    Frames with "nan" keep it (see `SourceMotion.finite_frames`). A frame count in the header that differs from the
+    rows present is noted if the last row is whole.
 
     Raises:
-        FormatError: not a BVH file, damaged or cut off; names file and line.
+        FormatError: The file is not BVH, is damaged or cut off; names file and line.
     """
     if isinstance(content, bytes):
         where, data = name or "BVH data", content
     else:
         where, data = str(content), read_bytes(content)
     if unit != "auto" and unit not in UNITS:
-        raise FormatError(f"{unit!r} is no unit", where=where, advice="units: auto, " + ", ".join(UNITS))
+        raise FormatError(f"{unit!r} is not a unit", where=where, advice="units: auto, " + ", ".join(UNITS))
     header, motion, line = _split(data, where)
     hierarchy = read_hierarchy(header, where)
     rows, fps, notes = _read_motion(motion, hierarchy.width, where, line)
@@ -140,37 +136,40 @@ def _assemble(
     )
 
 
-def _turns(hierarchy: BvhHierarchy, rows: Array) -> tuple[Array, Mask]:
-    """Return rotations (F, J, 4) and jumps (F,), computed block by block.
+def _turns(hierarchy: BvhHierarchy, rows: Array, block: int = 1 << 17) -> tuple[Array, Mask]:
+    """Return rotations (F, J, 4) and jumps (F,) of their angles.
 
-    All at once takes several times their memory. Joints with the same order of channels are computed together.
+    Args:
+        block: Joint poses computed at once, because all of them would need several times the result's memory.
     """
     joints = len(hierarchy.names)
     rotations, jumps = np.empty((len(rows), joints, 4)), np.zeros(len(rows), dtype=np.bool_)
     turning = np.concatenate([turn.columns.ravel() for turn in hierarchy.turns]) if hierarchy.turns else []
-    step = max(_BLOCK // joints, 1)
+    step = max(block // joints, 1)
     for start in range(0, len(rows), step):
-        block = rows[start : start + step]
-        turned = rot.identity((len(block), joints))
+        part = rows[start : start + step]
+        turned = rot.identity((len(part), joints))
         for turn in hierarchy.turns:
-            angles = block.take(turn.columns, axis=1)
+            angles = part.take(turn.columns, axis=1)
             turned[:, turn.joints] = rot.from_euler(np.radians(angles, out=angles), turn.order)
-        before = max(start - 1, 0)  # the frame that the block goes on from
+        before = max(start - 1, 0)  # last frame of the previous block
         whole = rot.continuous(np.concatenate((rotations[before:start], turned)))
         rotations[start : start + step] = whole[start - before :]
-        steps = np.abs(np.diff(rows[before : start + step, turning], axis=0))
-        jumps[before + 1 : start + step] = np.any(steps > _ANGLE_JUMP_DEG, axis=1)
+        jumps[start : start + step] = angle_jumps(rows[before : start + step, turning])[start - before :]
     return rotations, jumps
 
 
-def _translations(hierarchy: BvhHierarchy, rows: Array, offsets: Array) -> dict[int, Array]:
-    """Return the paths (F, 3), file units, of joints moved by position channels.
+def _translations(hierarchy: BvhHierarchy, rows: Array, offsets: Array, still: float = 1e-4) -> dict[int, Array]:
+    """Return the positions (F, 3) of joints moved by position channels, in file units.
 
-    Those of other joints only repeat an offset, which they write into `offsets`.
+    Constant channels of other joints are their offsets and are written into `offsets`.
+
+    Args:
+        still: Range below which a channel counts as constant, file units.
     """
     columns, joints, axes = hierarchy.places.T
     values = rows.take(columns, axis=1)
-    moving = ~(np.max(values, axis=0) - np.min(values, axis=0) <= _STILL)  # NaN counts as moving
+    moving = ~(np.max(values, axis=0) - np.min(values, axis=0) <= still)  # NaN counts as moving
     leaving = np.zeros(len(offsets), dtype=np.bool_)
     leaving[[0, *joints[moving]]] = True
     moved = leaving[joints]
@@ -182,19 +181,23 @@ def _translations(hierarchy: BvhHierarchy, rows: Array, offsets: Array) -> dict[
     return paths
 
 
-def _likely_unit(parents: IntArray, offsets: Array, tips: Array) -> float:
-    """Return the unit that makes the longest chain nearest to an adult's."""
+def _likely_unit(parents: IntArray, offsets: Array, tips: Array, reach_m: float = 1.25) -> float:
+    """Return the unit, metres, that makes the longest chain of bones nearest to an adult's.
+
+    Args:
+        reach_m: Length from pelvis to finger tips of an adult; units differ by a factor of two at least.
+    """
     children = np.bincount(parents[parents >= 0], minlength=len(parents)).tolist()
     lengths = rot.lengths(offsets).tolist()
     reach = [0.0]
     for joint, above in enumerate(parents[1:].tolist(), start=1):
-        # what lies above the first branching is where the body stands, not the body
+        # bones above the first branching are an offset from the floor, not part of the body
         anatomical = reach[above] > 0.0 or children[above] > 1
         reach.append(reach[above] + lengths[joint] if anatomical else 0.0)
     longest = float(np.max(np.array(reach) + rot.lengths(tips)))
     if longest <= 0.0:
         return 1.0
-    return min(UNITS.values(), key=lambda metres: abs(math.log(longest * metres / _LONGEST_LIMB_M)))
+    return min(UNITS.values(), key=lambda metres: abs(math.log(longest * metres / reach_m)))
 
 
 def write_bvh(motion: Motion, path: Path | str, units: str = "m", decimals: int = 7) -> None:
@@ -203,18 +206,20 @@ def write_bvh(motion: Motion, path: Path | str, units: str = "m", decimals: int 
     The root has six channels, every other joint three, rotations in the order ZXY (Rz Rx Ry).
 
     Args:
-        decimals: of angles in degrees and of the root's path in `units`; fewer make smaller files.
+        decimals: Decimals of angles in degrees and of the root's position in `units`.
 
     Raises:
-        FormatError: unknown unit, or the file cannot be written.
+        FormatError: The unit is unknown, or the file cannot be written.
     """
     if units not in UNITS:
-        raise FormatError(f"{units!r} is no unit", where=str(path), advice="units: " + ", ".join(UNITS))
+        raise FormatError(f"{units!r} is not a unit", where=str(path), advice="units: " + ", ".join(UNITS))
     scale = 1.0 / UNITS[units]
     order = _depth_first(motion.skeleton)
     angles = np.degrees(rot.to_euler(motion.rotations[:, order], WRITTEN_ORDER))
     rows = np.concatenate((motion.root_positions_m * scale, angles.reshape(motion.frames, -1)), axis=1)
-    rows = np.round(rows, decimals) + 0.0  # -0.0 becomes 0.0: files do not depend on the last bit of a computation
+    rows = (
+        np.round(rows, decimals) + 0.0
+    )  # -0.0 becomes 0.0, so that files do not depend on the last bit of a computation
     head = [
         "HIERARCHY",
         *_joint_lines(motion.skeleton, 0, "", scale),

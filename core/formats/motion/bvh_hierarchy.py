@@ -1,6 +1,7 @@
 """Hierarchy of BVH files: joints, and the columns of their channels."""
 
 import math
+import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -12,7 +13,7 @@ from ...geometry.arrays import Array, IntArray
 from ..unique_names import unique_names
 
 _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
-_KNOWN = 16  # hierarchies that are kept: the clips of a data set share a few
+_END_SITE = -2  # stands for a joint on the stack of open braces
 
 
 @dataclass(frozen=True)
@@ -20,8 +21,8 @@ class BvhTurns:
     """Joints with the same order of rotation channels.
 
     Args:
-        joints: (N,) of them.
-        columns: (N, length of the order) of their channels in a row.
+        joints: Joint indices (N,).
+        columns: Columns (N, length of the order) of their channels in a row of the motion.
     """
 
     order: str
@@ -31,12 +32,12 @@ class BvhTurns:
 
 @dataclass(frozen=True)
 class BvhHierarchy:
-    """Joints of a BVH file in its units, none of its arrays to be changed.
+    """Joints of a BVH file in its units; shared by all readers, so its arrays must not be changed.
 
     Args:
-        width: channels of all joints.
-        orders: (J) rotation channels in the file's order, e.g. "ZXY".
-        places: (P, 3) column, joint and axis of each position channel.
+        width: Number of channels of all joints.
+        orders: Rotation channels (J) in the file's order, e.g. "ZXY".
+        places: Column, joint and axis (P, 3) of each position channel.
     """
 
     names: tuple[str, ...]
@@ -53,14 +54,13 @@ def read_hierarchy(text: str, where: str) -> BvhHierarchy:
     """Return a file's hierarchy; FormatError names file and line."""
     try:
         return _hierarchy(text)
-    except _DamageError as error:
-        what, line = error.args
-        raise FormatError(what, where=f"{where}, line {line}", advice="the file is damaged") from None
+    except FormatError as error:
+        raise FormatError(error.what, where=f"{where}, {error.where}", advice="the file is damaged") from None
 
 
-@lru_cache(maxsize=_KNOWN)
+@lru_cache(maxsize=16)  # the clips of a data set share a few hierarchies
 def _hierarchy(text: str) -> BvhHierarchy:
-    joints = _HierarchyParser(text).parse()
+    joints = _HierarchyParser().parse(text)
     channels = [(joint, channel) for joint, each in enumerate(joints) for channel in each.channels]
     orders = ["".join(c[0].upper() for c in joint.channels if c.endswith("rotation")) for joint in joints]
     columns: list[list[int]] = [[] for _ in joints]
@@ -86,10 +86,6 @@ def _hierarchy(text: str) -> BvhHierarchy:
     )
 
 
-class _DamageError(Exception):
-    """Damage: a text, and its line."""
-
-
 @dataclass
 class _Joint:
     name: str
@@ -100,72 +96,63 @@ class _Joint:
 
 
 class _HierarchyParser:
-    def __init__(self, text: str) -> None:
-        self.lines = text.replace("{", "\n{\x01").replace("}", "\n\x01}").split("\n")
+    def __init__(self) -> None:
         self.joints: list[_Joint] = []
-        self.stack: list[int] = []
-        self.number = 0
+        self.stack: list[int] = []  # joints and end sites whose braces are open
+        self.number = 0  # of the line
 
-    def _error(self, what: str) -> _DamageError:
-        return _DamageError(what, self.number)
+    def _error(self, what: str) -> FormatError:
+        return FormatError(what, where=f"line {self.number}")
 
-    def parse(self) -> list[_Joint]:
-        opened: int | None = None
-        end_site = -2  # on the stack in place of a joint
-        self.number = 1
-        first = True
-        for piece in self.lines:
-            # braces were given lines of their own, marked so that they do not count
-            own_line = "\x01" in piece
-            self.number += 0 if first or own_line else 1
-            first = False
-            brace, text = ("{", piece[2:]) if piece.startswith("{\x01") else ("", piece)
-            if brace:
-                if opened is None:
-                    raise self._error("has a '{' that belongs to no joint")
-                self.stack.append(opened)
-                opened = None
-            if text.startswith("\x01}"):
-                if not self.stack:
-                    raise self._error("closes more joints than it opens")
-                self.stack.pop()
-                text = text[2:]
-            words = text.split()
-            if not words:
-                continue
-            keyword = words[0].upper()
-            if keyword in ("ROOT", "JOINT"):
-                opened = self._open(" ".join(words[1:]))
-            elif keyword == "END":
-                if not self.stack or self.stack[-1] == end_site:
-                    raise self._error("has an end site outside of a joint")
-                opened = end_site
-            elif keyword == "OFFSET":
-                self._offset(words[1:])
-            elif keyword == "CHANNELS":
-                self._channels(words[1:])
-            elif keyword != "HIERARCHY":
-                raise self._error(f"has the unknown keyword {words[0][:40]!r}")
+    def parse(self, text: str) -> list[_Joint]:
+        declared: int | None = None  # joint or end site whose brace follows
+        for self.number, line in enumerate(text.split("\n"), start=1):
+            for words in map(str.split, re.split("([{}])", line)):
+                if words == ["{"]:
+                    if declared is None:
+                        raise self._error("has a '{' that belongs to no joint")
+                    self.stack.append(declared)
+                    declared = None
+                elif words == ["}"]:
+                    if not self.stack:
+                        raise self._error("closes more joints than it opens")
+                    self.stack.pop()
+                elif words and words[0].upper() in ("ROOT", "JOINT"):
+                    declared = self._add_joint(" ".join(words[1:]))
+                elif words and words[0].upper() == "END":
+                    if not self.stack or self.stack[-1] == _END_SITE:
+                        raise self._error("has an end site outside of a joint")
+                    declared = _END_SITE
+                elif words:
+                    self._facts(words[0], words[1:])
         if self.stack or not self.joints:
             raise self._error("has a hierarchy that is not complete")
         return self.joints
 
-    def _open(self, name: str) -> int:
+    def _add_joint(self, name: str) -> int:
         if not name:
             raise self._error("has a joint without a name")
         if len(self.joints) == MOST_JOINTS:
             raise self._error(f"has more than {MOST_JOINTS} joints")
         parent = self.stack[-1] if self.stack else -1
-        if parent == -2 or (parent == -1) != (len(self.joints) == 0):
+        if parent == _END_SITE or (parent == -1) != (len(self.joints) == 0):
             raise self._error(f"has the joint {name!r} outside of the root's hierarchy")
         self.joints.append(_Joint(name, parent))
         return len(self.joints) - 1
+
+    def _facts(self, keyword: str, words: list[str]) -> None:
+        if keyword.upper() == "OFFSET":
+            self._offset(words)
+        elif keyword.upper() == "CHANNELS":
+            self._channels(words)
+        elif keyword.upper() != "HIERARCHY":
+            raise self._error(f"has the unknown keyword {keyword[:40]!r}")
 
     def _offset(self, words: list[str]) -> None:
         try:
             offset = tuple(map(float, words))
         except ValueError:
-            raise self._error(f"has an OFFSET that is no number: {' '.join(words)[:60]}") from None
+            raise self._error(f"has an OFFSET that is not a number: {' '.join(words)[:60]}") from None
         if len(offset) != 3 or not all(map(math.isfinite, offset)) or not self.stack:
             raise self._error("needs three finite numbers after OFFSET, inside a joint")
         if self.stack[-1] >= 0:

@@ -17,10 +17,6 @@ from ...system.files import SLACK_BYTES, is_file, is_folder, read_bytes, reading
 MOTION_SUFFIXES = frozenset((".bvh", ".amc"))
 _USED_SUFFIXES = MOTION_SUFFIXES | {".asf"}
 _INDEX_NAME = "index.tsv"
-_MOST_TIMES = 50  # an archive's files by its own bytes; motion as text is packed to a fifth, to a twentieth at best
-_FEW_MEMBERS, _MEMBER_BYTES = 1000, 256  # of an archive: always allowed, and its own bytes for each further one
-_MOST_NAME = 1 << 16  # bytes of a long name or further facts of a file in a tar archive
-_MOST_INDEX = 4 << 20
 _NAME_TYPES = frozenset((*tarfile.GNU_TYPES, tarfile.XHDTYPE, tarfile.XGLTYPE, tarfile.SOLARIS_XHDTYPE)) - {
     tarfile.GNUTYPE_SPARSE
 }
@@ -29,12 +25,12 @@ _TAR_SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".tx
 
 @dataclass(frozen=True)
 class MotionFile:
-    """One motion file, lying on disk.
+    """One motion file on disk.
 
     Args:
-        name: path inside its source, with the source's own name in front ("cmu.tar.xz/14/14_02.amc").
-        skeleton: the ASF file of an AMC file, None when there is none.
-        description: what an index.tsv beside it says about it, "" when nothing.
+        name: Path inside its source, after the source's own name ("cmu.tar.xz/14/14_02.amc").
+        skeleton: ASF file of an AMC file; None if there is none.
+        description: Description in an index.tsv beside it, or "".
     """
 
     name: str
@@ -52,22 +48,22 @@ class MotionFile:
 def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
     """Yield all BVH and AMC files of files, folders and archives, sorted.
 
-    Archives are unpacked to a temporary folder that goes when the context ends.
+    Archives are unpacked to a temporary folder that is removed when the context ends.
 
     Raises:
-        FormatError: a source is missing, of another kind, or a damaged archive.
+        FormatError: A source is missing, of another kind, or a damaged archive.
     """
     with tempfile.TemporaryDirectory(prefix="perfanim-") as scratch:
         found: dict[str, Path] = {}
         for number, source in enumerate(sources):
             for name, path in _members(Path(source), Path(scratch) / str(number)).items():
-                taken = found.get(name, path) != path  # two folders or files of one name
+                taken = found.get(name, path) != path  # two sources have the same name
                 found[f"{Path(source).parent.as_posix()}/{name}" if taken else name] = path
         yield _pair_skeletons(found)
 
 
 def _members(source: Path, scratch: Path) -> dict[str, Path]:
-    """Return name -> path of the used files of one source."""
+    """Return name -> path of the motion, skeleton and index files of one source."""
     if is_folder(source):
         paths = sorted(path for path in source.rglob("*") if _is_used(path.name) and path.is_file())
         return {f"{source.name}/{path.relative_to(source).as_posix()}": path for path in paths}
@@ -107,7 +103,7 @@ def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
 
 def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
-    # as a stream: compressed archives cannot go back
+    # read as a stream, because a compressed archive cannot seek back
     with tarfile.open(source, mode="r|*", tarinfo=counted_headers(source)) as archive:
         size = 0
         for member in archive:
@@ -122,8 +118,8 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
     return found
 
 
-def counted_headers(source: Path) -> type[tarfile.TarInfo]:
-    """Return a class of tar headers that refuses too many, and endless names."""
+def counted_headers(source: Path, longest_name: int = 1 << 16) -> type[tarfile.TarInfo]:
+    """Return a class of tar headers that rejects too many of them, and names of too many bytes."""
     numbers = count(1)
 
     class Header(tarfile.TarInfo):
@@ -131,7 +127,7 @@ def counted_headers(source: Path) -> type[tarfile.TarInfo]:
         def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> "Header":
             check_count(source, next(numbers))
             header = super().frombuf(buf, encoding, errors)
-            if header.type in _NAME_TYPES and header.size > _MOST_NAME:  # read whole at once
+            if header.type in _NAME_TYPES and header.size > longest_name:  # tarfile reads it as a whole
                 raise ValueError(f"a file's name of {header.size} bytes")
             return header
 
@@ -139,19 +135,23 @@ def counted_headers(source: Path) -> type[tarfile.TarInfo]:
 
 
 def check_count(source: Path, members: int) -> None:
-    """Raise FormatError where an archive holds far too many files for its size."""
-    if members > _FEW_MEMBERS + source.stat().st_size // _MEMBER_BYTES:
+    """Raise FormatError if an archive holds far too many files for its size (1000, and one for each 256 bytes)."""
+    if members > 1000 + source.stat().st_size // 256:
         raise FormatError("holds far more files than its own size", where=str(source), advice="give them in a folder")
 
 
-def check_unpacked_size(source: Path, size: int) -> None:
-    """Raise FormatError where an archive holds far more than its own size."""
-    if size > _MOST_TIMES * source.stat().st_size + SLACK_BYTES:
+def check_unpacked_size(source: Path, size: int, most_times: int = 50) -> None:
+    """Raise FormatError if an archive unpacks to far more than its own size.
+
+    Args:
+        most_times: Ratio allowed; motion as text is compressed to a fifth, to a twentieth at best.
+    """
+    if size > most_times * source.stat().st_size + SLACK_BYTES:
         raise FormatError("holds far more than its own size", where=str(source), advice="give its files in a folder")
 
 
 def _target(scratch: Path, number: int, name: str) -> Path:
-    # the archive's own paths are not used on disk: they may lead out of the folder
+    # the archive's own paths could lead out of the folder
     return scratch / f"{number}{PurePosixPath(name).suffix.lower()}"
 
 
@@ -175,12 +175,12 @@ def _pair_skeletons(found: dict[str, Path]) -> list[MotionFile]:
 
 
 class SkeletonNames:
-    """Names of ASF files, to be found by the names of their AMC files."""
+    """Names of ASF files, found by the names of their AMC files."""
 
     def __init__(self, names: Iterable[str]) -> None:
-        self._anywhere: dict[str, str] = {}  # by stem, the first name
-        self._folders: dict[PurePosixPath, dict[str, str]] = {}  # of each folder by stem
-        self._only: dict[PurePosixPath, str | None] = {}  # the only name of a folder, None for several
+        self._anywhere: dict[str, str] = {}  # stem -> first name
+        self._folders: dict[PurePosixPath, dict[str, str]] = {}  # folder -> stem -> first name
+        self._only: dict[PurePosixPath, str | None] = {}  # folder -> its only name, None for several
         for name in names:
             pure = PurePosixPath(name)
             stem = pure.stem.lower()
@@ -191,8 +191,8 @@ class SkeletonNames:
     def of(self, motion: str) -> str | None:
         """Return the name that belongs to an AMC name.
 
-        First in its folder, then anywhere: the same stem, or the stem up to the last underscore ("14_02" -> "14");
-        otherwise the only one of its folder.
+        The same stem, or the stem up to the last underscore ("14_02" -> "14"), in its folder or else anywhere;
+        otherwise the only one in its folder.
         """
         pure = PurePosixPath(motion)
         stems = (pure.stem.lower(), pure.stem.rsplit("_", 1)[0].lower())
@@ -204,8 +204,8 @@ class SkeletonNames:
 
 
 def _descriptions(path: Path) -> dict[str, str]:
-    """Return trial -> description of a table with columns of these names."""
-    lines = read_bytes(path, _MOST_INDEX).decode("utf-8", "replace").splitlines()
+    """Return trial -> description from a table with columns of these names, of at most 4 MiB."""
+    lines = read_bytes(path, 4 << 20).decode("utf-8", "replace").splitlines()
     header = lines[0].lower().split("\t") if lines else []
     if "trial" not in header or "description" not in header:
         return {}

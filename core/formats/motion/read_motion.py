@@ -28,11 +28,11 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
     """Return the motion of a BVH or AMC file on the standard skeleton.
 
     Args:
-        skeleton: ASF file of an AMC file; without it, one beside it with a fitting name is taken.
+        skeleton: ASF file of an AMC file; by default one beside it with a matching name.
 
     Raises:
-        FormatError: unreadable, of another kind, or frames lack numbers.
-        SkeletonError: its joints cannot be recognised.
+        FormatError: The file is unreadable, of another kind, or some frames lack numbers.
+        SkeletonError: Its joints cannot be recognised.
     """
     read = read_motion_parts(Path(path), None if skeleton is None else Path(skeleton))
     gaps = [defect for defect in read.defects if defect.kind == _NOT_FINITE]
@@ -47,12 +47,12 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
 
 @dataclass(frozen=True)
 class MotionPart:
-    """Frames of a file that follow each other.
+    """Consecutive frames of a file.
 
     Args:
-        motion: on the standard skeleton with the file's bone lengths.
-        first_frame: of the file, counted from 0.
-        angle_jumps: (F,) true where an angle in the file is far from that of the frame before.
+        motion: Motion on the standard skeleton with the file's bone lengths.
+        first_frame: First frame in the file, counted from 0.
+        angle_jumps: Frames (F,) with an angle in the file that is far from that of the frame before.
     """
 
     motion: Motion
@@ -62,7 +62,7 @@ class MotionPart:
 
 @dataclass(frozen=True)
 class MotionParts:
-    """Content of a file, and the defects that were tolerated or left out."""
+    """Motion of a file, and the defects that were tolerated or cut out."""
 
     parts: tuple[MotionPart, ...]
     defects: tuple[Defect, ...]
@@ -72,7 +72,7 @@ def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") 
     """Return the motion of a file in parts without gaps.
 
     Raises:
-        FormatError, SkeletonError: as `read_motion`, but frames that lack numbers only split the motion.
+        FormatError, SkeletonError: As `read_motion`, except that frames without numbers split the motion.
     """
     suffix = path.suffix.lower()
     if suffix == ".amc":
@@ -81,7 +81,7 @@ def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") 
         raise FormatError("is not a motion file", where=str(path), advice="give a .bvh or .amc file")
     source = read_bvh(path, unit="auto")
     source = replace(source, name=name or source.name)
-    defects = [Defect(note, 0, 0, "all frames that are there are used") for note in source.notes]
+    defects = [Defect(note, 0, 0, "all frames present are used") for note in source.notes]
     ranges, gaps = _finite_ranges(source.finite_frames, str(path))
     parts = []
     for start, stop in ranges:
@@ -91,7 +91,7 @@ def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") 
 
 
 def _finite_ranges(finite: Mask, where: str) -> tuple[list[tuple[int, int]], list[Defect]]:
-    """Return the ranges of frames that have all their numbers, and the gaps between."""
+    """Return the ranges of frames that have all their numbers, and the gaps between them."""
     ranges = runs(finite)
     if not ranges:
         raise FormatError("has numbers that are not finite in every frame", where=where)
@@ -128,22 +128,18 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
 
 @lru_cache(maxsize=8)
 def _skeletons_beside(folder: Path, changed: int) -> SkeletonNames:
-    """List skeleton files once for many motions; `changed`: modification time."""
+    """Return the skeleton files of a folder, cached until its modification time changes."""
     return SkeletonNames(path.as_posix() for path in folder.glob("*") if path.suffix.lower() == ".asf")
 
 
 @lru_cache(maxsize=8)
 def _asf_file(path: Path, changed: int) -> AsfFile:
-    """Read a skeleton file, once for many motions; `changed` is its modification time."""
+    """Return a skeleton file, cached until its modification time changes."""
     return read_asf(path)
 
 
 def read_skeleton(path: Path | str) -> Skeleton:
-    """Return the standard skeleton with the bone lengths of an ASF or BVH file.
-
-    Raises:
-        FormatError, SkeletonError: as `read_motion`.
-    """
+    """Return the standard skeleton with the bone lengths of an ASF or BVH file; errors as `read_motion`."""
     if Path(path).suffix.lower() != ".asf":
         return read_motion(path).skeleton
     skeleton = read_asf(path).skeleton

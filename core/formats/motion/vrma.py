@@ -1,9 +1,9 @@
 """VRM animation files (.vrma): binary glTF 2.0 with VRMC_vrm_animation 1.0.
 
-Nodes are the humanoid's bones in the VRM T pose, without turns of their own and without scale; their animation turns
-all bones and moves the hips alone. glTF's axes are ours: x to the performer's left, y up, z forward, metres.
+Nodes are the humanoid's bones in the VRM T pose, without rotation or scale; all bones are animated by rotations, the
+hips also by translations. glTF's axes are ours: x to the performer's left, y up, z forward, metres.
 
-The specification: https://github.com/vrm-c/vrm-specification/tree/master/specification/VRMC_vrm_animation-1.0
+Specification: https://github.com/vrm-c/vrm-specification/tree/master/specification/VRMC_vrm_animation-1.0
 """
 
 import json
@@ -25,24 +25,25 @@ from ..vmc.humanoid import BONES, bone_poses
 ENDING = ".vrma"
 
 _EXTENSION = "VRMC_vrm_animation"
-_SOLE_M = 0.02  # from the lowest joint of a standing foot down to the floor
-_FLOAT = 5126
-_MAGIC, _VERSION = b"glTF", 2
-_JSON, _BINARY = b"JSON", b"BIN\0"
+_FLOAT = 5126  # component type of 32-bit numbers
 
 
-def write_vrma(motion: Motion, path: Path | str) -> None:
+def write_vrma(motion: Motion, path: Path | str, sole_m: float = 0.02) -> None:
     """Write a motion of the standard skeleton as a VRM animation.
 
+    Args:
+        sole_m: Height of the lowest joint of a standing foot above the floor.
+
     Raises:
-        FormatError: the file cannot be written. SkeletonError: standard joints are missing.
+        FormatError: The file cannot be written.
+        SkeletonError: Standard joints are missing.
     """
     poses = bone_poses(motion)
     bones = [name[:1].lower() + name[1:] for name in poses.names]
     above = [poses.names.index(parent) if parent else -1 for _, parent in BONES.values()]
     places = poses.positions_m[0].copy()
     joints, _ = forward_kinematics(motion.skeleton, t_pose(motion.skeleton), np.zeros(3))
-    places[0] = 0.0, _SOLE_M - float(joints[:, 1].min()), 0.0  # the hips over the floor
+    places[0] = 0.0, sole_m - float(joints[:, 1].min()), 0.0  # hips above the floor
     nodes: list[dict[str, Any]] = [
         {"name": bone, "translation": place} for bone, place in zip(bones, places.tolist(), strict=True)
     ]
@@ -78,7 +79,7 @@ def write_vrma(motion: Motion, path: Path | str) -> None:
 
 
 class _Buffer:
-    """The numbers of a glTF file and the tables that tell where each array lies."""
+    """Binary data of a glTF file, and the tables that describe its arrays."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -86,10 +87,10 @@ class _Buffer:
         self._accessors: list[dict[str, Any]] = []
 
     def add(self, values: Array, kind: str, bounded: bool = False) -> int:
-        """Append an array (F,) or (F, n) of 32-bit numbers; return its accessor's index.
+        """Append an array (F,) or (F, n) as 32-bit numbers; return its accessor's index.
 
         Args:
-            bounded: whether to store its least and greatest values, as times must.
+            bounded: Store the smallest and largest value, which glTF requires for times.
         """
         stored = np.ascontiguousarray(values, dtype="<f4")
         table: dict[str, Any] = {
@@ -103,7 +104,7 @@ class _Buffer:
         return len(self._accessors) - 1
 
     def tables(self) -> dict[str, Any]:
-        """Return the arrays' part of the document."""
+        """Return the tables of the document that describe the arrays."""
         return {"buffers": [{"byteLength": len(self.data)}], "bufferViews": self._views, "accessors": self._accessors}
 
 
@@ -112,6 +113,6 @@ def _glb(document: dict[str, Any], data: bytes) -> bytes:
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     chunks = b"".join(
-        struct.pack("<I4s", len(content), kind) + content for kind, content in ((_JSON, text), (_BINARY, data))
+        struct.pack("<I4s", len(content), kind) + content for kind, content in ((b"JSON", text), (b"BIN\0", data))
     )
-    return struct.pack("<4sII", _MAGIC, _VERSION, 12 + len(chunks)) + chunks
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -1,4 +1,4 @@
-"""A motion as a file for other programs; the file name's ending chooses the kind."""
+"""Writing of motions for other programs; the file name's ending chooses the format."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ MOTION_ENDINGS = (BVH, ANGLES, VRMA)
 
 
 def is_motion(path: Path | str) -> bool:
-    """Return whether a file name is that of a motion that can be written."""
+    """Return whether a motion can be written under a file name."""
     return Path(path).name.lower().endswith(MOTION_ENDINGS)
 
 
@@ -24,13 +24,14 @@ def write_motion(
     """Write a motion of the standard skeleton; return it as written.
 
     Args:
-        path: ends in one of `MOTION_ENDINGS`.
-        units: of the lengths in a BVH file; the others are in metres.
-        naming: of `formats.naming.NAMINGS`, what joints are called in BVH and CSV; VRM animations have their own names.
-        rate: frames per second, None for the motion's own.
+        path: File that ends in one of `MOTION_ENDINGS`.
+        units: Unit of length in a BVH file, one of `bvh.UNITS`; the other formats use metres.
+        naming: Key of `joint_naming.NAMINGS`: names of the joints in BVH and CSV. VRM has its own names.
+        rate: Frames per second; None for the motion's own rate.
 
     Raises:
-        FormatError: another ending, or the file cannot be written. SettingsError: there is no such naming.
+        FormatError: The ending is unknown, or the file cannot be written.
+        SettingsError: The naming is unknown.
     """
     name = Path(path).name.lower()
     written = motion if rate is None else resampled(motion, rate)
@@ -41,5 +42,5 @@ def write_motion(
     elif name.endswith(VRMA):
         write_vrma(written, path)
     else:
-        raise FormatError("is no motion file", where=str(path), advice=f"use {', '.join(MOTION_ENDINGS)}")
+        raise FormatError("is not a motion file", where=str(path), advice=f"use {', '.join(MOTION_ENDINGS)}")
     return written

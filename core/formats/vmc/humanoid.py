@@ -1,8 +1,8 @@
 """Bones of a VMC humanoid (Unity's HumanBodyBones), and motion in them.
 
-A humanoid stands in a T pose when all its rotations are zero, legs straight down, and then the axes of all bones are
-the world's. Our rest pose spreads the legs, so orientations are taken to and from it as those of a foreign file are
-(`rest_alignment`). Everything here is in our axes; `packets` turns them into Unity's.
+When all rotations of a humanoid are zero, it stands in a T pose with straight legs, and the axes of all bones are the
+world's. Our rest pose spreads the legs, so orientations are converted like those of a foreign file (`rest_alignment`).
+Everything here is in our axes; `vmc_packets` converts them to Unity's.
 """
 
 from dataclasses import dataclass
@@ -21,9 +21,7 @@ from ...retarget.file_joints import match_joints
 from ...retarget.file_rest_pose import align_rest
 from ...retarget.to_standard_skeleton import to_standard_skeleton
 
-_NO_LENGTH_M = 1e-6
-
-# bone: (our joint, the bone above), parents first
+# bone: (our joint, parent bone), parents first
 _TRUNK = {
     "Hips": ("root", ""),
     "Spine": ("lowerback", "Hips"),
@@ -57,9 +55,9 @@ class BonePoses:
     """Poses of a humanoid.
 
     Args:
-        names: (B) names among `BONES`, in their order.
-        positions_m: (F, B, 3) relative to the bone above, in its axes; those of the hips in the world.
-        rotations: (F, B, 4) relative to the bone above and to the T pose; those of the hips in the world.
+        names: Names (B) among `BONES`, in their order.
+        positions_m: Positions (F, B, 3) in the parent's axes; the hips' in the world.
+        rotations: Rotations (F, B, 4) relative to the parent and the T pose; the hips' in the world.
     """
 
     names: tuple[str, ...]
@@ -68,12 +66,10 @@ class BonePoses:
 
 
 class Humanoid:
-    """Standard skeleton as a humanoid with the same bone lengths.
-
-    The hips carry it through the room. Fingers and thumbs, which nothing measures, are left out.
+    """Standard skeleton as a humanoid with the same bone lengths, without fingers and thumbs.
 
     Raises:
-        SkeletonError: standard joints are missing.
+        SkeletonError: Standard joints are missing.
     """
 
     def __init__(self, skeleton: Skeleton) -> None:
@@ -88,7 +84,7 @@ class Humanoid:
     def poses(self, rotations: Array, root_positions_m: Array) -> BonePoses:
         """Return poses (F, J, 4) and (F, 3), as of a `Motion`, as those of the humanoid."""
         world = np.array(rotations, dtype=np.float64)
-        for level in self._skeleton.levels:  # where joints are does not count, and takes half the time
+        for level in self._skeleton.levels:
             above = self._skeleton.parents[level]
             world[:, level] = rot.multiply(world[:, above], world[:, level])
         bones = rot.multiply(world[:, self._joints], self._joint_from_bone)
@@ -107,24 +103,24 @@ def bone_poses(motion: Motion) -> BonePoses:
 def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
     """Return humanoid poses as a motion of the standard skeleton.
 
-    Programs that send rotations alone put all bones at zero; then the body is the average one.
+    If a program sends only rotations, with all bones at zero, the bones have average lengths.
 
     Raises:
-        TakeError: the hips are missing.
-        SkeletonError: a thigh, shank, upper arm or forearm is missing, or they make no upright body.
+        TakeError: The hips are missing.
+        SkeletonError: A thigh, shank, upper arm or forearm is missing, or the body is not upright.
     """
     if "Hips" not in poses.names:
         raise TakeError("has no bone Hips", where=name, advice="let the other program send all bones")
     offsets = np.median(poses.positions_m, axis=0)
     offsets[0] = 0.0
-    if np.max(np.abs(offsets)) < _NO_LENGTH_M:
+    if np.max(np.abs(offsets)) < 1e-6:
         joints = [JOINT_NAMES.index(BONES[bone][0]) for bone in poses.names]
         offsets = _t_pose_offsets(default_skeleton(), joints, _parents(poses.names))
     return to_standard_skeleton(_source(name, fps, poses.names, offsets, poses.rotations, poses.positions_m[:, 0]))
 
 
 def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: IntArray) -> Array:
-    """Return (B, 3) offsets of bones from their parents in the T pose, 0 for the hips."""
+    """Return offsets (B, 3) of bones from their parents in the T pose, 0 for the hips."""
     positions, _ = forward_kinematics(skeleton, t_pose(skeleton), np.zeros(3))
     starts = positions[joints]
     offsets = starts - starts[parents]
@@ -133,7 +129,7 @@ def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: IntArray) ->
 
 
 def _parents(names: tuple[str, ...]) -> IntArray:
-    """Return (B,) index of the nearest bone above that there is, -1 for the hips."""
+    """Return the index (B,) of the nearest ancestor present, -1 for the hips."""
     found = []
     for name in names:
         above = BONES[name][1]

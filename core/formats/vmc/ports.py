@@ -1,4 +1,4 @@
-"""Customary UDP ports of the protocol."""
+"""UDP ports of the protocol."""
 
-MARIONETTE_PORT = 39539  # of a program that shows a body
-PERFORMER_PORT = 39540  # of a program that receives a body
+MARIONETTE_PORT = 39539  # where programs that display a body listen
+PERFORMER_PORT = 39540  # where programs that process a body listen

@@ -1,4 +1,6 @@
-"""Trackers that come by VMC as marker frames, live."""
+"""Live marker frames from trackers that arrive by VMC."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -7,31 +9,37 @@ from ...markers.label_matching import match_labels
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
 from ...system.steady_clock import SteadyClock
-from .frame_assembler import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
-from .tracker_points import AXES, axis_names, axis_points
+from .frame_assembler import LIMITS, FrameAssembler, Key, VmcFrame, tracker_names
+from .tracker_points import axis_names, axis_points
 from .vmc_packets import TRACKERS
 
-_SIGMA_M = 0.001  # uncertainty given to positions that come without one
-_PAUSE_S = 0.25  # between two frames: the numbers of those that are missing are left out
-_USUAL_PERIOD_S = 1.0 / 60.0  # a single frame has no rate
-_LEAST_STEP_S = 0.001  # between two frames that the network has held up and then hands over at once
-_POINTS = 1 + len(AXES)  # of a tracker
+
+@dataclass(frozen=True)
+class StreamSettings:
+    """Uncertainty and timing of tracker frames."""
+
+    sigma_m: float = 0.001  # standard deviation of positions
+    pause_s: float = 0.25  # time between two frames from which frame numbers are skipped
+    period_s: float = 1.0 / 60.0  # time between two frames until their rate is known
+    least_step_s: float = 0.001  # shortest time between two frames that the network delivers at once
+
+
+_SETTINGS = StreamSettings()
 
 
 class TrackerStream:
     """Marker frames of VMC packets with trackers named as markers of a set.
 
-    A frame is handed over as soon as all is there that was in the last one, so it need not wait for the next.
+    A frame is complete as soon as it contains all that the last one did, without waiting for the next.
 
     Args:
-        marker_set: worn; of what comes, its markers alone count. Names agree as `match_labels` says, those of
-            `axis_points` among them.
+        marker_set: Markers that are used; the names, also of `axis_points`, are matched by `match_labels`.
     """
 
     def __init__(self, marker_set: MarkerSet) -> None:
         self.gathering = FrameAssembler()
         self._marker_set = marker_set
-        self._labels: dict[Key, IntArray] = {}  # (4,) of each tracker and its axes' points, -1: no marker
+        self._labels: dict[Key, IntArray] = {}  # (4,) labels of each tracker and its axes' points
         self._expected: frozenset[Key] = frozenset()
         self._clock = SteadyClock()
         self._begun_s: float | None = None
@@ -40,7 +48,7 @@ class TrackerStream:
 
     @property
     def trackers(self) -> tuple[str, ...]:
-        """Names of all that have come."""
+        """Names of all trackers that have arrived."""
         return tuple(tracker_names(self._labels).values())
 
     def add(self, packet: bytes, arrival_s: float) -> list[MarkerFrame]:
@@ -51,7 +59,7 @@ class TrackerStream:
         return [frame for frame in frames if frame is not None]
 
     def _marker_frame(self, frame: VmcFrame) -> MarkerFrame | None:
-        """Return the markers of a frame, None where it has none of the set's."""
+        """Return the markers of a frame, None if it has none of the set's."""
         placed = {key: each for key, each in frame.placed.items() if key[0] in TRACKERS}
         if not self._labels.keys() >= placed.keys():
             self._match_trackers(list(placed))
@@ -60,16 +68,16 @@ class TrackerStream:
         worn = labels >= 0
         if not np.any(worn):
             return None
-        points = np.empty((len(placed), _POINTS, 3))
+        points = np.empty((len(placed), 4, 3))
         points[:, 0] = [each.position_m for each in placed.values()]
         points[:, 1:] = axis_points(points[:, 0], np.array([each.rotation for each in placed.values()]))
         self._count(frame.arrival_s)
-        covariances = np.broadcast_to(_SIGMA_M**2 * np.eye(3), (int(worn.sum()), 3, 3))
+        covariances = np.broadcast_to(_SETTINGS.sigma_m**2 * np.eye(3), (int(worn.sum()), 3, 3))
         return MarkerFrame(self._number, self._time_s, points.reshape(-1, 3)[worn], covariances, labels[worn])
 
     def _match_trackers(self, keys: list[Key]) -> None:
-        """Match trackers to markers again because some are new."""
-        before = self._labels if len(self._labels) < MOST_PLACED else {}
+        """Match trackers to markers again after new ones have arrived."""
+        before = self._labels if len(self._labels) < LIMITS.placed else {}
         known = tracker_names([*before, *keys])
         spelled = {key: (name, *axis_names(name)) for key, name in known.items()}
         match = match_labels([name for names in spelled.values() for name in names], self._marker_set)
@@ -77,13 +85,13 @@ class TrackerStream:
         self._labels = {key: np.array([index.get(name, -1) for name in names]) for key, names in spelled.items()}
 
     def _count(self, arrival_s: float) -> None:
-        """Find number and time of the next frame."""
+        """Set number and time of the next frame."""
         if self._begun_s is None:
             self._begun_s = arrival_s
             self._clock.steady(0.0)
             return
-        period_s = self._time_s / self._number if self._number else _USUAL_PERIOD_S
-        time_s = max(self._clock.steady(arrival_s - self._begun_s), self._time_s + _LEAST_STEP_S)
+        period_s = self._time_s / self._number if self._number else _SETTINGS.period_s
+        time_s = max(self._clock.steady(arrival_s - self._begun_s), self._time_s + _SETTINGS.least_step_s)
         passed_s = time_s - self._time_s
-        self._number += max(round(passed_s / period_s), 1) if passed_s > _PAUSE_S else 1
+        self._number += max(round(passed_s / period_s), 1) if passed_s > _SETTINGS.pause_s else 1
         self._time_s = time_s

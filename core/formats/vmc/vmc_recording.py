@@ -1,7 +1,7 @@
-"""Recording of VMC packets as motion or as marker take."""
+"""Recording of VMC packets as a motion or a marker take."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,14 +11,22 @@ from ...geometry import rotations as rot
 from ...geometry.arrays import Array
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from .frame_assembler import MOST_PLACED, FrameAssembler, Key, VmcFrame, tracker_names
+from .frame_assembler import LIMITS, FrameAssembler, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones
-from .tracker_points import AXES, axis_names, axis_points
+from .tracker_points import axis_names, axis_points
 from .vmc_packets import BONE, ROOT, TRACKERS
 
-_ON_A_FRAME = 0.01  # of a frame: nearer than this to a frame is that frame; stamps are 32-bit numbers
-_TURNED = np.radians(3.0)  # by less a tracker does not turn: nobody measures how it is turned
-_MOST_LOST = 100  # frames for each that came; more are no loss but a clock that jumped, or a pause
+
+@dataclass(frozen=True)
+class RecordingSettings:
+    """Limits for interpreting recorded frames."""
+
+    same_frame: float = 0.01  # part of a frame below which a time counts as that frame's, as stamps are 32-bit numbers
+    turned_rad: float = np.radians(3.0)  # rotation below which a tracker does not measure its rotation
+    most_lost: float = 100.0  # lost frames per received one; more mean a clock that jumped, or a pause
+
+
+_SETTINGS = RecordingSettings()
 
 
 class Recording:
@@ -30,25 +38,24 @@ class Recording:
         self._keys: set[Key] = set()
 
     def add(self, packet: bytes, arrival_s: float) -> None:
-        """Take a packet in, as `FrameAssembler.add` does."""
+        """Add a packet, as `FrameAssembler.add` does."""
         self._keep(self.gathering.add(packet, arrival_s))
 
     def _keep(self, frames: Sequence[VmcFrame]) -> None:
-        """Keep frames with the first names that came, no more than a frame may have."""
+        """Keep frames with the names that arrived first, at most `LIMITS.placed`."""
         for frame in frames:
-            self._keys.update([key for key in frame.placed if key not in self._keys][: MOST_PLACED - len(self._keys)])
+            self._keys.update([key for key in frame.placed if key not in self._keys][: LIMITS.placed - len(self._keys)])
             placed = {key: place for key, place in frame.placed.items() if key in self._keys}
             self._frames += [replace(frame, placed=placed)] * bool(placed)
 
     def motion(self, name: str) -> tuple[Motion, int]:
-        """Return the bones' motion at the sender's rate, and how many frames of it came.
+        """Return the bones' motion at the sender's rate, and the number of frames received.
 
-        Frames that were lost lie between their neighbours. A bone that a frame leaves out stays as it was. The root
-        carries the hips.
+        Lost frames are interpolated; a bone that a frame leaves out keeps its pose; the hips move with the root.
 
         Raises:
-            TakeError: fewer than two frames with bones came, or none with hips.
-            SkeletonError: the bones make no body.
+            TakeError: Fewer than two frames with bones arrived, or none with hips.
+            SkeletonError: The bones are not those of an upright body.
         """
         keys = [(BONE, bone) for bone in BONES]
         frames, times_s, fps = self._with(keys, name, "bones")
@@ -57,12 +64,10 @@ class Recording:
         return motion_of_bones(_at_rate(poses, times_s, fps), name, fps), len(frames)
 
     def markers(self, name: str) -> MarkerTake:
-        """Return head set, controllers and trackers as markers with their serial numbers.
-
-        Of one that turns there are also the points of `tracker_points`, by which its rotation counts.
+        """Return head set, controllers and trackers as markers, with the points of `tracker_points` if they turn.
 
         Raises:
-            TakeError: fewer than two frames with any of them came.
+            TakeError: Fewer than two frames with any of them arrived.
         """
         seen = [
             key for key in dict.fromkeys(key for frame in self._all() for key in frame.placed) if key[0] in TRACKERS
@@ -73,24 +78,24 @@ class Recording:
             there = np.array([key in frame.placed for frame in frames])
             placed = [frame.placed[key] for frame in frames if key in frame.placed]
             positions, rotations = np.array([p.position_m for p in placed]), np.array([p.rotation for p in placed])
-            turns = bool(np.max(rot.angle_between(rotations, rotations[:1])) > _TURNED)
-            points = np.full((len(frames), 1 + len(AXES) * turns, 3), np.nan)
+            turns = bool(np.max(rot.angle_between(rotations, rotations[:1])) > _SETTINGS.turned_rad)
+            points = np.full((len(frames), 1 + 3 * turns, 3), np.nan)
             points[there, 0] = positions
             points[there, 1:] = axis_points(positions, rotations) if turns else 0.0
             names += [own, *axis_names(own)] if turns else [own]
             columns.append(points)
         numbers = np.round(times_s * fps).astype(np.int64)
-        if np.any(np.diff(numbers) < 1):  # arrival times of a network may crowd
+        if np.any(np.diff(numbers) < 1):  # frames of a network may arrive together
             numbers = np.arange(len(frames))
         return MarkerTake(name, fps, tuple(names), np.concatenate(columns, axis=1), numbers, times_s)
 
     def _all(self) -> list[VmcFrame]:
-        """Return all frames, the one that is still open with them."""
+        """Return all frames, including the open one."""
         self._keep(self.gathering.end())
         return self._frames
 
     def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
-        """Return frames with one of the keys, times (F,) from the first, and the rate."""
+        """Return frames with any of the keys, times (F,) from the first, and the rate."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             raise TakeError(
@@ -104,16 +109,14 @@ class Recording:
         for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
             from_first_s = times_s - times_s[0]
             rate = frame_rate(from_first_s, np.arange(len(frames)))
-            fps = float(np.clip(rate, LEAST_FPS, MOST_FPS))  # packets may come all at once
-            if from_first_s[-1] * fps < _MOST_LOST * len(frames):
+            fps = float(np.clip(rate, LEAST_FPS, MOST_FPS))  # packets may arrive all at once
+            if from_first_s[-1] * fps < _SETTINGS.most_lost * len(frames):
                 return frames, from_first_s, fps
-        raise TakeError(
-            "frames came too unevenly to make anything of them", where=name, advice="record without a pause"
-        )
+        raise TakeError("frames arrived too unevenly to be used", where=name, advice="record without a pause")
 
 
 def _fill_missing(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
-    """Return the poses of bones; a missing one stays as in the frame before."""
+    """Return the poses of bones; a missing one keeps the pose of the frame before."""
     there = np.array([[key in frame.placed for key in keys] for frame in frames])
     row = np.where(there, np.arange(len(frames))[:, None], -1)
     row = np.maximum.accumulate(row, axis=0)
@@ -146,7 +149,7 @@ def _at_rate(poses: BonePoses, times_s: Array, fps: float) -> BonePoses:
     before = after - 1
     step = np.maximum(times_s[after] - times_s[before], 1e-9)
     share = np.clip((wanted - times_s[before]) / step, 0.0, 1.0)
-    share = np.where(np.abs(share - np.round(share)) < _ON_A_FRAME, np.round(share), share)
+    share = np.where(np.abs(share - np.round(share)) < _SETTINGS.same_frame, np.round(share), share)
     positions = poses.positions_m
     return BonePoses(
         poses.names,

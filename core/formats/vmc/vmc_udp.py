@@ -1,4 +1,4 @@
-"""VMC over UDP: play a motion live, record the packets of another program."""
+"""VMC over UDP: sending of poses, receiving and recording of packets."""
 
 import ipaddress
 import socket
@@ -17,20 +17,16 @@ from .humanoid import BONES, Humanoid
 from .vmc_packets import FramePackets
 from .vmc_recording import Recording
 
-_LARGEST_PACKET = 65535
-_BUFFER_BYTES = 1 << 22  # what the system may keep while this process is busy
-_OVERFLOWS = 40  # Linux' SO_RXQ_OVFL: each packet says how many before it found no room; Python does not name it
-_MOST_WAITING = 1000  # packets that are still read at the end
-_MOST_STRANGERS = 10  # that are remembered; an address is easily made up
-_LONGEST_WAIT_S = 0.5  # between two looks at how far it is
+_LARGEST_PACKET = 65535  # bytes
+_SO_RXQ_OVFL = 40  # Linux reports dropped packets with each packet; Python lacks the name
 
 
 def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
-    """Send a motion in real time, one bundle a frame; returns the bytes sent.
+    """Send a motion in real time, one bundle per frame; return the bytes sent.
 
     Raises:
-        CaptureError: the host is not known, or the network takes no packets.
-        SkeletonError: standard joints are missing.
+        CaptureError: The host is unknown, or the network does not accept packets.
+        SkeletonError: Standard joints are missing.
     """
     sent = 0
     with Sender(motion.skeleton, host, port) as sender:
@@ -46,11 +42,11 @@ def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
 
 
 class Sender(AbstractContextManager["Sender"]):
-    """Sends poses of one body to another program.
+    """Sender of one body's poses to another program.
 
     Raises:
-        CaptureError: the host is not known.
-        SkeletonError: standard joints are missing.
+        CaptureError: The host is unknown.
+        SkeletonError: Standard joints are missing.
     """
 
     def __init__(self, skeleton: Skeleton, host: str, port: int) -> None:
@@ -68,11 +64,7 @@ class Sender(AbstractContextManager["Sender"]):
         self.close()
 
     def send(self, time_s: float, rotations: Array, root_position_m: Array) -> int:
-        """Send a pose (J, 4) and (3,); return the bytes.
-
-        Raises:
-            CaptureError: the network takes no packets.
-        """
+        """Send a pose (J, 4) and (3,); return the bytes sent; CaptureError if the network does not accept them."""
         poses = self._humanoid.poses(rotations[None], root_position_m[None])
         try:
             packet = self._packets.packet(time_s, poses.positions_m[0], poses.rotations[0])
@@ -81,7 +73,7 @@ class Sender(AbstractContextManager["Sender"]):
             raise self._failure(error) from error
 
     def close(self) -> None:
-        """Send nothing any more."""
+        """Close the socket."""
         self._socket.close()
 
     def _failure(self, error: Exception) -> CaptureError:
@@ -92,16 +84,16 @@ class Receiver(AbstractContextManager["Receiver"]):
     """A UDP port of this computer.
 
     Args:
-        port: 0 for any that is free.
-        sender: name or address of the only computer that is listened to; where that is this one, nothing comes from
-            its networks. "": all are.
+        port: Port number; 0 for any free one.
+        sender: Name or address of the only computer that is accepted; "" for all. If it is this computer, the port is
+            closed to its networks.
 
     Attributes:
-        strangers: addresses of other computers that have sent, too.
-        overflowed: packets that found no room while this process was busy, as far as the system reports them (Linux).
+        strangers: Addresses of other computers that have sent packets, ten at most.
+        overflowed: Packets that the system dropped while this process was busy (reported by Linux only).
 
     Raises:
-        CaptureError: the port is taken, or the sender is not known.
+        CaptureError: The port is taken, or the sender is unknown.
     """
 
     def __init__(self, port: int, sender: str = "") -> None:
@@ -110,9 +102,9 @@ class Receiver(AbstractContextManager["Receiver"]):
         self._sender = _address(sender)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
             if sys.platform == "linux":
-                self._socket.setsockopt(socket.SOL_SOCKET, _OVERFLOWS, 1)
+                self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
             is_local = bool(self._sender) and ipaddress.ip_address(self._sender).is_loopback
             self._socket.bind((self._sender if is_local else "", port))
         except OSError as error:
@@ -120,7 +112,7 @@ class Receiver(AbstractContextManager["Receiver"]):
             raise CaptureError(
                 f"cannot be listened to ({error.strerror or error})",
                 where=f"port {port}",
-                advice="end the program that uses it, or choose another port",
+                advice="close the program that uses it, or choose another port",
             ) from error
         self.port: int = self._socket.getsockname()[1]
 
@@ -128,14 +120,14 @@ class Receiver(AbstractContextManager["Receiver"]):
         self._socket.close()
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return the next packet of the sender, None if none comes in time."""
+        """Return the next packet of the sender, None after the timeout."""
         self._socket.settimeout(timeout_s)
         try:
             packet, address = self._read()
         except (TimeoutError, BlockingIOError):
             return None
         if self._sender and address != self._sender:
-            if len(self.strangers) < _MOST_STRANGERS:
+            if len(self.strangers) < 10:
                 self.strangers.add(address)
             return None
         return packet
@@ -146,7 +138,7 @@ class Receiver(AbstractContextManager["Receiver"]):
             packet, (address, _) = self._socket.recvfrom(_LARGEST_PACKET)
             return packet, address
         packet, said, _, (address, _) = self._socket.recvmsg(_LARGEST_PACKET, socket.CMSG_SPACE(4))
-        self.overflowed = next((struct.unpack("I", count)[0] for _, what, count in said if what == _OVERFLOWS), 0)
+        self.overflowed = next((struct.unpack("I", count)[0] for _, what, count in said if what == _SO_RXQ_OVFL), 0)
         return packet, address
 
 
@@ -155,18 +147,18 @@ def _address(host: str) -> str:
         return socket.gethostbyname(host) if host else ""
     except (OSError, UnicodeError) as error:
         advice = "give its address, as 192.168.1.20, or none for all"
-        raise CaptureError(f"is no computer that is known ({error})", where=host, advice=advice) from error
+        raise CaptureError(f"is not a known computer ({error})", where=host, advice=advice) from error
 
 
 def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:
-    """Return the packets that come within `seconds`."""
+    """Return the packets that arrive within `seconds`."""
     recording = Recording()
     progress(0.0, f"listening on port {receiver.port}")
     begun_s = time.perf_counter()
-    waiting = _MOST_WAITING
+    waiting = 1000  # most packets that are read after the end, from the system's buffer
     while waiting:
         left_s = begun_s + seconds - time.perf_counter()
-        packet = receiver.receive(min(max(left_s, 0.0), _LONGEST_WAIT_S))
+        packet = receiver.receive(min(max(left_s, 0.0), 0.5))  # progress is reported twice a second
         if left_s <= 0.0:
             waiting = waiting - 1 if packet is not None else 0
         if packet is not None:

@@ -82,7 +82,7 @@ def test_fbx_characters_are_read(mixamo_blend: Path, tmp_path: Path) -> None:
 
 
 def test_a_fox_is_refused_with_the_reason(shared_dir: Path, tmp_path: Path) -> None:
-    with pytest.raises(CharacterError, match=r"Fox.glb: it is no biped: its trunk leans 87 degrees"):
+    with pytest.raises(CharacterError, match=r"Fox.glb: the armature is not a biped: its trunk leans 87 degrees"):
         retarget_file(
             clip("walking-01-neutral", 2), shared_dir / "rigs/Khronos_Fox_bevy/animated/Fox.glb", tmp_path / "x.blend"
         )

@@ -92,7 +92,7 @@ CASES = [
     (SOLVE.replace("walk.take.npz", "words.take.npz"), "words.take.npz: is not a marker take"),
     (SOLVE.replace("walk.take.npz", "words.c3d"), "words.c3d: is not a C3D file"),
     (SOLVE.replace("walk.take.npz", "words.trc"), "words.trc: is not a TRC file"),
-    (SOLVE.replace("walk.take.npz", "words.txt"), "words.txt: is no marker take"),
+    (SOLVE.replace("walk.take.npz", "words.txt"), "words.txt: is not a marker take"),
     (SOLVE.replace("walk.take.npz", "hands.take.npz"), "fewer than three of the torso markers"),
     (SOLVE + " --marker-set two-webcams", "fewer than three of the torso markers Center1"),
     (SOLVE + " --marker-set gone", "there is no marker set or file 'gone'; shipped sets: boxing"),

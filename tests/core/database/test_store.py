@@ -244,7 +244,7 @@ def test_numbers_that_are_no_poses_are_refused_before_a_solve(written: Path) -> 
         database = open_database(written)
         array = np.array(getattr(database, name))
         array.reshape(len(array), -1)[FRAMES // 2] = value
-        with pytest.raises(DatabaseError, match="holds numbers that are no poses"):
+        with pytest.raises(DatabaseError, match="contains invalid poses"):
             check_arrays(replace(database, **{name: array}))
 
 

@@ -146,7 +146,7 @@ def test_four_legs_are_refused_with_the_reason() -> None:
                 names.append(f"b_{side}{word}")
                 parents.append(above if place == 0 else len(names) - 2)
                 heads.append((x, at, 0.5 - 0.22 * place))
-    with pytest.raises(CharacterError, match=r"no biped: its trunk leans \d\d degrees"):
+    with pytest.raises(CharacterError, match=r"not a biped: its trunk leans \d\d degrees"):
         find_bone_map(armature(names, parents, np.array(heads), np.random.default_rng(0)))
 
 

@@ -93,7 +93,7 @@ def test_messages_keep_curves_and_free_heights():
         (HEAD + "head,1.5,0,1,0\n", "line 3: has no whole frame"),
         (HEAD + "head,1,,1,0\n", "line 3: has no whole frame or no position"),
         (HEAD + "head,1,inf,1,0\n", "line 3: has no whole frame or no position"),
-        (HEAD + "head,1,one,1,0\n", "line 3: has a field that is no number"),
+        (HEAD + "head,1,one,1,0\n", "line 3: has a field that is not a number"),
         (HEAD + "head,1,5000,1,0\n", "line 3: lies beyond"),
         (HEAD + "head,1,0,1,0\nhead,90000,0,1,0\n", "frames at most"),
         (HEAD + "head,1,0,1,0\x00\n", "is not a text file"),

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any
 
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.vmc.frame_assembler import MOST_PACKETS_S
+from perfanim.core.formats.vmc.frame_assembler import LIMITS
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.assets import MOTION
@@ -85,7 +85,7 @@ def flooded(kind: str, seconds: float, rate: int, seed: int, around_s: float = A
                 sender.wait()
         finally:
             run.close()
-    return {"kind": kind, **watch, "too_many": watch["sent"] - MOST_PACKETS_S * (seconds + 1.0)}
+    return {"kind": kind, **watch, "too_many": watch["sent"] - LIMITS.packets * (seconds + 1.0)}
 
 
 def _listening(run: CaptureRun, port: int) -> None:

@@ -220,12 +220,12 @@ def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
     save_take(MarkerTake("a", 60.0, ("A",), np.zeros((3, 1, 3))), tmp_path / "a.take.npz")
     lines = {
         "take info {tmp}/gone.perftake": "cannot be read",
-        "take info {tmp}/words.perftake": "is no recorded take",
+        "take info {tmp}/words.perftake": "is not a recorded take",
         "take info {tmp}/empty.perftake": "is empty",
         "take info {tmp}/start.perftake": "has lost its calibration and subject",
-        "take info {tmp}/words.txt": "is no marker take",
+        "take info {tmp}/words.txt": "is not a marker take",
         "take recover {tmp}/start.perftake": "has lost its calibration and subject",
-        "take recover {tmp}/words.perftake": "is no recorded take",
+        "take recover {tmp}/words.perftake": "is not a recorded take",
         "take recover {take} --out {tmp}/a.bvh": "does not end in .perftake",
         "take recover {take} --out {take}": "would be overwritten",
         "take export {take} --out {tmp}/a.doc": "has an ending that cannot be written",

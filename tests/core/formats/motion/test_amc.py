@@ -182,7 +182,7 @@ def test_damaged_motion_is_refused_with_the_place(text: str, part: str) -> None:
         (ASF.replace("length 10", "length ten"), "is damaged"),
         (ASF.replace("direction 0 -1 0", "direction 0 -1"), "line 23: needs 3 numbers, has 2"),
         (ASF.replace("lfemur ltibia", "lfemur shin"), "unknown bone 'shin'"),
-        (ASF.replace("root lhipjoint", "root"), "do not hang on the root"),
+        (ASF.replace("root lhipjoint", "root"), "not connected to the root"),
         (ASF.replace("dof rx\n", "dof rq\n"), "unknown or repeated degrees of freedom"),
         (ASF.replace("length 0.5", "length 0"), "has a length unit of 0"),
         (ASF[: ASF.index(":hierarchy")], "has no :hierarchy section"),

@@ -129,7 +129,7 @@ def test_nan_stays_and_is_told() -> None:
         (SMALL[: SMALL.index("JOINT Slider")].encode(), "no MOTION section"),
         (SMALL.replace("}\nMOTION", "MOTION").encode(), "not complete"),
         (SMALL.replace("MOTION\n", "}\nMOTION\n").encode(), "closes more joints"),
-        (SMALL.replace("0.1 -0.5 0", "0.1 x 0").encode(), "line 8: has an OFFSET that is no number"),
+        (SMALL.replace("0.1 -0.5 0", "0.1 x 0").encode(), "line 8: has an OFFSET that is not a number"),
         (SMALL.replace("CHANNELS 3", "CHANNELS 4").encode(), "line 9: has unknown channels"),
         (SMALL.replace("Yrotation Xrotation Zrotation", "Wrotation Xrotation Zrotation").encode(), "unknown channels"),
         (SMALL.replace("Frame Time: 0.0333333", "Frame Time: 0").encode(), "a 'Frame Time:' from"),
@@ -168,7 +168,7 @@ def test_missing_file(tmp_path: Path) -> None:
 
 
 def test_nothing_is_left_when_the_unit_is_unknown(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="no unit"):
+    with pytest.raises(FormatError, match="not a unit"):
         write_bvh(random_motion(2), tmp_path / "a.bvh", "parsec")
     assert list(tmp_path.iterdir()) == []
 

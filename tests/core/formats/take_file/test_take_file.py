@@ -55,8 +55,8 @@ def test_takes_of_the_first_version_stay_readable() -> None:
     ("content", "message"),
     [
         (b"", "is empty"),
-        (b"no take at all, but some words", "is no recorded take"),
-        (os.urandom(5000), "is no recorded take"),
+        (b"no take at all, but some words", "is not a recorded take"),
+        (os.urandom(5000), "is not a recorded take"),
         (preamble()[:7], "cut off before anything was recorded"),
     ],
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.formats.vmc.frame_assembler import MOST_BYTES_S, MOST_PACKETS_S, MOST_PLACED
+from perfanim.core.formats.vmc.frame_assembler import LIMITS
 from perfanim.core.formats.vmc.tracker_stream import TrackerStream
 from perfanim.core.formats.vmc.vmc_packets import TRACKERS
 from perfanim.core.geometry import rotations as rot
@@ -97,13 +97,13 @@ def test_a_program_that_makes_up_names_fills_no_memory_and_hides_no_marker():
     for at in range(40):
         stream.add(tracker_packet({f"{at}-{i}": (0, 1, 0) for i in range(100)}), at / 60)
         most = max(most, len(stream.trackers))
-    assert 0 < most <= 2 * MOST_PLACED
+    assert 0 < most <= 2 * LIMITS.placed
     stream.add(tracker_packet(PLACES), 1.0)
     (frame,) = stream.add(tracker_packet(PLACES), 1.1)[-1:]
     assert len(frame.labels) == len(BOXING)
 
 
-@pytest.mark.parametrize(("packet", "most"), [(b"junk", MOST_PACKETS_S), (bytes(60_000), MOST_BYTES_S // 60_000)])
+@pytest.mark.parametrize(("packet", "most"), [(b"junk", LIMITS.packets), (bytes(60_000), LIMITS.size // 60_000)])
 def test_of_a_flood_no_more_is_read_than_a_second_may_bring(packet, most):
     stream = TrackerStream(BOXING)
     for _ in range(most + 100):

@@ -96,10 +96,10 @@ def test_bundles_in_bundles_trackers_and_later_versions_are_read_and_the_rest_pa
 @pytest.mark.parametrize(
     ("packet", "reason"),
     [
-        (b"", "no OSC packet"),
-        (b"hello", "no OSC packet"),
-        (b"#bundle\0\0\0\0", "no OSC packet"),
-        (bundle(b"junk"), "no OSC packet"),
+        (b"", "not an OSC packet"),
+        (b"hello", "not an OSC packet"),
+        (b"#bundle\0\0\0\0", "not an OSC packet"),
+        (bundle(b"junk"), "not an OSC packet"),
         (bundle() + b"\xff\xff\xff\xfc", "sizes"),  # points at itself
         (bundle() + bytes(4), "sizes"),
         (bundle(message(BONE, "Hips", *NUMBERS))[:-4], "sizes"),

@@ -5,7 +5,7 @@ import pytest
 from osc_frames import frame_packet
 from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.errors import CaptureError, TakeError
-from perfanim.core.formats.vmc.frame_assembler import MOST_PLACED
+from perfanim.core.formats.vmc.frame_assembler import LIMITS
 from perfanim.core.formats.vmc.humanoid import bone_poses, motion_of_bones
 from perfanim.core.formats.vmc.vmc_packets import BONE, ROOT, TIME
 from perfanim.core.formats.vmc.vmc_recording import Recording
@@ -174,5 +174,5 @@ def test_a_sender_of_ever_new_names_is_recorded_in_bounded_memory():
     for at in range(60):
         recording.add(tracker_packet({"own": (0, 1, 0)} | {f"{at}-{i}": (0, 1, 0) for i in range(50)}), at / 60)
     take = recording.markers("a")
-    assert len(take.names) == MOST_PLACED
+    assert len(take.names) == LIMITS.placed
     assert (take.names[0], take.frames) == ("own", 60)

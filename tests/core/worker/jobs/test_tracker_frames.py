@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.vmc import frame_assembler
+from perfanim.core.formats.vmc.frame_assembler import FloodLimits
 from perfanim.core.formats.vmc.vmc_packets import BONE
 from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_frame import MarkerFrame
@@ -126,12 +127,12 @@ def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
         tracker_frames.run({**taken, "after": {"number": 7}}, blender)
     assert blender.told[0] == f"waiting for trackers on port {other.port}"
     unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "marker_set": MARKER_SET}
-    with pytest.raises(CaptureError, match="no such computer: is no computer that is known"):
+    with pytest.raises(CaptureError, match="no such computer: is not a known computer"):
         tracker_frames.run(unknown, blender)
 
 
 def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame_assembler, "MOST_PACKETS_S", 2)
+    monkeypatch.setattr(frame_assembler, "LIMITS", FloodLimits(packets=2))
     told = "too much comes"
     with Running() as job, Program(job.port) as program:
         job.until(lambda: any(told in text for text in job.blender.told), lambda: program.send(b"junk"))
@@ -142,7 +143,7 @@ def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_frames_of_a_flood_do_not_pile_up_and_its_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame_assembler, "MOST_FRAMES_S", 80)  # more than the queue of the solver holds
+    monkeypatch.setattr(frame_assembler, "LIMITS", FloodLimits(frames=80))  # more than the queue of the solver holds
     monkeypatch.setattr(tracker_frames, "_FLOOD_S", 2.0)
     with Running() as job, Program(job.port) as program:
         sent = 0
