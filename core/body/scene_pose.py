@@ -8,6 +8,7 @@ import numpy as np
 
 from ..geometry.arrays import Array, IntArray, runs
 from .body_parts import PARTS
+from .pose_notes import PoseNote
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
 _REASON = 0.25  # share of a stretch's poses that a note must be of, to be the stretch's reason
@@ -52,7 +53,7 @@ class PerformerPose:
         marker_rms_m: RMS distance between located and solved markers; NaN when none was located.
         neighbours: K of the local model.
         dimensions: B of the local model.
-        notes: problems in plain words ("left hand hidden", ...).
+        notes: Problems of this pose.
         single_points: (M, 2) where that camera saw it, undistorted and normalised, NaN elsewhere; empty in poses read
             from takes, which keep it by blob.
         part_errors_deg: (P,) expected errors of the body's parts (`body_parts.PARTS`), means over their joints: 95 % of
@@ -71,7 +72,7 @@ class PerformerPose:
     marker_rms_m: float
     neighbours: int = 0
     dimensions: int = 0
-    notes: tuple[str, ...] = ()
+    notes: tuple[PoseNote, ...] = ()
     single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
     part_errors_deg: Array = field(default_factory=lambda: np.empty(0))
     joint_errors_deg: Array = field(default_factory=lambda: np.empty(0))
@@ -101,12 +102,12 @@ class ScenePose:
     Args:
         performers: one pose for each performer of the capture, in their order; without any there is no number.
         props: one pose for each prop, in their order.
-        notes: problems of all of them in plain words.
+        notes: Problems of all performers and props.
     """
 
     performers: tuple[PerformerPose, ...]
     props: tuple[PropPose, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[PoseNote, ...] = ()
 
     @property
     def number(self) -> int:
@@ -146,8 +147,8 @@ def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
 def _stretches(poses: Sequence[PerformerPose], doubtful: Sequence[bool], part: str = "") -> list[DoubtfulStretch]:
     found = []
     for start, stop in runs(np.array(doubtful, dtype=np.bool_)):
-        notes = Counter(note for pose in poses[start:stop] for note in pose.notes if note.startswith(part))
-        reason = next((note for note, count in notes.most_common(1) if count >= _REASON * (stop - start)), "")
+        notes = Counter(note for pose in poses[start:stop] for note in pose.notes if not part or note.part == part)
+        reason = next((note.text for note, count in notes.most_common(1) if count >= _REASON * (stop - start)), "")
         begin_s, end_s = (poses[at].time_s - poses[0].time_s for at in (start, stop - 1))
         found.append(DoubtfulStretch(begin_s, end_s, reason, part))
     return found

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..body.pose_notes import NoteKind, PoseNote
 from ..body.scene_pose import PerformerPose, PropPose, ScenePose
 from ..errors import SettingsError
 from ..labelling.prop_tracking import PropTracker
@@ -74,23 +75,19 @@ class MultiTargetSession:
             for session in self._sessions:
                 session.restart()
         frame = undistort_blobs(self._usable(frame), self.rig.cameras if self.rig else ())
-        props, hidden = [], []
+        props = []
         for tracker in self._trackers:
             detection = tracker.step(frame)
             frame = detection.rest
             props.append(detection.pose)
-            if not detection.pose.found:
-                hidden.append(f"{tracker.prop.name} hidden")
         shares = self._assignment.split_frame(frame) if len(self._sessions) > 1 else [frame]
-        return self._solve(frame.notes, shares, tuple(props), hidden, check_labels)
+        return self._solve(shares, tuple(props), check_labels)
 
     def step_labelled(self, frame: MarkerFrame, known: ScenePose) -> ScenePose:
         """Return the poses in the next frame with the labels and props of known poses."""
         frame = self._usable(frame)
         shares = [_labelled_share(frame, pose) for pose in known.performers]
-        pairs = zip(self._props, known.props, strict=True)
-        hidden = [f"{prop.name} hidden" for prop, pose in pairs if not pose.found]
-        return self._solve(frame.notes, shares, known.props, hidden, check_labels=False)
+        return self._solve(shares, known.props, check_labels=False)
 
     def solve_two_ways(self, poses: Sequence[ScenePose], progress: Callable[[float], None]) -> list[ScenePose]:
         """Return poses of a recorded take, with their labels, solved in both directions."""
@@ -111,23 +108,18 @@ class MultiTargetSession:
         labels = max(len(subject.marker_set) for subject in self.subjects)
         return usable_frame(frame, labels, len(self.rig or ()))
 
-    def _solve(
-        self,
-        notes: tuple[str, ...],
-        shares: Sequence[MarkerFrame],
-        props: tuple[PropPose, ...],
-        hidden: list[str],
-        check_labels: bool,
-    ) -> ScenePose:
+    def _solve(self, shares: Sequence[MarkerFrame], props: tuple[PropPose, ...], check_labels: bool) -> ScenePose:
         performers = tuple(
             session.step(share, check_labels) for session, share in zip(self._sessions, shares, strict=True)
         )
         further = [
-            f"{subject.name}: {note}"
+            replace(note, text=f"{subject.name}: {note.text}")
             for subject, performer in zip(self.subjects[1:], performers[1:], strict=True)
             for note in performer.notes
-            if note not in notes
+            if note.kind is not NoteKind.SOURCE
         ]
+        pairs = zip(self._props, props, strict=True)
+        hidden = [PoseNote.hidden([prop.name]) for prop, pose in pairs if not pose.found]
         return ScenePose(performers, props, (*performers[0].notes, *further, *hidden))
 
 

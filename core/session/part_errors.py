@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..body.body_parts import PART_JOINTS, PARTS
+from ..body.pose_notes import PoseNote
 from ..body.scene_pose import PerformerPose, doubtful_parts
 from ..body.standard_skeleton import JOINT_NAMES
 from ..geometry.arrays import Array, Mask
@@ -49,7 +50,7 @@ class PartErrors:
         variances = _variances(solution)
         return self._joint_scales * _expected(variances, solution) if len(variances) else variances
 
-    def notes(self, pose: PerformerPose) -> list[str]:
+    def notes(self, pose: PerformerPose) -> list[PoseNote]:
         """Return doubtful parts of a pose with the reason, in plain words."""
         if pose.doubtful or not (parts := pose.doubtful_parts):
             return []
@@ -61,11 +62,11 @@ class PartErrors:
                 continue
             worn = "marker is" if np.sum(markers) == 1 else "markers are"
             if markers.any() and not (seen & markers).any():
-                notes.append(f"{part} uncertain: its {worn} hidden")
+                notes.append(PoseNote.uncertain(part, f"its {worn} hidden"))
             elif not fits[markers].all():
-                notes.append(f"{part} uncertain: its {worn} elsewhere")
+                notes.append(PoseNote.uncertain(part, f"its {worn} elsewhere"))
             else:
-                notes.append(f"{part} uncertain: this motion of it is not in the database")
+                notes.append(PoseNote.uncertain(part, "this motion of it is not in the database"))
         return notes
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.calibration_poses import t_pose
+from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
 from ..body.scene_pose import PerformerPose
 from ..database.store import Database
@@ -23,7 +24,7 @@ from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_mark
 from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
 from .pose_noise_filter import PoseNoiseFilter
-from .tracking_quality import TrackingNote, TrackingQuality, assess_fit
+from .tracking_quality import TrackingQuality, assess_fit
 
 _WORSE_M = 0.004  # RMS by which right labels may fit the body worse than others
 
@@ -75,7 +76,7 @@ class Session:
         Without `doubts`, labels of a tracked body are not compared with others.
         """
         if not self._times.admit(frame.time_s):
-            return self._last_pose(frame, self._last.time_s if self._last else 0.0, TrackingNote.REFUSED)
+            return self._last_pose(frame, self._last.time_s if self._last else 0.0, NoteKind.REFUSED)
         if self._times.jumped:
             self.restart()
         frame = usable_frame(frame, len(self.subject.marker_set), len(self.rig or ()))
@@ -87,7 +88,7 @@ class Session:
         if solution:
             pose = self._solved_pose(frame, observation, solution)
         else:
-            pose = self._last_pose(frame, frame.time_s, TrackingNote.WAITING, observation)
+            pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, observation)
         elapsed_s = self._elapsed_s(frame.time_s)
         self._last = pose
         if self._quality.is_lost(pose):
@@ -199,10 +200,10 @@ class Session:
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
         hidden = [text for text, seen in zip(self.subject.marker_set.texts, fit.located, strict=True) if not seen]
-        notes = [*frame.notes, *([", ".join(hidden) + " hidden"] if hidden else [])]
-        notes += [TrackingNote.UNFAMILIAR.value] if solution.nearest_m > self._quality.settings.familiar_m else []
+        notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if hidden else [])]
+        notes += [PoseNote.of(NoteKind.UNFAMILIAR)] if solution.nearest_m > self._quality.settings.familiar_m else []
         held = fit.rms_m > self._quality.settings.wrong_m
-        notes += [TrackingNote.HELD.value] if held else []
+        notes += [PoseNote.of(NoteKind.HELD)] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
         errors_deg = self._part_errors.expected_deg(solution)
         doubtful, known, root_m = doubtful_joints(errors_deg), is_labelled(frame), solution.root.position_m
@@ -230,7 +231,7 @@ class Session:
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
 
     def _last_pose(
-        self, frame: MarkerFrame, time_s: float, note: TrackingNote, observation: Observation | None = None
+        self, frame: MarkerFrame, time_s: float, note: NoteKind, observation: Observation | None = None
     ) -> PerformerPose:
         """Return the last pose, or the T pose at the origin, for a frame that gives none."""
         seen = observation or Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan))
@@ -238,7 +239,7 @@ class Session:
 
 
 def _kept_pose(
-    pose: PerformerPose, frame: MarkerFrame, time_s: float, note: TrackingNote, seen: Observation
+    pose: PerformerPose, frame: MarkerFrame, time_s: float, note: NoteKind, seen: Observation
 ) -> PerformerPose:
     """Return a pose kept for a frame that gives none."""
     return replace(
@@ -249,7 +250,7 @@ def _kept_pose(
         observed_m=seen.points_m,
         single_cameras=seen.cameras,
         marker_rms_m=float("nan"),
-        notes=(*frame.notes, note.value),
+        notes=(*source_notes(frame.notes), PoseNote.of(note)),
         single_points=seen.image_points,
     )
 

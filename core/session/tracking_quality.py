@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
@@ -11,15 +10,6 @@ from ..geometry.arrays import Mask
 from ..solver.observation import Observation
 from ..solver.solution import Solution
 from ..system.backoff import Backoff
-
-
-class TrackingNote(StrEnum):
-    """Notes on a pose for people."""
-
-    UNFAMILIAR = "this motion is unlike the database"
-    HELD = "held: the markers do not fit the body"
-    WAITING = "waiting for the markers of the torso"
-    REFUSED = "a frame with an impossible time was left out"
 
 
 @dataclass(frozen=True)

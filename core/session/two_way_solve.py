@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from ..body.body_parts import PART_JOINTS, PARTS
 from ..body.motion import Motion
+from ..body.pose_notes import NoteKind
 from ..body.scene_pose import PerformerPose
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
@@ -31,7 +32,6 @@ from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
 from .part_errors import PartErrors
-from .tracking_quality import TrackingNote
 
 _SHORTEST = 12  # frames in a row that are solved again
 _PAUSE_S = 0.25  # without a pose, from which on the motion is another,
@@ -44,7 +44,6 @@ _SMOOTH_HZ = 8.0  # cut-off for the trajectory of what no marker shows
 _CALM_HZ, _CALM_SHARE = 16.0, 0.27
 _REPORT_EVERY = 30  # frames between two signs of progress
 _TOGETHER = 128  # frames of which priors, or fits, are computed at once
-_WAITS = frozenset((TrackingNote.WAITING.value, TrackingNote.REFUSED.value))  # of poses that are not solved
 _TORSO = list(PARTS).index("torso")  # the root's
 
 
@@ -91,7 +90,7 @@ class TwoWaySolver:
 
     def _observation(self, pose: PerformerPose) -> Observation:
         """Return the markers of a pose, none where they do not fit the body."""
-        if TrackingNote.HELD.value in pose.notes:
+        if _has_note(pose, NoteKind.HELD):
             return Observation.of_points(np.full(pose.observed_m.shape, np.nan))
         return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
 
@@ -146,6 +145,14 @@ class TwoWaySolver:
         return smooth_motion(motion, cutoff_hz) if fps > 2.0 * cutoff_hz else motion
 
 
+def _has_note(pose: PerformerPose, *kinds: NoteKind) -> bool:
+    return any(note.kind in kinds for note in pose.notes)
+
+
+def _is_solved(pose: PerformerPose) -> bool:
+    return not _has_note(pose, NoteKind.WAITING, NoteKind.REFUSED)
+
+
 def _root_mean(squares: Array, unknown: float) -> float:
     """Return the root of the mean of squares but NaN, a value without any."""
     known = squares[np.isfinite(squares)]
@@ -161,7 +168,7 @@ def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation
 
 def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
     """Return the stretches of one motion, long enough to be solved again."""
-    solved = np.array([_WAITS.isdisjoint(pose.notes) for pose in poses])
+    solved = np.array([_is_solved(pose) for pose in poses])
     begins = np.array([True, *(_begins(before, pose) for before, pose in pairwise(poses))])
     found = []
     for start, stop in runs(solved):
@@ -172,7 +179,7 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
 
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
     """Return poses where those before the first solved one are this one, no T pose."""
-    first = next((index for index, pose in enumerate(poses) if _WAITS.isdisjoint(pose.notes)), 0)
+    first = next((index for index, pose in enumerate(poses) if _is_solved(pose)), 0)
     started = list(poses)
     for index in range(first):
         shown = poses[first]

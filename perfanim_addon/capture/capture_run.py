@@ -110,7 +110,7 @@ class CaptureRun:
         if self.phase is Phase.RUNNING and silent_s > FREEZE_NOTICE_S:
             return f"no images for {silent_s:.1f} s"
         if self.poses and self.poses[-1].notes:
-            return "; ".join(self.poses[-1].notes)
+            return "; ".join(note.text for note in self.poses[-1].notes)
         return self.warnings[-1] if self.warnings else ""
 
     def tick(self) -> ScenePose | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...body.body_parts import PARTS
+from ...body.pose_notes import PoseNote
 from ...body.scene_pose import PerformerPose, PropPose, ScenePose
 from ...errors import CaptureError, TakeError
 from .chunks import join_records, split_records
@@ -112,7 +113,7 @@ def _unpack_scene(data: bytes) -> ScenePose:
 
 
 def _pack_performer(pose: PerformerPose, version: int) -> bytes:
-    notes = "\n".join(pose.notes).encode("utf-8")
+    notes = "\n".join(note.text for note in pose.notes).encode("utf-8")
     sizes = (len(pose.rotations), len(pose.markers_m), len(notes))
     facts = (pose.number, pose.time_s, pose.confidence, pose.marker_rms_m, pose.neighbours, pose.dimensions)
     header = _HEADER.pack(_MAGIC, version, *sizes, *facts)
@@ -151,7 +152,7 @@ def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
         marker_rms_m=rms,
         neighbours=neighbours,
         dimensions=dimensions,
-        notes=tuple(notes.split("\n")) if notes else (),
+        notes=tuple(map(PoseNote.of_text, notes.split("\n"))) if notes else (),
     )
     return version, pose, data[end:]
 

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 from perfanim.core.body.body_parts import PARTS
+from perfanim.core.body.pose_notes import PoseNote
 from perfanim.core.body.scene_pose import DOUBTFUL, DOUBTFUL_PART_DEG, PerformerPose, doubtful_stretches
 
 NONE = np.empty((0, 3))
@@ -9,7 +10,16 @@ NONE = np.empty((0, 3))
 
 def pose(time_s: float, confidence: float, *notes: str) -> PerformerPose:
     return PerformerPose(
-        0, time_s, np.empty((0, 4)), np.zeros(3), confidence, NONE, NONE, np.empty(0), 0.0, notes=notes
+        0,
+        time_s,
+        np.empty((0, 4)),
+        np.zeros(3),
+        confidence,
+        NONE,
+        NONE,
+        np.empty(0),
+        0.0,
+        notes=tuple(map(PoseNote.of_text, notes)),
     )
 
 

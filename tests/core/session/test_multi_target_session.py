@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from perfanim.core.body.pose_notes import PoseNote
 from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.prop import load_prop
@@ -31,13 +32,13 @@ def test_neither_takes_what_is_the_others(subject, database, record, truth, true
         seen = np.isfinite(body.observed_m[:, 0])
         assert np.linalg.norm(body.observed_m - true_markers[number], axis=1)[seen].max() < MARKER_M
         assert number < 15 or seen.sum() == 8 - is_hidden
-    assert "sword hidden" not in pose.notes
+    assert PoseNote.hidden(["sword"]) not in pose.notes
 
 
 def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers):
     ensemble = MultiTargetSession([Session(subject, database)], [load_prop("sword")])
     pose = ensemble.step(record(true_markers[0]))
-    assert pose.notes == ("sword hidden",)
+    assert pose.notes == (PoseNote.hidden(["sword"]),)
     assert not pose.props[0].found
     assert ensemble.subjects == (subject,)
 

@@ -70,7 +70,7 @@ def test_people_are_told_which_part_is_uncertain_and_why(poses, model):
     away = whole.observed_m + 0.05 * (KNOWN == LEFT_HAND)[:, None]
     for pose in (whole, without, replace(whole, observed_m=away), replace(without, single_cameras=np.zeros(8))):
         told += errors.notes(replace(pose, confidence=0.9, part_errors_deg=arm))
-    assert told == [
+    assert [note.text for note in told] == [
         "left arm uncertain: this motion of it is not in the database",
         "left arm uncertain: its marker is hidden",
         "left arm uncertain: its marker is elsewhere",

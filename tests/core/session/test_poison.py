@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.pose_notes import NoteKind, PoseNote
 from perfanim.core.body.scene_pose import ScenePose
 from perfanim.core.labelling.initial_labelling import InitialLabeller
 from perfanim.core.markers.marker_frame import MarkerFrame
@@ -12,7 +13,6 @@ from perfanim.core.markers.prop import load_prop
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.pose_filters import FilterSettings, PoseFilter
 from perfanim.core.session.session import Session
-from perfanim.core.session.tracking_quality import TrackingNote
 from props import Film, held_poses, markers_of
 
 FPS = 30.0
@@ -70,7 +70,7 @@ def test_frames_with_impossible_times_are_as_if_they_had_not_been(
         for _ in range(generator.binomial(2, POISONED) if last is not None else 0):  # three could agree
             pose = session.step(mistimed(frame if generator.random() < 0.5 else before, last.time_s, generator))
             np.testing.assert_array_equal(pose.rotations, last.rotations)
-            assert (pose.confidence, pose.time_s, pose.notes) == (0.0, last.time_s, (TrackingNote.REFUSED.value,))
+            assert (pose.confidence, pose.time_s, pose.notes) == (0.0, last.time_s, (PoseNote.of(NoteKind.REFUSED),))
         pose, expected = session.step(frame), clean.step(frame)
         assert_same(pose, expected)
         last, before = pose, frame
@@ -89,7 +89,7 @@ def test_impossible_points_and_rays_are_as_if_they_had_not_been(
             bad, frame = spoiled(frame, generator)
         pose = session.step(bad)
         assert_same(pose, clean.step(frame))
-        assert any("impossible, left out" in note for note in pose.notes) == (bad is not frame)
+        assert any("impossible, left out" in note.text for note in pose.notes) == (bad is not frame)
 
 
 def test_a_frame_of_nothing_but_poison_is_a_frame_without_markers(subject, database, record, true_markers):

@@ -89,4 +89,4 @@ def test_impossible_frames_in_the_doubt_are_left_out(frames, rows, session):
     bad[CUT + HIDDEN + 1] = MarkerFrame(CUT + HIDDEN + 1, frames[CUT + HIDDEN + 1].time_s, far, covariances)
     solved = solve(bad, session, causal=False)
     assert np.delete(right_labels(solved, rows), CUT + HIDDEN, axis=0).all()
-    assert any("left out" in note for note in solved.poses[CUT + HIDDEN + 1].notes)
+    assert any("left out" in note.text for note in solved.poses[CUT + HIDDEN + 1].notes)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import standing, t_pose
+from perfanim.core.body.pose_notes import NoteKind, PoseNote, source_notes
 from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
@@ -65,7 +66,7 @@ def test_a_hidden_marker_is_told_and_lowers_confidence(subject, database, record
     points = noisy[10].copy()
     points[[4, 6]] = np.nan
     pose = session.step(record(points, 10, KNOWN))
-    assert pose.notes == ("left hand, left foot hidden",)
+    assert pose.notes == (PoseNote.hidden(["left hand", "left foot"]),)
     assert pose.confidence <= 6 / 8 < whole.confidence
     assert np.isfinite(pose.markers_m).all()
     np.testing.assert_array_equal(np.isnan(pose.observed_m[:, 0]), [0, 0, 0, 0, 1, 0, 1, 0])
@@ -74,7 +75,7 @@ def test_a_hidden_marker_is_told_and_lowers_confidence(subject, database, record
 def test_notes_of_the_source_are_passed_on(subject, database, record, noisy):
     session = Session(subject, database)
     frame = replace(record(noisy[0], 0, KNOWN), notes=("right camera frozen",))
-    assert session.step(frame).notes == ("right camera frozen",)
+    assert session.step(frame).notes == source_notes(["right camera frozen"])
 
 
 def test_a_known_single_camera_marker_is_used(subject, database, record, noisy, stage_rig):
@@ -137,7 +138,7 @@ def test_waiting_for_the_torso_shows_a_t_pose_and_then_recovers(subject, databas
     few[[0, 1, 2, 6]] = np.nan
     pose = session.step(record(few, 0))
     assert pose.confidence == 0.0
-    assert pose.notes == ("waiting for the markers of the torso",)
+    assert pose.notes == (PoseNote.of(NoteKind.WAITING),)
     np.testing.assert_array_equal(pose.rotations, t_pose(subject.skeleton))
     assert pose.markers_m[:, 1].min() == pytest.approx(0.0)  # it stands on the floor
     assert np.isnan(pose.marker_rms_m)
@@ -209,7 +210,7 @@ def test_motion_unlike_the_database_is_told(subject, database, record, true_mark
     points[[4, 5]] = points[[0, 1]] + np.array([0.0, 0.7, 0.0])
     points[[6, 7]] += np.array([[0.5, 0.6, 0.3], [-0.5, 0.6, 0.3]])
     pose = Session(subject, database).step(record(points, 0, KNOWN))
-    assert "this motion is unlike the database" in pose.notes
+    assert PoseNote.of(NoteKind.UNFAMILIAR) in pose.notes
     assert pose.confidence < 0.3
 
 

@@ -3,6 +3,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from perfanim.core.body.body_parts import PARTS
+from perfanim.core.body.pose_notes import PoseNote, source_notes
 from perfanim.core.body.scene_pose import PerformerPose, PropPose, ScenePose
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_pose, pack_solved, unpack_pose
@@ -61,7 +62,7 @@ def a_pose(seed: int) -> PerformerPose:
         marker_rms_m=float("nan"),
         neighbours=64,
         dimensions=7,
-        notes=("LHND hidden", "slow"),
+        notes=(PoseNote.hidden(["LHND"]), *source_notes(["slow"])),
     )
 
 

@@ -96,7 +96,7 @@ def test_markers_that_were_not_worn_are_not_hidden_ones(bring, tmp_path, walk, s
     assert row["warnings"] == ["not in part.csv: LFOO"]
     take = read_take_file(row["out"])
     assert take.setup.subjects()[0].marker_set.names == part.names
-    assert not any("hidden" in note for kept in take.poses for note in kept.pose.notes)
+    assert not any("hidden" in note.text for kept in take.poses for note in kept.pose.notes)
     line = ["batch", tmp_path / "part.csv", "--out", tmp_path / "solved", "--subject", subject_file]
     assert main([*map(str, [*line, "--database", database_file]), "--jobs", "1", "--json"]) == 0
     (told,) = json.loads(capsys.readouterr().out)["takes"]

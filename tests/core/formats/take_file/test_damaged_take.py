@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from perfanim.core.body.pose_notes import PoseNote
 from perfanim.core.errors import FormatError, TakeError
 from perfanim.core.formats.take_file.chunks import HEADER_BYTES, PREAMBLE_BYTES, ChunkKind, scan
 from perfanim.core.formats.take_file.pose_codec import pack_solved, unpack_solved
@@ -130,7 +131,7 @@ def test_recover_keeps_all_that_is_intact(tmp_path: Path, write: Write) -> None:
 
 def test_notes_that_are_no_text_cost_the_pose_nothing() -> None:
     solved = unpack_solved(pose_record(3))
-    noted = pack_solved(replace(solved, pose=replace(solved.pose, notes=("left hand hidden",))))
+    noted = pack_solved(replace(solved, pose=replace(solved.pose, notes=(PoseNote.hidden(["left hand"]),))))
     damaged = unpack_solved(noted.replace(b"hand", b"h\xffnd")).pose
-    assert damaged.notes == ("left h\N{REPLACEMENT CHARACTER}nd hidden",)
+    assert [note.text for note in damaged.notes] == ["left h\N{REPLACEMENT CHARACTER}nd hidden"]
     np.testing.assert_array_equal(damaged.performers[0].rotations, solved.pose.performers[0].rotations)

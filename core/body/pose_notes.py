@@ -1,0 +1,70 @@
+"""Notes on solved poses: a kind for programs, a sentence for people and files."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from .body_parts import PARTS
+
+
+class NoteKind(Enum):
+    """What a note says about a pose."""
+
+    SOURCE = auto()  # message of a camera, or of another source of marker frames
+    HIDDEN = auto()  # markers or a prop are hidden
+    UNCERTAIN = auto()  # a part of the body has a large expected error
+    UNFAMILIAR = auto()
+    HELD = auto()
+    WAITING = auto()
+    REFUSED = auto()
+
+
+_SENTENCES = {
+    NoteKind.UNFAMILIAR: "this motion is unlike the database",
+    NoteKind.HELD: "held: the markers do not fit the body",
+    NoteKind.WAITING: "waiting for the markers of the torso",
+    NoteKind.REFUSED: "a frame with an impossible time was left out",
+}
+_KINDS = {sentence: kind for kind, sentence in _SENTENCES.items()}
+
+
+@dataclass(frozen=True)
+class PoseNote:
+    """Note on a pose.
+
+    Args:
+        text: Sentence for people; files hold it alone.
+        part: Part of the body (`body_parts.PARTS`) that the note is about, if it is about one.
+    """
+
+    kind: NoteKind
+    text: str
+    part: str = ""
+
+    @classmethod
+    def of(cls, kind: NoteKind) -> "PoseNote":
+        """Return the note of a kind that has one sentence only."""
+        return cls(kind, _SENTENCES[kind])
+
+    @classmethod
+    def hidden(cls, names: Iterable[str]) -> "PoseNote":
+        """Return the note that markers or props with these names are hidden."""
+        return cls(NoteKind.HIDDEN, ", ".join(names) + " hidden")
+
+    @classmethod
+    def uncertain(cls, part: str, reason: str) -> "PoseNote":
+        """Return the note that a part of the body is uncertain."""
+        return cls(NoteKind.UNCERTAIN, f"{part} uncertain: {reason}", part)
+
+    @classmethod
+    def of_text(cls, text: str) -> "PoseNote":
+        """Return the note that was stored as `text`."""
+        part, uncertain, _ = text.partition(" uncertain: ")
+        if uncertain and part in PARTS:
+            return cls(NoteKind.UNCERTAIN, text, part)
+        return cls(_KINDS.get(text, NoteKind.HIDDEN if text.endswith(" hidden") else NoteKind.SOURCE), text)
+
+
+def source_notes(texts: Iterable[str]) -> tuple[PoseNote, ...]:
+    """Return the messages of a source as notes."""
+    return tuple(PoseNote(NoteKind.SOURCE, text) for text in texts)

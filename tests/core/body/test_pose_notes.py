@@ -1,0 +1,17 @@
+"""Notes keep their kind when only their text is stored."""
+
+import pytest
+from perfanim.core.body.pose_notes import NoteKind, PoseNote, source_notes
+
+
+@pytest.mark.parametrize(
+    "note",
+    [
+        *(PoseNote.of(kind) for kind in (NoteKind.UNFAMILIAR, NoteKind.HELD, NoteKind.WAITING, NoteKind.REFUSED)),
+        PoseNote.hidden(["left hand", "left foot"]),
+        PoseNote.uncertain("left arm", "its marker is hidden"),
+        *source_notes(["the left camera froze", "this is uncertain: really"]),
+    ],
+)
+def test_note_is_read_from_its_text(note: PoseNote) -> None:
+    assert PoseNote.of_text(note.text) == note
