@@ -62,7 +62,7 @@ extras-test: .venv-gplvm/.installed .venv-prior/.installed .venv-fuzz/.installed
 
 docs: $(STAMP) .venv-docs/.installed ## the manual in out/docs; a warning or a wrong command is an error
 	$(BIN)/python tools/make_drawings.py
-	$(BIN)/python tools/run_documents.py
+	$(BIN)/python -m pytest docs -n 2
 	rm -rf out/docs # pages made from the code are not seen to be old
 	.venv-docs/bin/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs out/docs
 

@@ -9,8 +9,7 @@ import make_drawings
 import numpy as np
 import perfanim
 import pytest
-import run_documents
-from documents.commands import DOCUMENTS, Command, blocks, commands, make_targets, parse_problem
+from document_commands import DOCUMENTS, Command, blocks, commands, make_targets, parse_problem
 from manual_pages import anchor
 from PIL import Image
 
@@ -100,16 +99,6 @@ def test_the_share_of_right_names_is_that_of_the_films():
     shares = [float(share) for share in re.findall(r"\| ([\d.]+) % \|", films)]
     assert len(shares) > 5
     assert f"| {min(shares):g} to {max(shares):g} % |" in (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def test_cheap_commands_run(tmp_path):
-    assert list(run_documents.run_all(tmp_path, cheap=True)) == []
-
-
-def test_reasons_belong_to_commands():
-    texts = [" ".join(command.words) for command in COMMANDS]
-    for start in run_documents.LEFT_OUT:
-        assert any(text.startswith(start) for text in texts), start
 
 
 def test_messages_are_those_of_the_program():

@@ -8,7 +8,7 @@ from pathlib import Path
 import perfanim
 import pytest
 import yaml
-from documents.commands import make_targets
+from document_commands import make_targets
 
 ROOT = Path(perfanim.__file__).parent
 SYSTEMS = {"ubuntu-latest", "windows-latest", "macos-latest"}

@@ -18,7 +18,6 @@ PROGRAMS = ("perfanim", "make")
 
 _FENCE = re.compile(r"^(\s*)```(\S*)\n(.*?)^\s*```", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`([^`]+)`")
-_SHELLS = ("", "sh", "bash")
 
 
 @dataclass(frozen=True)
@@ -57,17 +56,17 @@ def commands(document: Path) -> Iterator[Command]:
     """Yield the commands of a document: lines of blocks, and code in backticks."""
     name = document.relative_to(ROOT).as_posix()
     text = document.read_text(encoding="utf-8")
-    for language in _SHELLS:
-        for first, block in blocks(document, language):
-            for number, line in enumerate(block.splitlines(), start=first):
-                yield from _read(f"{name}:{number}", line, in_block=True)
+    for first, block in blocks(document, "sh"):
+        for number, line in enumerate(block.splitlines(), start=first):
+            yield from read_command(f"{name}:{number}", line, in_block=True)
     prose = _FENCE.sub(lambda block: "\n" * block[0].count("\n"), text)
     for code in _CODE.finditer(prose):
         number = prose.count("\n", 0, code.start()) + 1
-        yield from _read(f"{name}:{number}", " ".join(code[1].split()), in_block=False)
+        yield from read_command(f"{name}:{number}", " ".join(code[1].split()), in_block=False)
 
 
-def _read(where: str, line: str, in_block: bool) -> Iterator[Command]:
+def read_command(where: str, line: str, in_block: bool) -> Iterator[Command]:
+    """Yield the commands of a line, one for each of several alternatives."""
     line = line.strip().removeprefix(".venv/bin/")
     if line.split(" ")[0] not in PROGRAMS:
         return

@@ -1,1 +1,0 @@
-"""Commands and scripts of the documents: found, parsed and run."""
