@@ -34,7 +34,7 @@ def main(arguments: list[str]) -> int:
     if there == wanted:
         return 0
     old = sorted(name for name in there.keys() | wanted.keys() if there.get(name) != wanted.get(name))
-    sys.stderr.write(f"docs/drawings: out of date: {', '.join(old)}; run `make drawings`\n")
+    sys.stderr.write(f"docs/drawings: out of date: {', '.join(old)}; run tools/make_drawings.py\n")
     return 1
 
 

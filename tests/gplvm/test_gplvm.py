@@ -1,4 +1,4 @@
-"""The GPLVM of Figure 5. It needs GPy, so an environment of its own: `make gplvm-test`."""
+"""The GPLVM of Figure 5. It needs GPy, so an environment of its own: `make extras-test`."""
 
 import numpy as np
 from bench.pose_models import gplvm, linear

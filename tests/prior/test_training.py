@@ -1,4 +1,4 @@
-"""Two steps of the prior's training, in an environment with JAX: `make prior-test`."""
+"""Two steps of the prior's training, in an environment with JAX: `make extras-test`."""
 
 import numpy as np
 import pytest

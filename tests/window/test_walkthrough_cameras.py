@@ -1,6 +1,6 @@
 """What stands before the cameras besides the performer, by mouse and keyboard: a prop, boards, markers on the floor.
 
-Every step leaves a picture in out/window: `make window-walkthrough`.
+Every step leaves a picture in out/window: `make window-test MARK=walkthrough`.
 """
 
 import json
