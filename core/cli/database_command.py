@@ -9,7 +9,7 @@ from typing import Any
 
 from ..body.standard_skeleton import JOINT_NAMES
 from ..database.build_database import BuildSettings, build_database
-from ..database.culling import DEFAULT_CULL_DEG
+from ..database.culling import SETTINGS
 from ..database.public_collections import get_collection, public_collections
 from ..database.reference_poses import reference_pose_report
 from ..database.store import open_database
@@ -47,11 +47,11 @@ def _add_build_options(parser: Any, out_required: bool) -> None:
         "--cull",
         type=float,
         nargs="?",
-        const=DEFAULT_CULL_DEG,
+        const=SETTINGS.distance_deg,
         default=0.0,
         metavar="DEG",
         help="leave out passages that an earlier clip holds within DEG degrees, root mean square over the joint "
-        f"angles (default {DEFAULT_CULL_DEG:g} when given without a number; else none are)",
+        f"angles (default {SETTINGS.distance_deg:g} when given without a number; else none are)",
     )
     add_text(parser, "--workers", "N", "processes that read (default: one a core where it is worth it)", type=int)
 

@@ -26,9 +26,7 @@ from .frame_file import FrameFile
 from .reference_poses import reference_pose_report, relative_poses
 from .store import Clip, Database, same_bones, save_database
 
-_SHORTEST_CLIP = 4  # frames; the query metric looks at accelerations
-_WORTH_PROCESSES = 8 << 20  # bytes of motion that take longer to read than processes take to start
-_READ, _CULLED = 0.6, 0.7  # share of the whole that is done then
+_READ, _CULLED = 0.6, 0.7  # shares of the progress bar
 
 
 @dataclass
@@ -43,7 +41,7 @@ class _Collected:
     skeletons: list[Skeleton] = field(default_factory=list)
     skipped: list[dict[str, Any]] = field(default_factory=list)
     defects: list[dict[str, str]] = field(default_factory=list)
-    _index_of: dict[int, tuple[int, Skeleton]] = field(default_factory=dict)  # by identity: many clips share one
+    _index_of: dict[int, tuple[int, Skeleton]] = field(default_factory=dict)  # by identity, as many clips share one
 
     def add(self, read: ReadClip, file: MotionFile) -> None:
         clip = Clip(
@@ -89,15 +87,14 @@ class _Collected:
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """Choices for building a database.
+    """Options for building a database.
 
     Args:
-        include: globs on file names, stems or behaviours, one of which must fit; none for all.
-        exclude: the same, none of which may fit.
-        mirror: whether each clip is followed by its mirror image.
-        cull_deg: distance below which passages that an earlier clip holds are left out, root mean square over the
-            joint angles, degrees (see `culling`); 0 keeps all.
-        workers: processes that read (see `read_files`); None for one a core where there is enough to read.
+        fps: Frame rate of the database.
+        include, exclude: Globs of files to read or to leave out, see `select_files`.
+        mirror: Add the mirror image of each clip.
+        cull_deg: Distance below which passages count as near-duplicates and are left out, see `culling`; 0 keeps all.
+        workers: Number of reading processes, see `read_files`; None for one per core if there is enough to read.
     """
 
     fps: float = 60.0
@@ -116,14 +113,13 @@ def build_database(
 ) -> dict[str, Any]:
     """Read all motion of files, folders and archives into one database file.
 
-    Every clip is mapped onto the standard skeleton, resampled on the shortest arcs, and keeps its subject's bone
-    lengths. A file that cannot be read is skipped with the reason; defects of the motion are handled as
-    `body.motion_cleaning` says, and named. A large database is stored with the cells of its search. While files are
-    read, their frames wait in a file beside `out`: memory holds the poses (336 bytes a frame) and the cells' needs.
+    Every clip is mapped onto the standard skeleton with its subject's bone lengths, cleaned (`body.motion_cleaning`)
+    and resampled. A file that cannot be read is skipped with the reason. Frames are collected in a file beside `out`,
+    so that memory only holds the poses (336 bytes per frame).
 
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
-        out: database file; written only when all is read.
+        out: Database file, written after everything is read.
 
     Returns:
         frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees of its
@@ -132,8 +128,8 @@ def build_database(
         peak_reader_memory_mb of the largest reading process, None where unknown.
 
     Raises:
-        FormatError: a source is missing or a damaged archive, or `out` cannot be written.
-        DatabaseError: nothing readable was found.
+        FormatError: A source is missing or a damaged archive, or `out` cannot be written.
+        DatabaseError: Nothing readable was found.
     """
     started = time.monotonic()
     settings, out = settings or BuildSettings(), Path(out)
@@ -150,13 +146,13 @@ def build_database(
     if settings.cull_deg > 0.0:
         step(_READ, "looking for near-duplicates")
         database = _drop_duplicates(database, settings.cull_deg)
-    step(_CULLED, "grouping like frames and writing")
+    step(_CULLED, "grouping similar frames and writing")
     save_database(database)
     return _report(database, collected, started)
 
 
 def _join_clips(collected: _Collected, out: Path, fps: float) -> Database:
-    """Return the collected clips as a database that is not written yet."""
+    """Return the collected clips as a database in memory."""
     mean_rotations, references, poses = relative_poses(collected.rotations, collected.clips)
     return Database(
         out,
@@ -172,7 +168,7 @@ def _join_clips(collected: _Collected, out: Path, fps: float) -> Database:
 
 
 def _drop_duplicates(database: Database, cull_deg: float) -> Database:
-    """Leave out passages that an earlier clip holds (see `culling`)."""
+    """Return the database without near-duplicates."""
     poses = database.poses.reshape(database.frames, -1)
     culled = near_duplicates(poses, database.clips, database.fps, cull_deg)
     return replace(
@@ -206,8 +202,8 @@ def _report(database: Database, collected: _Collected, started: float) -> dict[s
 
 @contextmanager
 def _folder_beside(out: Path) -> Iterator[Path]:
-    """Yield a scratch folder on the database's disk, where there is room for both."""
-    place = next(folder for folder in out.absolute().parents if folder.exists())  # a new one is made at the end
+    """Yield a temporary folder on the database's disk."""
+    place = next(folder for folder in out.absolute().parents if folder.exists())
     with writing(out):
         remove_left_behind(place, f".{out.stem}.")
         folder = tempfile.TemporaryDirectory(prefix=f".{out.stem}.", dir=place)
@@ -217,10 +213,10 @@ def _folder_beside(out: Path) -> Iterator[Path]:
 
 def _read(files: Sequence[MotionFile], collected: _Collected, settings: BuildSettings, step: Progress) -> None:
     workers = settings.workers
-    if workers is None:
-        enough = sum(file.path.stat().st_size for file in files) > _WORTH_PROCESSES
+    if workers is None:  # reading 8 MiB takes as long as starting processes
+        enough = sum(file.path.stat().st_size for file in files) > 8 << 20
         workers = (os.cpu_count() or 1) if enough else 1
-    with closing(read_files(files, settings.fps, _SHORTEST_CLIP, workers)) as results:
+    with closing(read_files(files, settings.fps, workers)) as results:
         for done, file in enumerate(files):
             step(_READ * done / len(files), f"reading {file.name}")
             result = next(results)
@@ -241,11 +237,11 @@ def _nothing_usable(sources: Sequence[Path | str], collected: _Collected) -> Dat
 
 
 def _peak_memory_mb() -> tuple[float | None, float | None]:
-    """Return the peak memory of this process and of its largest child process."""
+    """Return the peak memory, MB, of this process and of its largest child process."""
     try:
         import resource
     except ImportError:  # Windows
         return None, None
-    unit = 1.0 if os.uname().sysname == "Darwin" else 1024.0  # of the system's answer, bytes
+    unit = 1.0 if os.uname().sysname == "Darwin" else 1024.0  # bytes per unit of ru_maxrss
     own, children = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return round(own * unit / 1e6, 1), round(children * unit / 1e6, 1)

@@ -1,12 +1,12 @@
-"""Cells of a motion database: frames alike by the measure of the search (Eq. 2).
+"""Cells of a motion database: groups of frames that are similar by the distance of the search (Eq. 2).
 
-The search looks through the cells nearest to its query, an inverted file (Jegou, Douze and Schmid 2011). Cells are made
-for a common body that wears markers at head, shoulders, hands and feet: those of other bodies and marker sets are
-near where these are.
+The search visits the cells nearest to its query, an inverted file (Jegou, Douze and Schmid 2011). Cells are made for
+an average body with markers at head, shoulders, hands and feet, which lie near those of other bodies and marker sets.
 """
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,43 +17,55 @@ from ..geometry.arrays import Array, FloatArray
 from ..geometry.principal_components import principal_components
 from .k_means import clusters_of
 
-LARGE_DATABASE = 16_384  # frames from which cells are worth storing: below, looking at all frames costs as little
 
-_CARRIERS = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
-_MARKERS, _POSES = 0.8, 0.2  # weights of squared metres and radians, as of the methods' queries
-_COMPONENTS = 24  # principal ones of both together, which cells are made by
-_SAMPLES = 4096  # frames that they are taken from
-_RIDGE = 1e-3  # squared radians, for angles that do not vary
-_CELLS_PER_ROOT = 4.0  # cells per square root of the number of frames
-_CHUNK = 8192  # frames
+@dataclass(frozen=True)
+class CellSettings:
+    """Distance and number of cells."""
+
+    least_frames: int = 16_384  # frames from which cells pay: below, visiting all frames costs as little
+    joints: tuple[str, ...] = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")  # with a marker
+    markers: float = 0.8  # weight of squared metres, as in the solver's queries
+    poses: float = 0.2  # weight of squared radians
+    components: int = 24  # principal components of markers and poses
+    samples: int = 4096  # frames that the components are computed from
+    ridge: float = 1e-3  # squared radians, for angles that do not vary
+    cells_per_root: float = 4.0  # cells per square root of the number of frames
+    chunk: int = 8192  # frames projected at once
+
+
+SETTINGS = CellSettings()
 
 
 def build_cells(poses: FloatArray, mean_rotations: Array) -> NDArray[np.int32]:
-    """Return the cell (F,) of each frame, none empty.
+    """Return the cell (F,) of each frame; none is empty.
 
     Args:
-        poses: (F, J - 1, 3) rotation vectors.
-        mean_rotations: (J, 4) that most of them are relative to.
+        poses: Rotation vectors (F, J - 1, 3).
+        mean_rotations: Rotations (J, 4) that most poses are relative to.
     """
-    factors, rows = _factors(poses[:: max(1, len(poses) // _SAMPLES)], mean_rotations), poses.reshape(len(poses), -1)
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
-        starts = range(0, len(rows), _CHUNK)
-        points = np.concatenate(list(threads.map(lambda start: rows[start : start + _CHUNK] @ factors, starts)))
-        return clusters_of(points, int(_CELLS_PER_ROOT * np.sqrt(len(points))), threads.map).astype(np.int32)
+    rows, chunk = poses.reshape(len(poses), -1), SETTINGS.chunk
+    factors = _factors(poses[:: max(1, len(poses) // SETTINGS.samples)], mean_rotations)
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy releases Python's lock
+        starts = range(0, len(rows), chunk)
+        points = np.concatenate(list(threads.map(lambda start: rows[start : start + chunk] @ factors, starts)))
+        count = int(SETTINGS.cells_per_root * np.sqrt(len(points)))
+        return clusters_of(points, count, threads.map).astype(np.int32)
 
 
 def _factors(poses: FloatArray, mean_rotations: Array) -> FloatArray:
-    """Return factors (D, C) of poses for components of markers and poses.
+    """Return factors (D, C) from poses to principal components of markers and poses.
 
-    Markers by a regression: that holds 0.3 % fewer of the examples looked for, without kinematics of all frames.
+    The markers are approximated by a linear regression, which avoids the kinematics of all frames and loses 0.3 % of
+    the examples.
     """
     skeleton = default_skeleton()
-    joints = np.array([skeleton.names.index(name) for name in _CARRIERS])
+    joints = np.array([skeleton.names.index(name) for name in SETTINGS.joints])
     markers_m = markers_at_rest(skeleton, joints, np.zeros((len(joints), 3)), mean_rotations, poses)
     angles = poses.reshape(len(poses), -1).astype(np.float64)
-    measured = np.concatenate((np.sqrt(_MARKERS) * markers_m.reshape(len(poses), -1), np.sqrt(_POSES) * angles), axis=1)
+    parts = np.sqrt(SETTINGS.markers) * markers_m.reshape(len(poses), -1), np.sqrt(SETTINGS.poses) * angles
+    measured = np.concatenate(parts, axis=1)
     measured -= measured.mean(axis=0)
     turned = angles - angles.mean(axis=0)
-    components = measured @ principal_components(measured, _COMPONENTS)
-    square = turned.T @ turned + _RIDGE * np.eye(turned.shape[1])
+    components = measured @ principal_components(measured, SETTINGS.components)
+    square = turned.T @ turned + SETTINGS.ridge * np.eye(turned.shape[1])
     return np.linalg.solve(square, turned.T @ components).astype(np.float32)

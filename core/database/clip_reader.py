@@ -1,7 +1,6 @@
-"""Read many motion files, in one or several processes, into clips at one rate.
+"""Reading of many motion files, in one or several processes, as clips at one rate.
 
-Other processes run `serve`: they get each file as a line of JSON and answer with a JSON header and arrays, never with
-pickles.
+Other processes run `serve`: they get each file as a line of JSON and answer with a JSON header and arrays.
 """
 
 import json
@@ -28,16 +27,14 @@ from ..geometry.arrays import FloatArray
 from ..system.json_process import JsonProcess
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
-_AHEAD = 8  # files per process that may be read before they are taken
-
 
 @dataclass(frozen=True)
 class ReadClip:
-    """One unbroken part of a file, at the database's rate.
+    """Consecutive frames of a file, at the database's rate.
 
     Args:
-        first_frame: of the file at which it begins, counted from 0.
-        rotations, root_positions_m: (F, J, 4), (F, 3).
+        first_frame: First frame in the file, counted from 0.
+        rotations, root_positions_m: Local rotations (F, J, 4) and positions (F, 3).
     """
 
     name: str
@@ -50,10 +47,12 @@ class ReadClip:
 
 @dataclass(frozen=True)
 class ReadFile:
-    """Result of reading one file: clips and rows of defects, or the reason of failure.
+    """Clips and defects of a file, or the reason why it cannot be read.
 
-    A row holds frames of the file ("12" or "12-15", counted from 1, "" when it is not about frames), defect and done;
-    `line` is where the reason lies, 0 when in no line.
+    Args:
+        defects: Rows of frames ("12" or "12-15", counted from 1; "" for the whole file), defect and done.
+        reason: Reason of failure, "" for none.
+        line: Line in the file with the reason, 0 for none.
     """
 
     clips: tuple[ReadClip, ...]
@@ -62,17 +61,19 @@ class ReadFile:
     line: int
 
 
-def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: int) -> Generator[ReadFile, None, None]:
+def read_files(
+    files: Sequence[MotionFile], fps: float, workers: int, ahead: int = 8
+) -> Generator[ReadFile, None, None]:
     """Yield the result of each file, in order.
 
     Args:
-        shortest: frames below which a clip is left out.
-        workers: processes; 1 reads here, as does a Python that cannot start another one (Blender's own binary).
+        workers: Number of processes; 1 reads in this one, as does Blender's own binary, which cannot start Python.
+        ahead: Files per process that may be read before they are taken.
 
     Raises:
-        DatabaseError: a reading process died.
+        DatabaseError: A reading process died.
     """
-    tasks = [(str(file.path), str(file.skeleton or ""), file.stem, fps, shortest) for file in files]
+    tasks = [(str(file.path), str(file.skeleton or ""), file.stem, fps) for file in files]
     if workers < 2 or len(files) < 2 or not Path(sys.executable).name.lower().startswith("python"):
         for task in tasks:
             yield read_file(*task)
@@ -89,16 +90,16 @@ def read_files(files: Sequence[MotionFile], fps: float, shortest: int, workers: 
         finally:
             free.put(reader)
 
-    # A thread for each process hands it one file after another, so none waits for the others' long files.
+    # one thread per process, so that no process waits while another one reads a long file
     pool = ThreadPoolExecutor(len(readers))
-    ahead: deque[Future[ReadFile]] = deque()
+    pending: deque[Future[ReadFile]] = deque()
     try:
         for task in tasks:
-            ahead.append(pool.submit(read, task))
-            if len(ahead) > _AHEAD * len(readers):
-                yield ahead.popleft().result()
-        while ahead:
-            yield ahead.popleft().result()
+            pending.append(pool.submit(read, task))
+            if len(pending) > ahead * len(readers):
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
     finally:
         for reader in readers:
             reader.kill()
@@ -133,14 +134,14 @@ class _ReaderProcess:
         return ReadFile(tuple(clips), tuple(header["defects"]), header["reason"], header["line"])
 
 
-def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) -> ReadFile:
-    """Return the clips of one file, none and the reason if it cannot be read."""
+def read_file(path: str, skeleton: str, name: str, fps: float) -> ReadFile:
+    """Return the clips of one file, or the reason why it cannot be read."""
     try:
         read = read_motion_parts(Path(path), Path(skeleton) if skeleton else None, name=name)
     except PerfanimError as error:
         line = re.search(r", line (\d+)$", error.where) if error.where.startswith(path) else None
         reason = str(error).removeprefix(f"{error.where}: ") if error.where.startswith(path) else str(error)
-        # an archive's files have meaningless names on disk
+        # files of an archive have meaningless names on disk
         for known, text in ((path, name), (skeleton, "the skeleton file")):
             reason = reason.replace(known, text) if known else reason
         return ReadFile((), (), reason, int(line[1]) if line else 0)
@@ -151,7 +152,7 @@ def read_file(path: str, skeleton: str, name: str, fps: float, shortest: int) ->
         for start, sound in cleaned.parts:
             motion = resampled(sound, fps)
             first = part.first_frame + start
-            if motion.frames < shortest:
+            if motion.frames < 4:  # the search looks at accelerations
                 frames = _frames(first + 1, first + sound.frames)
                 kind = f"too short, {motion.frames} frames at {fps:g} per second"
                 rows.append({"frames": frames, "defect": kind, "done": "left out"})
@@ -172,7 +173,7 @@ def _frames(first: int, last: int) -> str:
 
 
 class _Sender:
-    """Other end of a `_ReaderProcess`: writes results to a stream, each skeleton once."""
+    """Other end of a `_ReaderProcess`, which writes each skeleton only once."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
@@ -207,7 +208,7 @@ class _Sender:
 
 
 def serve() -> None:
-    """Read the files named by standard input and send results to standard output."""
+    """Read the files named on standard input and write the results to standard output."""
     sender = _Sender(sys.stdout.buffer)
     for line in sys.stdin:
         sender.send(read_file(*json.loads(line)))

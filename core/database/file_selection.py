@@ -1,4 +1,4 @@
-"""Behaviour and subject of a clip by its file, and files chosen by them."""
+"""Behaviour and subject of a clip from its file name, and selection of files by them."""
 
 import fnmatch
 import re
@@ -12,10 +12,9 @@ _BANDAI = re.compile(r"(?P<set>dataset-\d+)_(?P<kind>[^_]+)_(?P<style>[^_]+)_\d+
 
 
 def behaviour_of(name: str, description: str = "") -> str:
-    """Return a clip's behaviour.
+    """Return a clip's behaviour: the description up to " - " or a comma, or the words of the file name.
 
-    That is the description up to its first " - " or comma, or the words of the file name, without numbers. Names
-    like "dataset-2_walk-turn-left_active_001" give their second part.
+    Names like "dataset-2_walk-turn-left_active_001" give their second part.
     """
     if description:
         return re.split(r" - |,", description)[0].strip().lower()
@@ -28,7 +27,7 @@ def behaviour_of(name: str, description: str = "") -> str:
 
 
 def subject_of(name: str) -> str:
-    """Return a clip's subject: "14" of "14_02", set and style, or the folder's name."""
+    """Return a clip's subject: "14" from "14_02", set and style, or the folder's name."""
     pure = PurePosixPath(name)
     match = _BANDAI.fullmatch(pure.stem)
     if match:
@@ -38,12 +37,12 @@ def subject_of(name: str) -> str:
 
 
 def select_files(files: Sequence[MotionFile], include: Sequence[str], exclude: Sequence[str]) -> list[MotionFile]:
-    """Return the files that globs include and none excludes; no `include` means all.
+    """Return the files that match a glob of `include`, if there are any, and none of `exclude`.
 
-    A glob may fit the whole name, the file name, the stem or the behaviour.
+    A glob is compared with the whole name, the file name, the stem and the behaviour.
 
     Raises:
-        DatabaseError: a glob of `include` fits no file.
+        DatabaseError: A glob of `include` matches no file.
     """
     for pattern in include:
         if files and not any(_fits(file, (pattern,)) for file in files):

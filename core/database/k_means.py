@@ -1,4 +1,4 @@
-"""Centres of clusters of very many points, by k-means."""
+"""Centres of clusters of many points, by k-means on a sample."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -8,38 +8,26 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import FloatArray
 
-_SAMPLES_PER_CENTRE = 24  # points that a centre is learned from
-_ROUNDS = 4
-_CHUNK = 512  # points: their distances from all centres stay in the processor's cache
+Map = Callable[..., Iterable[Any]]  # `map`, or that of an executor
 
 
-def clusters_of(points: FloatArray, count: int, mapped: Callable[..., Iterable[Any]] = map) -> NDArray[np.int64]:
-    """Return the cluster (F,) of each point, of about `count`, none empty.
-
-    Centres are learned from a sample.
-    """
+def clusters_of(points: FloatArray, count: int, mapped: Map = map) -> NDArray[np.int64]:
+    """Return the cluster (F,) of each point, of about `count`, none empty."""
     return np.unique(nearest_centres(points, centres_of(points, count, mapped), mapped), return_inverse=True)[1]
 
 
-def centres_of(points: FloatArray, count: int, mapped: Callable[..., Iterable[Any]] = map) -> FloatArray:
-    """Return about `count` centres (C, D), learned from a sample of points (F, D)."""
-    random = np.random.default_rng(0)  # the same every time
-    size = min(len(points), count * _SAMPLES_PER_CENTRE)
+def centres_of(points: FloatArray, count: int, mapped: Map = map, per_centre: int = 24) -> FloatArray:
+    """Return about `count` centres (C, D) of points (F, D), from a sample of `per_centre` points for each."""
+    random = np.random.default_rng(0)  # the same result every time
+    size = min(len(points), count * per_centre)
     return k_means(points[np.sort(random.choice(len(points), size, replace=False))], count, mapped)[0]
 
 
-def k_means(
-    points: FloatArray, count: int, mapped: Callable[..., Iterable[Any]] = map
-) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Return cluster centres (C, D) and the index (F,) of the closest to each point.
-
-    Args:
-        count: of centres to begin with; empty ones are dropped.
-        mapped: `map`, or that of an executor.
-    """
-    random = np.random.default_rng(0)  # the same every time
+def k_means(points: FloatArray, count: int, mapped: Map = map, rounds: int = 4) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return at most `count` cluster centres (C, D), none empty, and the index (F,) of the nearest to each point."""
+    random = np.random.default_rng(0)  # the same result every time
     centres = points[random.choice(len(points), count, replace=False)]
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         nearest = nearest_centres(points, centres, mapped)
         order = np.argsort(nearest, kind="stable")
         filled, starts = np.unique(nearest[order], return_index=True)
@@ -49,15 +37,17 @@ def k_means(
     return centres[used], nearest.reshape(-1)
 
 
-def nearest_centres(
-    points: FloatArray, centres: FloatArray, mapped: Callable[..., Iterable[Any]] = map
-) -> NDArray[np.int64]:
-    """Return the index (F,) of the centre closest to each point."""
+def nearest_centres(points: FloatArray, centres: FloatArray, mapped: Map = map, chunk: int = 512) -> NDArray[np.int64]:
+    """Return the index (F,) of the centre nearest to each point.
+
+    Args:
+        chunk: Points compared at once, so that their distances fit into the processor's cache.
+    """
     factors = np.concatenate((-2.0 * centres.T, np.einsum("cd,cd->c", centres, centres)[None]))
 
     def nearest(start: int) -> NDArray[np.int64]:
-        some = points[start : start + _CHUNK]
-        # all but the square of the point, which all centres share
+        some = points[start : start + chunk]
+        # squared distances without the square of the point, which all centres share
         return np.argmin(np.column_stack((some, np.ones(len(some), some.dtype))) @ factors, axis=1)
 
-    return np.concatenate(list(mapped(nearest, range(0, len(points), _CHUNK))))
+    return np.concatenate(list(mapped(nearest, range(0, len(points), chunk))))

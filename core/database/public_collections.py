@@ -1,4 +1,4 @@
-"""Public collections of motion: their list, and one from the network."""
+"""Public collections of motion: their list, and their download."""
 
 import gzip
 import re
@@ -19,9 +19,7 @@ from ..system.progress import Progress
 from ..system.schema import Key, Schema
 
 _ENDINGS = (".zip", ".tar.gz", ".tgz", ".tar", ".bvh")
-_LONGEST_NAME = 80
-_PIECE = 1 << 20  # bytes
-_DAMAGED_ADVICE = "get it again; if that does not help, it is damaged where it comes from"
+_DAMAGED_ADVICE = "download it again; if that does not help, the archive itself is damaged"
 
 
 COLLECTION = Schema(
@@ -45,12 +43,12 @@ class Collection:
     """A public collection of recorded motion.
 
     Args:
-        name: as `perfanim database get` takes it.
-        page: address to read about it.
-        address: of the archive.
-        megabytes: about the size of the archive.
-        licence: what may be done with the motion, in plain words.
-        good_for: kinds of motion in it.
+        name: Short name, the argument of `get_collection`.
+        page: Web address of its description.
+        address: Web address of the archive.
+        megabytes: Approximate size of the archive.
+        licence: Permitted use of the motion, in plain words.
+        good_for: Kinds of motion in it.
     """
 
     name: str
@@ -64,7 +62,7 @@ class Collection:
 
 @cache
 def public_collections() -> dict[str, Collection]:
-    """Return the collections that are offered, by name."""
+    """Return the known collections by name."""
     tables = read_toml(COLLECTIONS)
     COLLECTION.check_each(tables, str(COLLECTIONS))
     keys = [key.name for key in COLLECTION.keys]
@@ -72,15 +70,15 @@ def public_collections() -> dict[str, Collection]:
 
 
 def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Path:
-    """Return the archive of a collection, got from the network where it is missing.
+    """Return the archive of a collection, downloaded unless it is there.
 
     Args:
-        name_or_address: of `public_collections`, or an address of one's own.
-        folder: of the archives; nothing is written elsewhere.
+        name_or_address: Name in `public_collections`, or the address of another archive.
+        folder: Folder of the archives; nothing is written elsewhere.
 
     Raises:
-        DownloadError: it cannot be had, or what came is damaged; see `download`.
-        SettingsError: there is no collection of this name.
+        DownloadError: The download fails or is damaged; see `download`.
+        SettingsError: The name is unknown.
     """
     known = public_collections().get(name_or_address)
     if known is None and "/" not in name_or_address:
@@ -102,7 +100,7 @@ def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Pa
 
 
 def file_name(address: str, name: str = "") -> str:
-    """Return the name for the file at an address: of letters, digits, dots and dashes."""
+    """Return a file name of letters, digits, dots and dashes for an address."""
     check_address(address)
     last = unquote(urlsplit(address).path).rsplit("/", 1)[-1]
     ending = next((ending for ending in _ENDINGS if last.lower().endswith(ending)), "")
@@ -112,12 +110,12 @@ def file_name(address: str, name: str = "") -> str:
             where=address,
             advice=f"give the address of a file that ends in {_ENDINGS[0]}",
         )
-    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", name or last[: -len(ending)])[:_LONGEST_NAME].strip("-")
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", name or last[: -len(ending)])[:80].strip("-")
     return f"{stem or 'motion'}{ending}"
 
 
 def _check(archive: Path) -> None:
-    """Raise PerfanimError where an archive is damaged or may do harm."""
+    """Raise PerfanimError if an archive is damaged or dangerous to unpack."""
     if archive.suffix == ".bvh":
         return
     with reading(archive, DownloadError, _DAMAGED_ADVICE):
@@ -137,7 +135,7 @@ def _check_zip(archive: Path) -> None:
 
 
 def _check_tar(archive: Path) -> None:
-    # opened here, as tarfile itself leaves out the checksum at the end
+    # gzip is opened here, because tarfile does not verify the checksum at the end
     with archive.open("rb") if archive.suffix == ".tar" else gzip.open(archive) as stream:
         size = 0
         with tarfile.open(fileobj=stream, mode="r|", tarinfo=counted_headers(archive)) as opened:
@@ -145,7 +143,7 @@ def _check_tar(archive: Path) -> None:
                 size += member.size
                 check_unpacked_size(archive, size)
                 _check_names(archive, [member.name])
-        while piece := stream.read(_PIECE):
+        while piece := stream.read(1 << 20):
             size += len(piece)
             check_unpacked_size(archive, size)
 
@@ -157,5 +155,5 @@ def _check_names(archive: Path, names: Iterable[str]) -> None:
             raise DownloadError(
                 f"holds a file outside its own folder ({shorten(name, 60)})",
                 where=str(archive),
-                advice="get it from somebody else",
+                advice="download it from another source",
             )

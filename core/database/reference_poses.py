@@ -10,6 +10,7 @@ what was performed. With fewer than three subjects, or one clip each, all subjec
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,15 +22,23 @@ from ..geometry.arrays import Array, FloatArray, Mask
 from .frame_file import FrameFile
 from .store import Clip, Database, ReferencePose, pose_from_rotations
 
-_MEAN_SAMPLES = 20_000  # frames that the mean rotations are taken over
-_CLIP_SAMPLES = 60  # frames of each clip that medians are taken over
-_FEWEST_SUBJECTS = 3
-_FARTHEST_CLIP_RAD = 1.0  # cap of a clip's distance from its subject's median: recordings have flipped joints
-_IMPOSSIBLE_RAD = np.radians(100.0)  # rotation that the end of a limb cannot reach: it is flipped in the recording
-_CHUNK = 4096  # frames computed at once
-_MEDIAN_STEPS, _MEDIAN_RAD = 30, 0.01  # Weiszfeld's, and the distance that he divides by at least
-_SETTLED_RAD = 1e-7  # by which the steps that are left may move a median
-_TOGETHER = 32  # clips that medians are computed of at once: they fit into a processor's cache
+
+@dataclass(frozen=True)
+class ReferencePoseSettings:
+    """Estimation of reference poses."""
+
+    mean_samples: int = 20_000  # frames for the mean rotations
+    clip_samples: int = 60  # frames of each clip for its median
+    farthest_rad: float = 1.0  # cap of a clip's distance from its subject's median: recordings have flipped joints
+    impossible_rad: float = np.radians(100.0)  # rotation that the end of a limb cannot reach: a flipped joint
+    median_steps: int = 30  # most steps of Weiszfeld's algorithm
+    least_rad: float = 0.01  # smallest distance that it divides by
+    settled_rad: float = 1e-7  # it stops when the remaining steps cannot move a median by more
+    chunk: int = 4096  # frames converted at once
+    clips: int = 32  # clips whose medians are computed at once, so that they fit into the processor's cache
+
+
+_SETTINGS = ReferencePoseSettings()
 _TINY = 1e-12
 
 
@@ -49,25 +58,24 @@ def relative_poses(
 ) -> tuple[Array, tuple[ReferencePose, ...], FloatArray]:
     """Return the common reference pose (J, 4), the subjects' own and poses (F, J - 1, 3).
 
-    Ends of limbs that are flipped in the recording keep the rotation of the last frame in which they are not.
+    While the end of a limb is flipped in the recording, it keeps its last valid rotation.
 
     Args:
-        rotations: (F, J, 4) local rotations of the clips' frames.
+        rotations: Local rotations (F, J, 4) of the clips' frames.
     """
     common, references = find_reference_poses(rotations, clips)
     own = {_person(reference): reference.rotations for reference in references}
     poses = np.empty((len(rotations), len(JOINT_NAMES) - 1, 3), dtype=np.float32)
 
     def fill(clip: Clip) -> None:
-        for start in range(clip.start, clip.stop, _CHUNK):
-            part = slice(start, min(start + _CHUNK, clip.stop))
+        for start in range(clip.start, clip.stop, _SETTINGS.chunk):
+            part = slice(start, min(start + _SETTINGS.chunk, clip.stop))
             poses[part] = pose_from_rotations(rotations[part], own.get(_person(clip), common))
         if _person(clip) in own:
             _hold_flipped(poses[clip.start : clip.stop])
 
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
-        for _ in threads.map(fill, clips):
-            pass
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy releases Python's lock
+        list(threads.map(fill, clips))
     return common, references, poses
 
 
@@ -77,18 +85,18 @@ def find_reference_poses(
     """Return the common reference pose (J, 4), and those of the subjects."""
 
     def samples_of(clip: Clip) -> Array:
-        chosen = np.linspace(0, clip.stop - clip.start - 1, _CLIP_SAMPLES).astype(np.int64)
+        chosen = np.linspace(0, clip.stop - clip.start - 1, _SETTINGS.clip_samples).astype(np.int64)
         return rot.normalize(rotations[clip.start : clip.stop][chosen][:, _JOINTS])
 
     persons: dict[_Person, list[Array]] = {}
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # reading does not hold Python's lock
-        evenly = threads.submit(lambda: rotations[:: max(1, len(rotations) // _MEAN_SAMPLES)])
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        evenly = threads.submit(lambda: rotations[:: max(1, len(rotations) // _SETTINGS.mean_samples)])
         for clip, samples in zip(clips, threads.map(samples_of, clips), strict=True):
             persons.setdefault(_person(clip), []).append(samples)
         mean = rot.mean(evenly.result())
-    if len(persons) < _FEWEST_SUBJECTS or all(len(parts) == 1 for parts in persons.values()):
+    if len(persons) < 3 or all(len(parts) == 1 for parts in persons.values()):
         return mean, ()
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
         medians = np.array(list(threads.map(_median, map(np.concatenate, persons.values()))))
         several = [np.array(parts) for parts in persons.values() if len(parts) > 1]
         within = np.mean(list(threads.map(_clip_variance, several)), axis=0)
@@ -122,33 +130,32 @@ def _medians(rotations: Array) -> Array:
     """Return the medians (C, J, 4) of unit quaternions (N, C, J, 4) (Weiszfeld 1937)."""
     medians = rot.mean(rotations)
     parts = np.ascontiguousarray(np.moveaxis(rotations, 0, -1))  # (C, J, 4, N)
-    for left in range(_MEDIAN_STEPS, 0, -1):
+    for left in range(_SETTINGS.median_steps, 0, -1):
         cosines = (medians[..., None, :] @ parts)[..., 0, :]
         nearest = np.minimum(np.abs(cosines), 1.0 - _TINY)
         angles = 2.0 * np.arccos(nearest)
-        weights = 1.0 / np.maximum(angles, _MEDIAN_RAD)
+        weights = 1.0 / np.maximum(angles, _SETTINGS.least_rad)
         factors = np.copysign(weights * angles / np.sqrt((1.0 - nearest) * (1.0 + nearest)), cosines)
-        # what turns a median towards a rotation is linear in this, so the rotations are summed before they are turned
+        # the step towards a rotation is linear in it, so rotations are summed before they are made relative
         sums = rot.multiply(rot.conjugate(medians), (parts @ factors[..., None])[..., 0])
         shifts = sums[..., 1:] / np.sum(weights, axis=-1)[..., None]
         medians = rot.multiply(medians, rot.from_rotation_vector(shifts))
-        if left * np.max(np.abs(shifts)) < _SETTLED_RAD:
+        if left * np.max(np.abs(shifts)) < _SETTINGS.settled_rad:
             break
     return np.asarray(medians)
 
 
 def _clip_variance(clips: Array) -> Array:
     """Return the variance (J,) of a subject's clips (C, N, J, 4) about their median."""
-    medians = np.concatenate(
-        [_medians(clips[first : first + _TOGETHER].swapaxes(0, 1)) for first in range(0, len(clips), _TOGETHER)]
-    )
-    away = np.minimum(rot.angle_between(_median(medians), medians), _FARTHEST_CLIP_RAD)
+    step = _SETTINGS.clips
+    medians = np.concatenate([_medians(clips[i : i + step].swapaxes(0, 1)) for i in range(0, len(clips), step)])
+    away = np.minimum(rot.angle_between(_median(medians), medians), _SETTINGS.farthest_rad)
     return np.asarray(np.sum(away**2, axis=0) / (len(clips) - 1))
 
 
 def _hold_flipped(poses: FloatArray) -> None:
     """Replace flipped ends of limbs in a clip's poses (F, J - 1, 3)."""
-    far: Mask = np.einsum("fji,fji->fj", poses, poses) > _IMPOSSIBLE_RAD**2
+    far: Mask = np.einsum("fji,fji->fj", poses, poses) > _SETTINGS.impossible_rad**2
     for joint in _ENDS:
         flipped, vectors = far[:, joint - 1], poses[:, joint - 1]
         if flipped.all():

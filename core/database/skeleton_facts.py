@@ -1,4 +1,4 @@
-"""Skeletons as facts of a database's header."""
+"""Skeletons in a database's header."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -20,7 +20,7 @@ BODY = (
 
 
 def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
-    """Return a standard skeleton's numbers, for JSON."""
+    """Return a standard skeleton for JSON."""
     return {
         "offsets_m": skeleton.offsets_m.tolist(),
         "tips_m": skeleton.tips_m.tolist(),

@@ -1,8 +1,8 @@
 """Motion database file: a JSON header and aligned arrays, mapped when opened.
 
 Layout: magic, version (u32), header length (u64), file length (u64), header digest (32 bytes), header (JSON), padding,
-arrays. The file length and the digest reveal a file that was cut off; checksums of the arrays, read before a solve, one
-that was changed. Files of earlier versions have none.
+arrays. The file length and the digest reveal a file that was cut off; checksums of the arrays, which files of earlier
+versions lack, reveal changes before a solve.
 """
 
 import hashlib
@@ -24,37 +24,31 @@ from ..errors import DatabaseError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path, is_file, open_foreign, reading
-from .cells import LARGE_DATABASE, build_cells
-from .graph import NeighbourGraph
+from .cells import SETTINGS, build_cells
 from .header_facts import CLIP, FASTEST, REBUILD, REFERENCE_POSE, SLOWEST, read_facts
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
 DATABASE_SUFFIX = ".pfdb"
-OLD_DATABASE_SUFFIX = ".perfdb"  # written by versions up to 0.1; opened like the other
+OLD_DATABASE_SUFFIX = ".perfdb"  # of versions up to 0.1, for the same format
 
 _MAGIC = b"PERFANIM-DB\n"
-_VERSION, _CELLS_VERSION = 2, 3  # without cells of the search, and with them
+_VERSION, _CELLS_VERSION = 2, 3  # without and with cells of the search
 _VERSIONS = (1, _VERSION, _CELLS_VERSION)  # version 1 lacks the subjects' reference poses
 _PREAMBLE = struct.Struct("<12sIQQ32s")
-_ALIGNMENT = 64
-_LEAST_SINE = 1e-150  # by which vectors are divided
-_UNIT = 1e-3  # by which the length of a stored quaternion may differ from 1
-_FARTHEST = 1e5  # metres or radians
-_CHUNK = 1 << 14  # frames looked at together
-_SAME_BONES_M = 2e-4  # offsets that differ by less are one body, written with other rounding
+_ALIGNMENT = 64  # bytes
 
 
 @dataclass(frozen=True)
 class Clip:
-    """One clip of the database: frames `start` up to `stop`.
+    """One clip of the database.
 
     Args:
-        behaviour: action ("walk"), "" when unknown.
-        subject: recorded person, "" when unknown.
-        start, stop: frames of the database.
-        first_frame: frame of the source file, counted from 0, at which it begins; a file with gaps or jumps gives
-            several clips of its name.
-        mirrored: whether it is the mirror image of the recording.
+        behaviour: Action ("walk"), "" if unknown.
+        subject: Recorded person, "" if unknown.
+        start, stop: First frame in the database, and the one after the last.
+        skeleton: Index of its body.
+        first_frame: First frame in the source file, counted from 0; a file with gaps gives several clips.
+        mirrored: The clip is a mirror image of the recording.
     """
 
     name: str
@@ -68,7 +62,7 @@ class Clip:
     mirrored: bool = False
 
     def part(self, first: int, stop: int, start: int, fps: float) -> "Clip":
-        """Return frames `first` up to `stop` of the clip as one that begins at `start`."""
+        """Return frames `first` to `stop` of the clip as one that begins at `start`."""
         before = round(first * self.source_fps / fps)
         return replace(self, start=start, stop=start + stop - first, first_frame=self.first_frame + before)
 
@@ -88,17 +82,16 @@ class Database:
     """Poses of many clips at one rate.
 
     Args:
-        clips: in the order of their frames, without gaps.
-        skeletons: bodies of the subjects, with the standard joints.
+        clips: Clips in the order of their frames, without gaps.
+        skeletons: Bodies of the subjects, with the standard joints.
         mean_rotations: Common reference pose (J, 4), about the mean local rotation of each joint, so that no joint
             angle comes near 180 degrees, where rotation vectors jump.
         poses: Float32 rotation vectors (F, J - 1, 3) of all joints but the root: local = reference * exp(pose).
-        root_rotations: (F, 4) float32 world-from-root.
-        root_positions_m: (F, 3) float32.
-        cells: (F,) of frames that are alike, see `build_cells`; None in a small database.
-        graph: which frames are near each other (Eq. 4); only large databases of earlier versions have it.
-        culled_frames: near-duplicates that were left out when it was built.
-        reference_poses: of subjects that have their own; the others have the common one.
+        root_rotations: Float32 world-from-root (F, 4).
+        root_positions_m: Float32 positions (F, 3).
+        cells: Cell (F,) of similar frames, see `build_cells`; None in a small database.
+        culled_frames: Number of near-duplicates left out when it was built.
+        reference_poses: Reference poses of subjects that have their own; the others have the common one.
     """
 
     path: Path
@@ -110,7 +103,6 @@ class Database:
     root_rotations: FloatArray
     root_positions_m: FloatArray
     cells: NDArray[np.int32] | None = None
-    graph: NeighbourGraph | None = None
     culled_frames: int = 0
     reference_poses: tuple[ReferencePose, ...] = ()
 
@@ -126,7 +118,7 @@ class Database:
 
     @property
     def source_rates(self) -> dict[str, int]:
-        """Frames by the rate of the files that they come from, frames per second."""
+        """Frames by the rate of their source files, frames per second."""
         return self._frames_by(lambda clip: f"{clip.source_fps:g}")
 
     def _frames_by(self, key: Callable[[Clip], str]) -> dict[str, int]:
@@ -137,12 +129,12 @@ class Database:
 
     @cached_property
     def clip_of_frame(self) -> NDArray[np.int32]:
-        """(F,) clip index of each frame."""
+        """Clip index (F,) of each frame."""
         return np.repeat(np.arange(len(self.clips), dtype=np.int32), [c.stop - c.start for c in self.clips])
 
     @cached_property
     def _reference_pose_of_clip(self) -> Array:
-        """(C, J, 4) reference pose of each clip."""
+        """Reference pose (C, J, 4) of each clip."""
         own = {(each.subject, each.skeleton, each.mirrored): each.rotations for each in self.reference_poses}
         subjects = ((clip.subject, clip.skeleton, clip.mirrored) for clip in self.clips)
         return np.array([own.get(subject, self.mean_rotations) for subject in subjects])
@@ -161,7 +153,7 @@ class Database:
         return found.rotations if found else self.mean_rotations
 
     def own_frames(self, skeleton: Skeleton, name: str = "") -> NDArray[np.bool_]:
-        """Return the frames (F,) of this body, or of the subject with this name."""
+        """Return the frames (F,) of this body or of the subject with this name."""
         same = [same_bones(body.offsets_m, skeleton.offsets_m) for body in self.skeletons]
         own = [same[clip.skeleton] or (name != "" and clip.subject == name) for clip in self.clips]
         return np.array(own, dtype=np.bool_)[self.clip_of_frame]
@@ -173,9 +165,9 @@ class Database:
         return rotations_from_pose(poses, references, self.root_rotations[frames])
 
 
-def same_bones(offsets_m: Array, others_m: Array) -> bool:
-    """Return whether two bodies' joint offsets (J, 3) are equal but for rounding."""
-    return offsets_m.shape == others_m.shape and float(np.max(np.abs(offsets_m - others_m))) < _SAME_BONES_M
+def same_bones(offsets_m: Array, others_m: Array, most_m: float = 2e-4) -> bool:
+    """Return whether two bodies' joint offsets (J, 3) differ by less than rounding, `most_m`."""
+    return offsets_m.shape == others_m.shape and float(np.max(np.abs(offsets_m - others_m))) < most_m
 
 
 def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) -> Array:
@@ -189,21 +181,17 @@ def rotations_from_pose(pose: Array, mean_rotations: Array, root_rotation: Any) 
 def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     """Return poses (..., J - 1, 3) of local rotations (..., J, 4)."""
     local = np.asarray(rotations, dtype=np.float64)[..., 1:, :]
-    # parts of many frames in rows of their own: several times as fast as `rot.to_rotation_vector`
+    # components of all frames in contiguous rows: several times as fast as `rot.to_rotation_vector`
     rows = np.ascontiguousarray(np.moveaxis(local.reshape(-1, *local.shape[-2:]), 0, -1))  # (J - 1, 4, F)
     turned = rot.left_matrices(rot.conjugate(mean_rotations[1:])) @ rows
     w, vectors = turned[:, 0], turned[:, 1:]
-    sines = np.maximum(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), _LEAST_SINE)
+    sines = np.maximum(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), 1e-150)  # divisor
     vectors *= np.copysign(2.0 * np.arctan2(sines, np.abs(w)) / sines, w)[:, None]
     return np.moveaxis(vectors, -1, 0).reshape(*local.shape[:-1], 3)
 
 
 def save_database(database: Database) -> None:
-    """Write a database to its path, a large one with its cells.
-
-    Raises:
-        DatabaseError: the parts do not fit together.
-    """
+    """Write a database to its path, a large one with its cells; DatabaseError if its parts do not fit together."""
     _check_parts(database)
     arrays: dict[str, NDArray[Any]] = {
         "mean_rotations": database.mean_rotations,
@@ -211,7 +199,7 @@ def save_database(database: Database) -> None:
         "root_rotations": np.asarray(database.root_rotations, dtype=np.float32),
         "root_positions_m": np.asarray(database.root_positions_m, dtype=np.float32),
     }
-    if database.frames >= LARGE_DATABASE:
+    if database.frames >= SETTINGS.least_frames:
         arrays["cells"] = build_cells(database.poses, database.mean_rotations)
     if database.reference_poses:
         arrays["zeros"] = np.array([each.rotations for each in database.reference_poses])
@@ -246,7 +234,12 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
     layout: dict[str, dict[str, Any]] = {}
     for name, array in arrays.items():
         position += -position % _ALIGNMENT
-        layout[name] = {"dtype": array.dtype.str, "shape": list(array.shape), "offset": position, "crc32": _sum(array)}
+        layout[name] = {
+            "dtype": array.dtype.str,
+            "shape": list(array.shape),
+            "offset": position,
+            "crc32": _crc32(array),
+        }
         position += array.nbytes
     header = json.dumps(facts | {"arrays": layout}).encode("utf-8")
     start = _PREAMBLE.size + len(header)
@@ -261,10 +254,10 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
 
 
 def open_database(path: str | Path) -> Database:
-    """Return the database of a file, its arrays mapped into memory, not read.
+    """Return the database of a file with memory-mapped arrays.
 
     Raises:
-        DatabaseError: the file is missing, no database, of another version, or cut off.
+        DatabaseError: The file is missing, not a database, of another version, or cut off.
     """
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
@@ -275,9 +268,9 @@ def open_database(path: str | Path) -> Database:
 
 
 def check_file(database: Database) -> None:
-    """Raise DatabaseError if the file was cut off since it was opened.
+    """Raise DatabaseError if the file was cut off since it was opened; the lost part would be read as zeros.
 
-    The lost part then reads as zeros. A file that was replaced or deleted is read to its end all the same.
+    A file that was replaced or deleted stays readable.
     """
     if is_file(database.path):
         with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, REBUILD):
@@ -285,20 +278,19 @@ def check_file(database: Database) -> None:
 
 
 def _map_arrays(path: Path, stream: BinaryIO) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return a file's facts and mapped arrays; any error for a damaged one."""
+    """Return a file's facts and mapped arrays; raises anything for a damaged file."""
     header = _read_header(path, stream)
     facts, start = read_facts(path, header), _PREAMBLE.size + len(header)
     start += -start % _ALIGNMENT
     return facts, {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
 
 
-def _sum(array: NDArray[Any]) -> int:
-    """Return the CRC-32 of an array's bytes."""
+def _crc32(array: NDArray[Any]) -> int:
     return zlib.crc32(np.ascontiguousarray(array).data.cast("B")) if array.size else 0
 
 
 def _read_header(path: Path, stream: BinaryIO) -> bytes:
-    """Return the header of a database's file; DatabaseError unless it is whole."""
+    """Return the header of a database file; DatabaseError unless the file has its full length."""
     size = stream.seek(0, 2)
     stream.seek(0)
     preamble = stream.read(_PREAMBLE.size)
@@ -316,7 +308,7 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
 
 
 def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Database:
-    """Return the database of a header and mapped arrays; any error for a damaged one."""
+    """Return the database of a header and mapped arrays; raises anything for a damaged file."""
     frames, joints, references = len(arrays["poses"]), len(JOINT_NAMES), facts.get("zeros") or ()
     expected = {
         "mean_rotations": ("<f8", (joints, 4)),
@@ -346,44 +338,43 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         poses=arrays["poses"],
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
-        cells=arrays.get("cells"),
-        graph=NeighbourGraph(arrays["neighbours"], arrays["clusters"]) if "neighbours" in arrays else None,
+        cells=arrays.get("cells", arrays.get("clusters")),  # clusters of a neighbour graph in earlier versions
         culled_frames=facts.get("culled_frames") or 0,
         reference_poses=tuple(own),
     )
     _check_parts(database)
-    for rotations in (database.mean_rotations, *(each.rotations for each in own)):
-        if not np.all(np.abs(np.linalg.norm(rotations, axis=-1) - 1.0) < _UNIT):
-            raise ValueError("a reference rotation is not a unit quaternion")
+    if not all(map(_are_unit, (database.mean_rotations, *(each.rotations for each in own)))):
+        raise ValueError("a reference rotation is not a unit quaternion")
     return database
 
 
-def check_arrays(database: Database) -> None:
-    """Read all arrays once; DatabaseError for changed bytes, or odd numbers.
+def _are_unit(rotations: NDArray[Any]) -> bool:
+    """Return whether quaternions (..., 4) have unit length to float32 accuracy, with a margin."""
+    return bool(np.all(np.abs(np.linalg.norm(rotations, axis=-1) - 1.0) < 1e-3))
 
-    What opens a database does not read it. What solves with it does, and calls this.
+
+def check_arrays(database: Database, chunk: int = 1 << 14, largest: float = 1e5) -> None:
+    """Read all arrays once before a solve; DatabaseError for changed bytes or invalid poses.
+
+    Args:
+        chunk: Frames checked at once.
+        largest: Bound of rotation vectors and positions, radians and metres.
     """
     if is_file(database.path):
         with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, REBUILD):
             facts, arrays = _map_arrays(database.path, stream)
             for name, row in facts["arrays"].items():
-                if "crc32" in row and row["crc32"] != _sum(arrays[name]):
-                    raise DatabaseError(
-                        f"is damaged: its {name} have changed", where=str(database.path), advice=REBUILD
-                    )
-    for frames in range(0, database.frames, _CHUNK):
-        part = slice(frames, frames + _CHUNK)
-        lengths = np.linalg.norm(database.root_rotations[part], axis=1)
-        largest = max(np.max(np.abs(database.poses[part])), np.max(np.abs(database.root_positions_m[part])))
-        fine = bool(np.all(np.abs(lengths - 1.0) < _UNIT) and largest < _FARTHEST)
-        if database.graph is not None:
-            joined = database.graph.neighbours[part]
-            fine &= bool(np.all((joined >= -1) & (joined < database.frames)))
-        for numbers in (database.cells, database.graph.clusters if database.graph else None):
-            if numbers is not None:
-                fine &= bool(np.all((numbers[part] >= 0) & (numbers[part] < database.frames)))
-        if not fine:
-            where, advice = f"{database.path}, frames from {frames}", "build the database again"
+                if "crc32" in row and row["crc32"] != _crc32(arrays[name]):
+                    what = f"is damaged: its {name} have changed"
+                    raise DatabaseError(what, where=str(database.path), advice=REBUILD)
+    for start in range(0, database.frames, chunk):
+        part = slice(start, start + chunk)
+        is_valid = _are_unit(database.root_rotations[part])
+        is_valid &= all(np.max(np.abs(each[part])) < largest for each in (database.poses, database.root_positions_m))
+        if database.cells is not None:
+            is_valid &= bool(np.all((database.cells[part] >= 0) & (database.cells[part] < database.frames)))
+        if not is_valid:
+            where, advice = f"{database.path}, frames from {start}", "build the database again"
             raise DatabaseError("contains invalid poses", where=where, advice=advice)
 
 

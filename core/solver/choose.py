@@ -33,11 +33,11 @@ def choose_search(name: str, database: Database, markers: DatabaseMarkers) -> Se
 
     Args:
         name: "exhaustive", "graph" (the paper's), "cells" (inverted file) or "auto", the same.
-        database: a graph that it does not hold is built here (half a minute for a million frames).
+        database: Its graph is built here (half a minute for a million frames).
     """
     poses = np.asarray(database.poses).reshape(database.frames, -1)
     if name in ("auto", "cells"):
         return CellSearch(markers, poses)
     if name == "exhaustive":
         return ExhaustiveSearch(markers.all(), poses)
-    return GraphSearch(markers.all(), poses, database.graph or build_graph(poses, database.clip_of_frame))
+    return GraphSearch(markers.all(), poses, build_graph(poses, database.clip_of_frame))

@@ -71,12 +71,8 @@ class DatabaseMarkers:
 
 
 def database_markers(subject: SubjectModel, database: Database) -> DatabaseMarkers:
-    """Return a subject's markers of all frames of a database.
-
-    One without cells has a single one, or, of an earlier version with a graph, the coarser clusters of this.
-    """
-    cells = database.graph.clusters if database.cells is None and database.graph else database.cells
-    cells = np.zeros(database.frames, dtype=np.int32) if cells is None else cells
+    """Return a subject's markers of all frames of a database; one without cells has a single one."""
+    cells = np.zeros(database.frames, dtype=np.int32) if database.cells is None else database.cells
     bones_m = rot.lengths(subject.skeleton.offsets_m)
     bones_m[0] = 0.0  # the root is at the origin
     reach_m = np.max(subject.skeleton.is_ancestor[subject.joints] @ bones_m + rot.lengths(subject.offsets_m))

@@ -177,7 +177,6 @@ def _take(path: Path) -> dict[str, Any]:
 def _database(path: Path) -> dict[str, Any]:
     database = open_database(path)
     turns = database.local_rotations(slice(None))
-    graph = database.graph
     whole = ("mean_rotations", "poses", "root_rotations", "root_positions_m")
     return {key: _digest(getattr(database, key)) for key in whole} | {
         "frames": database.frames,
@@ -194,12 +193,7 @@ def _database(path: Path) -> dict[str, Any]:
         "last_local_rotations": _digest(turns[-1]),
         "first_root_m": database.root_positions_m[0],
         "last_root_m": database.root_positions_m[-1],
-        "graph": graph
-        and {
-            "neighbours": _digest(graph.neighbours),
-            "clusters": _digest(graph.clusters),
-            "first_neighbours": _digest(graph.neighbours[0]),
-        },
+        "cells": None if database.cells is None else _digest(database.cells),
     }
 
 

@@ -10,11 +10,10 @@ searched from all representatives. The cost of a search is bounded.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...database.graph import NeighbourGraph
 from ...database.k_means import k_means
 from ...geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..search.exhaustive import ExhaustiveSearch, Query, closest
-from .neighbour_graph import weigh_poses
+from .neighbour_graph import NeighbourGraph, weigh_poses
 
 _VISITED = 6.0  # frames visited for each one wanted, besides the first representatives, after which a search ends
 _EXPANDED = 0.15  # of the frames wanted: how many of the closest are looked at with their neighbours at once

@@ -9,13 +9,13 @@ the search compares those (Eq. 2).
 
 import os
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...body.standard_skeleton import default_skeleton
-from ...database.graph import NeighbourGraph
 from ...database.k_means import centres_of, nearest_centres
 from ...geometry.arrays import FloatArray
 
@@ -33,6 +33,19 @@ _NEVER = np.float32(1e30)  # squared distance of frames that are no candidates; 
 _BLOCK = 1 << 20  # distances held at once by each thread
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
 _OWN_WEIGHT = 0.1  # m^2 per rad^2 that a joint's turn counts beside what it moves
+
+
+@dataclass(frozen=True)
+class NeighbourGraph:
+    """Neighbours and clusters of all frames.
+
+    Args:
+        neighbours: Frame indices (F, N), -1 where there are fewer.
+        clusters: Cluster (F,) of each frame, all from 0 up to the largest in use.
+    """
+
+    neighbours: IntArray
+    clusters: IntArray
 
 
 def weigh_poses(poses: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from bench.subset import write_database
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.cells import LARGE_DATABASE, build_cells
+from perfanim.core.database.cells import SETTINGS, build_cells
 from perfanim.core.database.store import Clip, check_arrays, open_database
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
@@ -37,7 +37,7 @@ def test_frames_of_a_cell_are_alike(tmp_path):
 
 def test_a_large_database_is_stored_with_its_cells(tmp_path):
     assert written(tmp_path / "small.pfdb", 200).cells is None
-    large = written(tmp_path / "large.pfdb", LARGE_DATABASE)
+    large = written(tmp_path / "large.pfdb", SETTINGS.least_frames)
     assert isinstance(large.cells, np.memmap)
     versions = [path.read_bytes()[12] for path in (tmp_path / "small.pfdb", large.path)]
     assert versions == [2, 3]  # older programs say so, and not that the file is damaged
@@ -46,9 +46,9 @@ def test_a_large_database_is_stored_with_its_cells(tmp_path):
 
 def test_changed_cells_are_refused(tmp_path):
     path = tmp_path / "large.pfdb"
-    cells = np.array(written(path, LARGE_DATABASE).cells)
+    cells = np.array(written(path, SETTINGS.least_frames).cells)
     data, wrong = path.read_bytes(), cells.copy()
-    wrong[7] = LARGE_DATABASE
+    wrong[7] = SETTINGS.least_frames
     path.write_bytes(data.replace(cells.tobytes(), wrong.tobytes()))
     with pytest.raises(DatabaseError, match="cells have changed"):
         check_arrays(open_database(path))

@@ -61,7 +61,7 @@ def test_a_damaged_archive_is_told_and_not_kept(site: tuple[str, Path], tmp_path
     content = bytearray(motion_archive(folder / "walks.zip").read_bytes())
     content[len(content) // 3] ^= 0xFF
     (folder / "walks.zip").write_bytes(content)
-    with pytest.raises(DownloadError, match=r"is damaged .*get it again"):
+    with pytest.raises(DownloadError, match=r"is damaged .*download it again"):
         get_collection(f"{address}/walks.zip", tmp_path / "got", no_progress)
     assert list((tmp_path / "got").iterdir()) == []
 
@@ -96,7 +96,7 @@ def test_a_damaged_tar_archive_is_told_and_not_kept(
     else:
         content[-6] ^= 0x01
     (folder / name).write_bytes(content)
-    with pytest.raises(DownloadError, match=r"is damaged .*get it again"):
+    with pytest.raises(DownloadError, match=r"is damaged .*download it again"):
         get_collection(f"{address}/{name}", tmp_path / "got", no_progress)
     assert list((tmp_path / "got").iterdir()) == []
 
@@ -214,7 +214,7 @@ def test_names_of_files_hold_no_paths(last: str, name: str) -> None:
 def test_what_is_no_collection_is_told_before_anything_is_asked(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="no collection 'cmux'; give cmu"):
         get_collection("cmux", tmp_path, no_progress)
-    with pytest.raises(DownloadError, match="no archive of motion"):
+    with pytest.raises(DownloadError, match="not an archive of motion"):
         get_collection("http://127.0.0.1:9/page.html", tmp_path, no_progress)
     assert main(["database", "get", "cmu", "--fps", "0", "--to", str(tmp_path)]) == 1
     assert list(tmp_path.iterdir()) == []
