@@ -1,7 +1,7 @@
-"""The bytes of a take file: a preamble, then chunks that are only ever appended.
+"""Bytes of a take file: a preamble, then chunks that are only ever appended.
 
 A chunk is a header (magic, kind, sequence number, length and CRC-32 of the payload, CRC-32 of these) and its payload.
-A checksum covers every bit of the file. After damage, reading continues at the next intact header.
+Checksums cover every bit of the file. After damage, reading continues at the next intact header.
 """
 
 import struct
@@ -34,13 +34,13 @@ class ChunkKind(IntEnum):
     FRAMES = 2  # records: stamp and marker frame
     POSES = 3  # records: solved poses
     EVENT = 4  # JSON: an incident or action
-    NOTES = 5  # JSON: name, notes, rating; the last one counts
-    END = 6  # the footer: index of a complete file
+    NOTES = 5  # JSON: name, notes, rating; the last chunk counts
+    END = 6  # footer: index of a complete file
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """An intact chunk: its kind, number, first byte in the file, and content."""
+    """An intact chunk: kind, number, first byte in the file, and content."""
 
     kind: int
     sequence: int
@@ -50,7 +50,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Fault:
-    """Unreadable bytes of a take file: damaged, or `cut` off at its end."""
+    """Unreadable bytes of a take file: damaged, or `cut` off at the end."""
 
     offset: int
     size: int
@@ -74,26 +74,24 @@ def encode_chunk(kind: int, sequence: int, payload: bytes) -> bytes:
 
 
 def join_records(records: Sequence[bytes]) -> bytes:
-    """Return byte strings as one, each with its length before it."""
+    """Return byte strings as one, each after its length."""
     return b"".join(part for record in records for part in (_RECORD.pack(len(record)), record))
 
 
 def split_records(payload: memoryview | bytes) -> Iterator[bytes]:
-    """Yield the byte strings of `join_records`; TakeError when the lengths do not fit."""
+    """Yield the byte strings of `join_records`; TakeError if the lengths do not fit."""
     position = 0
     while position < len(payload):
-        if position + _RECORD.size > len(payload):
+        start = position + _RECORD.size
+        size = int.from_bytes(payload[position:start], "little")
+        position = start + size
+        if position > len(payload):
             raise TakeError("a chunk ends within a record")
-        (size,) = _RECORD.unpack_from(payload, position)
-        position += _RECORD.size
-        if position + size > len(payload):
-            raise TakeError("a chunk ends within a record")
-        yield bytes(payload[position : position + size])
-        position += size
+        yield bytes(payload[start:position])
 
 
 def scan(data: bytes, where: str) -> tuple[list[Chunk], list[Fault]]:
-    """Return the intact chunks and the faults; TakeError for a other file or version."""
+    """Return the intact chunks and the faults; TakeError for another kind of file or version."""
     view = memoryview(data)
     faults = preamble_faults(data, where)
     chunks: list[Chunk] = []
@@ -115,7 +113,7 @@ def scan(data: bytes, where: str) -> tuple[list[Chunk], list[Fault]]:
         elif stop == len(data) or _head(view, stop) is not None:
             faults.append(Fault(position, stop - position, f"chunk {sequence} ({_name(kind)}) is damaged"))
             position = stop
-        else:  # bytes of the payload are missing or added
+        else:  # the payload lacks bytes, or has additional ones
             position = _skip(data, position, faults)
     return chunks, faults + _gaps(chunks, faults)
 
@@ -124,7 +122,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
     """Return the faults in the first bytes of a take (preamble and first header).
 
     Raises:
-        TakeError: the file is no take, of another version, or ends within the preamble.
+        TakeError: The file is not a take, is of another version, or ends within the preamble.
     """
     if data[:PREAMBLE_BYTES] == preamble():
         return []
@@ -145,7 +143,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
 
 
 def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
-    """Return the intact chunk at a byte of an open file, None without one."""
+    """Return the intact chunk at a byte of an open file, None if there is none."""
     file.seek(offset)
     first = file.read(HEADER_BYTES)
     head = _head(memoryview(first), 0)
@@ -157,7 +155,7 @@ def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
 
 
 def _head(view: memoryview, position: int) -> tuple[int, int, int, int] | None:
-    """Return kind, sequence number, bytes, checksum of a chunk, None for no header."""
+    """Return kind, sequence number, size and checksum of a chunk, None without an intact header."""
     if position + HEADER_BYTES > len(view) or view[position : position + 4] != _CHUNK_MAGIC:
         return None
     (checksum,) = _SUM.unpack_from(view, position + _HEAD.size)
@@ -177,7 +175,7 @@ def _next_head(data: bytes, start: int) -> int:
 
 
 def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
-    """Return the position of the next intact header; add skipped bytes to the faults."""
+    """Return the position of the next intact header, and add the skipped bytes to the faults."""
     stop = _next_head(data, position + 1)
     start = data[position : position + len(_CHUNK_MAGIC)]
     cut = stop == len(data) and stop - position < HEADER_BYTES and _CHUNK_MAGIC.startswith(start)
@@ -187,7 +185,7 @@ def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
 
 
 def _gaps(chunks: Sequence[Chunk], faults: Sequence[Fault]) -> list[Fault]:
-    """Return a fault for each run of missing chunks without damage near it."""
+    """Return a fault for missing chunks where no damage explains them."""
     result = []
     expected, stop = 0, PREAMBLE_BYTES
     for chunk in chunks:

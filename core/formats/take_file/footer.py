@@ -1,4 +1,4 @@
-"""Footer of a complete take: facts, and the index of its chunks."""
+"""Footer of a complete take: facts and the index of its chunks."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from .chunks import HEADER_BYTES, ChunkKind, read_chunk
 from .take_setup import json_object
 
 _MAGIC = b"PFTAKEND"
-_FACTS = struct.Struct("<I")  # bytes of the facts, which follow as JSON
+_FACTS = struct.Struct("<I")  # size of the JSON facts that follow
 _ROW = struct.Struct("<HHIQ")  # kind, 0, sequence number, offset
 _TRAILER = struct.Struct("<Q8s")  # offset of the END chunk, magic
 _LONGEST_S = 1e15
@@ -38,8 +38,8 @@ class Footer:
     """Content of the END chunk.
 
     Args:
-        facts: "frames", "poses", "duration_s" of the recording; "orphaned", whether the recording outlived Blender.
-        index: kind and offset of every chunk, the END chunk's last, by sequence number.
+        facts: "frames", "poses", "duration_s" of the recording; "orphaned" if the recording outlived Blender.
+        index: Kind and offset of every chunk by sequence number, including the END chunk.
     """
 
     facts: Mapping[str, Any]
@@ -64,13 +64,13 @@ class Footer:
 
 
 def duration_s(first_s: float, last_s: float) -> float:
-    """Return a duration for the facts, 0 where damaged times give none."""
+    """Return a duration for the facts, 0 if damaged times give none."""
     passed_s = last_s - first_s
     return passed_s if math.isfinite(passed_s) and abs(passed_s) <= _LONGEST_S else 0.0
 
 
 def find_footer(file: BinaryIO | FileIO) -> Footer | None:
-    """Return the footer of an open file, None where it was cut off or damaged."""
+    """Return the footer of an open file, None if it was cut off or damaged."""
     size = file.seek(0, 2)
     if size < _TRAILER.size + HEADER_BYTES:
         return None
@@ -83,5 +83,5 @@ def find_footer(file: BinaryIO | FileIO) -> Footer | None:
         return None
     try:
         return Footer.unpack(chunk.payload, "")
-    except TakeError:  # a reader of the whole file says so
+    except TakeError:  # reported by readers of the whole file
         return None

@@ -1,6 +1,6 @@
 """Codec of solved poses, for takes and between processes.
 
-A scene pose begins with its first performer, which has the notes of the scene instead of its own.
+A scene pose begins with its first performer, whose notes are those of the scene.
 """
 
 import struct
@@ -16,12 +16,13 @@ from ...errors import CaptureError, TakeError
 from .chunks import join_records, split_records
 
 _MAGIC = b"PFPF"
-# the lowest that holds a pose, for older readers; the last has another before the errors of parts
+# Poses are written in the lowest version that can hold them, for older readers. The last one is a pose of a lower
+# version followed by the errors of body parts.
 _ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS, _WITH_PART_ERRORS = 1, 2, 3, 4
-# magic, version, joints, markers, note bytes, number, time, confidence, RMS, neighbours, dimensions
+# magic, version, joints, markers, bytes of notes, number, time, confidence, RMS, neighbours, dimensions
 _HEADER = struct.Struct("<4sHHHHqdddii")
-_PART_ERRORS = struct.Struct("<4sHHI")  # magic, version, parts, bytes of the pose without them
-_PROPS = struct.Struct("<H")  # how many
+_PART_ERRORS = struct.Struct("<4sHHI")  # magic, version, parts, bytes of the pose
+_PROPS = struct.Struct("<H")  # number of props
 _PROP = struct.Struct("<7ddi")  # rotation, position, RMS, markers seen
 _TIMED_HEADER = struct.Struct("<ddI")  # stamp, seconds in the solver, frames waiting
 
@@ -32,7 +33,8 @@ class TimedPose:
 
     Args:
         stamp_s: `time.perf_counter()` at the arrival of the frame's images.
-        waiting: marker frames in the queue behind this one.
+        solve_s: Solve time.
+        waiting: Marker frames in the queue behind this one.
     """
 
     pose: ScenePose
@@ -47,7 +49,7 @@ def pack_solved(timed: TimedPose) -> bytes:
 
 
 def unpack_solved(data: bytes) -> TimedPose:
-    """Return the pose of `pack_solved`; CaptureError for other bytes."""
+    """Return the pose from `pack_solved`; CaptureError for other bytes."""
     if len(data) < _TIMED_HEADER.size:
         raise CaptureError("a pose was cut off", where="worker")
     stamp_s, solve_s, waiting = _TIMED_HEADER.unpack_from(data)
@@ -55,7 +57,7 @@ def unpack_solved(data: bytes) -> TimedPose:
 
 
 def pack_pose(pose: ScenePose) -> bytes:
-    """Return a pose as bytes, with known errors of parts behind it."""
+    """Return a pose as bytes, with the errors of body parts if known."""
     data, parts = _pack_scene(pose), max(len(performer.part_errors_deg) for performer in pose.performers)
     if not parts:
         return data
@@ -66,7 +68,7 @@ def pack_pose(pose: ScenePose) -> bytes:
 
 
 def unpack_pose(data: bytes) -> ScenePose:
-    """Return the pose of `pack_pose`; CaptureError for other bytes."""
+    """Return the pose from `pack_pose`; CaptureError for other bytes."""
     if len(data) < _PART_ERRORS.size:
         raise CaptureError("a pose was cut off", where="worker")
     magic, version, parts, size = _PART_ERRORS.unpack_from(data)
@@ -83,7 +85,7 @@ def unpack_pose(data: bytes) -> ScenePose:
 
 
 def _pack_scene(pose: ScenePose) -> bytes:
-    """Return first performer, props, further performers; with these, as records."""
+    """Return first performer, props and further performers as bytes."""
     first, further = replace(pose.performers[0], notes=pose.notes), pose.performers[1:]
     if further:
         parts = [_pack_props(pose.props), *(_pack_performer(performer, _ONE_PERFORMER) for performer in further)]
@@ -94,7 +96,7 @@ def _pack_scene(pose: ScenePose) -> bytes:
 
 
 def _unpack_scene(data: bytes) -> ScenePose:
-    """Return the pose of `_pack_scene`; CaptureError for other bytes."""
+    """Return the pose from `_pack_scene`; CaptureError for other bytes."""
     version, first, rest = _unpack_performer(data)
     try:
         if version == _SEVERAL_PERFORMERS:
@@ -123,7 +125,7 @@ def _pack_performer(pose: PerformerPose, version: int) -> bytes:
 
 
 def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
-    """Return version, pose, and the bytes behind it."""
+    """Return version, pose, and the remaining bytes."""
     if len(data) < _HEADER.size:
         raise CaptureError("a pose was cut off", where="worker")
     magic, version, joints, markers, note_bytes, number, time_s, confidence, rms, neighbours, dimensions = (
@@ -158,7 +160,7 @@ def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
 
 
 def _only_performer(data: bytes) -> PerformerPose:
-    """Return the pose of a performer alone; struct.error for further bytes."""
+    """Return the pose of one performer; struct.error for further bytes."""
     version, pose, rest = _unpack_performer(data)
     if version != _ONE_PERFORMER or rest:
         raise struct.error("another length")
@@ -171,7 +173,7 @@ def _pack_props(props: Sequence[PropPose]) -> bytes:
 
 
 def _unpack_props(data: bytes) -> tuple[PropPose, ...]:
-    """Return the props of `_pack_props`; struct.error for other bytes."""
+    """Return the props from `_pack_props`; struct.error for other bytes."""
     (count,) = _PROPS.unpack_from(data)
     if len(data) != _PROPS.size + count * _PROP.size:
         raise struct.error("another length")

@@ -1,4 +1,4 @@
-"""Changes of recorded takes: notes, and recovery of cut or damaged takes."""
+"""Changes of recorded takes: new notes, and recovery of damaged takes."""
 
 import errno
 import json
@@ -18,10 +18,10 @@ from .whole_take import take_facts, write_chunks
 
 
 def append_notes(path: Path | str, notes: TakeNotes) -> None:
-    """Append notes to a take, in place of its present ones.
+    """Append notes to a take, which replace its present ones.
 
     Raises:
-        TakeError: the take has no end mark, is being recorded, or cannot be written.
+        TakeError: The take has no end mark, is being recorded, or cannot be written.
     """
     with writing(path, "free some space, or check the folder", TakeError), Path(path).open("r+b", buffering=0) as file:
         if not lock(file.fileno()):
@@ -33,7 +33,7 @@ def append_notes(path: Path | str, notes: TakeNotes) -> None:
 
 
 def _append(file: FileIO, footer: Footer, notes: TakeNotes) -> None:
-    """Append notes and a new end mark, both or neither."""
+    """Append notes and a new end mark, or nothing."""
     start, sequence = file.seek(0, os.SEEK_END), len(footer.index)
     data = encode_chunk(ChunkKind.NOTES, sequence, notes.to_json())
     index = (*footer.index, (int(ChunkKind.NOTES), start), (int(ChunkKind.END), start + len(data)))
@@ -51,14 +51,14 @@ def recover(take: TakeFile, path: Path | str) -> None:
     """Write the intact part of a take as a complete take.
 
     Raises:
-        TakeError: the take is being recorded, or its set-up is lost.
+        TakeError: The take is being recorded, or its set-up is lost.
         FormatError: `path` cannot be written, or is the take's own file.
     """
     path = Path(path)
     check_no_input(path, [take.path])
     if is_locked(take.path):
         raise TakeError("is being recorded", where=str(take.path), advice="wait for the end of the capture")
-    _ = take.setup
+    _ = take.setup  # raises TakeError if it is lost
     frames = take.frames
     event = json.dumps({"frames": len(frames), "text": "recovered: " + ("; ".join(map(str, take.faults)) or "cut off")})
     kept = [(chunk.kind, bytes(chunk.payload)) for chunk in take.chunks if chunk.kind != ChunkKind.END]

@@ -1,4 +1,4 @@
-"""Reading of recorded takes, also of cut or damaged ones."""
+"""Reading of recorded takes, including damaged ones."""
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -29,13 +29,12 @@ from .take_setup import TakeNotes, TakeSetup, event_facts
 
 ENDING = ".perftake"
 
-# Readers of chunks that a take can do without; of the set-up there is another, and without frames there is no take.
-_SPARE: Mapping[int, Callable[[bytes, str], object]] = {
+# Readers of chunks that a take can do without.
+_OPTIONAL: Mapping[int, Callable[[bytes, str], object]] = {
     ChunkKind.NOTES: TakeNotes.from_json,
     ChunkKind.EVENT: event_facts,
     ChunkKind.END: Footer.unpack,
 }
-_LONGEST_STEM = 200  # bytes of a file's name without its ending, which may have some more
 _RECOVER = "perfanim take recover writes the intact part as a complete take"
 
 
@@ -44,8 +43,8 @@ class Gap:
     """Frames that are missing because a process of the capture was replaced.
 
     Args:
-        after: number of the last frame before them.
-        seconds: missing duration; 0 where the source was read again from there.
+        after: Number of the last frame before them.
+        seconds: Missing time; 0 if the source was read again from there.
     """
 
     after: int
@@ -55,7 +54,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class TakeFile:
-    """Recorded take: intact chunks in order, faults, `ended` by its mark."""
+    """Recorded take: intact chunks in order, faults, and whether it has `ended` with its mark."""
 
     path: Path
     chunks: tuple[Chunk, ...]
@@ -72,16 +71,13 @@ class TakeFile:
         """Set-up of the take; TakeError if it is lost."""
         for chunk in self._of(ChunkKind.SETUP):
             return TakeSetup.from_json(bytes(chunk.payload), str(self.path))
-        raise TakeError(
-            "has lost its calibration and subject", where=str(self.path), advice="nothing can be made of this take"
-        )
+        raise TakeError("has lost its calibration and subject", where=str(self.path), advice="it cannot be used")
 
     @cached_property
     def notes(self) -> TakeNotes:
         """Last notes of the user; a take without a name has the file's."""
-        last = TakeNotes()
-        for chunk in self._of(ChunkKind.NOTES):
-            last = TakeNotes.from_json(bytes(chunk.payload), str(self.path))
+        chunks = self._of(ChunkKind.NOTES)
+        last = TakeNotes.from_json(bytes(chunks[-1].payload), str(self.path)) if chunks else TakeNotes()
         return last if last.name else replace(last, name=take_name(self.path))
 
     @property
@@ -91,7 +87,7 @@ class TakeFile:
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Where a process of the capture was replaced."""
+        """Gaps where a process of the capture was replaced."""
         found = [(row["gap"], row.get("text") or "") for row in self._event_rows if row.get("gap") is not None]
         return tuple(
             Gap(int(_number(gap, "after", -1)), float(_number(gap, "seconds", 0)), text) for gap, text in found
@@ -103,7 +99,7 @@ class TakeFile:
 
     @cached_property
     def stamped_frames(self) -> tuple[tuple[float, MarkerFrame], ...]:
-        """Marker frames, each with the `time.perf_counter()` of its images' arrival."""
+        """Marker frames, each with the `time.perf_counter()` at the arrival of its images."""
         return tuple(self._records(ChunkKind.FRAMES, unpack_stamped))
 
     @property
@@ -113,22 +109,22 @@ class TakeFile:
 
     @cached_property
     def poses(self) -> tuple[TimedPose, ...]:
-        """Poses as solved live; there may be fewer than frames."""
+        """Poses as solved live; fewer than frames if the solver was late."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
 
     @property
     def recorded_poses(self) -> tuple[ScenePose, ...]:
-        """Poses without a countdown and without frames after an automatic end."""
+        """Poses between the countdown and the automatic end."""
         return tuple(solved.pose for solved in self.poses if self.is_recorded(solved.pose.number))
 
     def recorded_poses_of(self, performer: int = 0) -> list[PerformerPose]:
-        """Return `recorded_poses` of one performer, from 0; TakeError if unsolved."""
+        """Return `recorded_poses` of one performer; TakeError if the take was not solved."""
         if not self.poses:
             raise TakeError("has no poses", where=str(self.path), advice="perfanim solve labels and solves it")
         return [pose.performers[performer] for pose in self.recorded_poses]
 
     def is_recorded(self, number: int) -> bool:
-        """Return whether a frame lies between countdown and automatic end."""
+        """Return whether a frame lies between the countdown and the automatic end."""
         span = self.notes.recorded
         return span is None or span[0] <= number <= span[1]
 
@@ -139,7 +135,7 @@ class TakeFile:
 
     @property
     def declared_frames(self) -> int:
-        """Number of frames by the end mark, of readable ones without it."""
+        """Number of frames in the end mark, of readable ones without it."""
         ends = self._of(ChunkKind.END)
         if not ends:
             return self.frame_count
@@ -164,7 +160,7 @@ class TakeFile:
             try:
                 for record in split_records(chunk.payload):
                     yield unpack(record)
-            except (CaptureError, TakeError) as error:  # its checksum is right: not damage
+            except (CaptureError, TakeError) as error:  # not damage, because the checksum is right
                 raise TakeError(
                     f"chunk {chunk.sequence} was written by another version ({error.what})",
                     where=str(self.path),
@@ -175,16 +171,16 @@ class TakeFile:
 def read_take_file(path: Path | str) -> TakeFile:
     """Return the intact part of a recorded take, even while it is being written.
 
-    Notes, events and end marks that are not understood count as damaged.
+    Notes, events and end marks with invalid facts count as damaged.
 
     Raises:
-        TakeError: the file is no take, of another version, or nothing of it is intact.
-        FormatError: the file cannot be read.
+        TakeError: The file is not a take, is of another version, or nothing of it is intact.
+        FormatError: The file cannot be read.
     """
     chunks, faults = scan(read_bytes(path), str(path))
     known: list[Chunk] = []
     for chunk in chunks:
-        fault = _misunderstood(chunk, str(path))
+        fault = _fault_of_facts(chunk, str(path))
         if fault is not None:
             faults.append(fault)
         elif chunk.kind in ChunkKind._value2member_map_:
@@ -193,9 +189,9 @@ def read_take_file(path: Path | str) -> TakeFile:
     return TakeFile(Path(path), tuple(known), tuple(faults), ended)
 
 
-def _misunderstood(chunk: Chunk, where: str) -> Fault | None:
-    """Return the fault of a chunk with damaged facts despite a right checksum."""
-    read = _SPARE.get(chunk.kind)
+def _fault_of_facts(chunk: Chunk, where: str) -> Fault | None:
+    """Return the fault of a chunk with a correct checksum and invalid facts, None without one."""
+    read = _OPTIONAL.get(chunk.kind)
     try:
         if read is not None:
             read(bytes(chunk.payload), where)
@@ -207,24 +203,20 @@ def _misunderstood(chunk: Chunk, where: str) -> Fault | None:
 
 
 def _number(facts: Mapping[str, Any], name: str, default: float) -> float:
-    """Return a number of checked facts; null is as good as none."""
+    """Return a number from checked facts, the default if it is missing or null."""
     value = facts.get(name)
     return default if value is None else value
 
 
 def take_name(path: Path | str) -> str:
-    """Return a name for a take from its file's name."""
+    """Return the name of a take from its file name."""
     return Path(path).name.removesuffix(ENDING)
 
 
 def unused_path(folder: Path, name: str, ending: str = ENDING) -> Path:
-    """Return an unused path in a folder for a take of that name, a long one cut.
-
-    Args:
-        ending: of another kind of file.
-    """
+    """Return an unused path in a folder for a take of that name, cut to 200 bytes, or for another kind of file."""
     stem = "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name)
-    stem = stem.encode("utf-8", "replace")[:_LONGEST_STEM].decode("utf-8", "ignore").strip(". ") or "take"
+    stem = stem.encode("utf-8", "replace")[:200].decode("utf-8", "ignore").strip(". ") or "take"
     path, count = folder / f"{stem}{ending}", 2
     while exists(path):
         path, count = folder / f"{stem} ({count}){ending}", count + 1
@@ -236,11 +228,12 @@ class TakeSummary:
     """Summary of a take for lists, read from the end of its file.
 
     Args:
-        complete: whether it has its end mark; damage before it is ignored.
-        frames, duration_s: 0 for an incomplete take.
-        created: ISO 8601.
-        orphaned: whether the recording outlived Blender.
-        marker_set, method, database: names, "" for the default or unknown; the marker set is the first performer's.
+        complete: The take has its end mark; earlier damage is ignored.
+        frames, duration_s: Length of the recording, 0 if it is incomplete.
+        created: Date and time, ISO 8601.
+        orphaned: The recording outlived Blender.
+        marker_set: Name of the first performer's marker set.
+        method, database: Names, "" for the default or unknown.
     """
 
     path: Path
@@ -257,7 +250,7 @@ class TakeSummary:
 
 
 def summarise(path: Path | str) -> TakeSummary:
-    """Return the summary of a take; TakeError for other or unreadable files."""
+    """Return the summary of a take; TakeError for another kind of file or an unreadable one."""
     path = Path(path)
     with open_foreign(path, TakeError) as file, reading(path, TakeError, what="cannot be read"):
         preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
@@ -268,7 +261,7 @@ def summarise(path: Path | str) -> TakeSummary:
 
 
 def has_frames(path: Path | str) -> bool:
-    """Return whether a take holds a frame; errors as of `summarise`."""
+    """Return whether a take holds a frame; errors as in `summarise`."""
     with open_foreign(path, TakeError) as file, reading(path, TakeError, what="cannot be read"):
         preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
         chunk = read_chunk(file, PREAMBLE_BYTES)
@@ -278,7 +271,7 @@ def has_frames(path: Path | str) -> bool:
 
 
 def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
-    """Return the summary from the last notes and set-up of a take's index."""
+    """Return the summary from the last notes and set-up in the index of a take."""
     last = {kind: offset for kind, offset in footer.index if kind in (ChunkKind.SETUP, ChunkKind.NOTES)}
     known: dict[str, Any] = {}
     notes = TakeNotes()
@@ -296,7 +289,7 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
 
 
 def _known(setup: TakeSetup) -> dict[str, Any]:
-    """Return the fields of a summary from a set-up."""
+    """Return the fields of a summary that a set-up gives."""
     worn = setup.performers[0].get("marker_set") if setup.performers else None
     return {
         "created": setup.created,

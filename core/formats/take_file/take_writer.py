@@ -1,7 +1,7 @@
-"""Writing of a take during a capture; data wait 0.1 s in memory at most.
+"""Writing of a take during a capture.
 
-Two threads keep a slow or full disk from delaying the capture: one writes, one synchronises the disk every half second.
-If the process is killed, the operating system keeps the written bytes; the checksum shows a chunk cut off at the end.
+Two threads keep a slow or full disk from delaying the capture: one writes, one synchronises the disk. If the process is
+killed, the operating system keeps the written bytes, and the checksum reveals a chunk that was cut off.
 """
 
 import contextlib
@@ -13,6 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,24 +27,31 @@ from .footer import Footer, duration_s
 from .take_reader import take_name, unused_path
 from .take_setup import TakeNotes, TakeSetup
 
-WRITE_EVERY_S = 0.1
-SYNC_EVERY_S = 0.5
-RETRY_EVERY_S = 1.0
-_LOCK_TRIES, _LOCK_PAUSE_S = 20, 0.005
-MOST_WAITING = 256 * 1024 * 1024  # bytes kept in memory while the disk is full
+
+@dataclass(frozen=True)
+class WriterSettings:
+    """Timing of the writer's threads, and its memory."""
+
+    write_every_s: float = 0.1
+    sync_every_s: float = 0.5
+    retry_every_s: float = 1.0  # while the disk is full
+    most_waiting: int = 256 << 20  # bytes kept in memory while the disk is full
+
+
+SETTINGS = WriterSettings()
 
 
 class TakeWriter:
     """One take while it is recorded.
 
     Args:
-        path: a new file, or with `resumed` a take without an end mark.
-        setup, notes: of the take; a resumed take keeps its notes.
-        report: called from another thread with one line when writing fails, with "" once it succeeds again.
-        resumed: continue the file; half a chunk at its end is cut off.
+        path: New file, or with `resumed` a take without an end mark.
+        notes: Notes of a new take; a resumed one keeps its own.
+        report: Called from another thread with one line when writing fails, with "" once it succeeds again.
+        resumed: Continue the file; half a chunk at its end is cut off.
 
     Raises:
-        TakeError: the file exists, cannot be written or cannot be resumed.
+        TakeError: The file exists, cannot be written or cannot be resumed.
     """
 
     def __init__(
@@ -111,11 +119,11 @@ class TakeWriter:
         return unpack_stamped(self._last_frame) if self._last_frame else None
 
     def add_frame(self, record: bytes) -> None:
-        """Write a marker frame (`marker_frame_codec.pack_stamped`)."""
+        """Write a marker frame from `marker_frame_codec.pack_stamped`."""
         self._frames_in.append(record)
 
     def add_pose(self, record: bytes) -> None:
-        """Write a solved pose (`pose_codec.pack_solved`)."""
+        """Write a solved pose from `pose_codec.pack_solved`."""
         self._poses_in.append(record)
 
     def add_event(self, text: str, **facts: Any) -> None:
@@ -123,11 +131,11 @@ class TakeWriter:
         self._events_in.append({"text": text, **facts})
 
     def add_gap(self, text: str, after: int, seconds: float) -> None:
-        """Write a gap; arguments as of `take_reader.Gap`."""
+        """Write a gap, see `take_reader.Gap`."""
         self.add_event(text, gap={"after": after, "seconds": seconds})
 
     def close(self, orphaned: bool = False) -> None:
-        """Write waiting data and end mark, `orphaned` if Blender is gone; repeatable."""
+        """Write waiting data and the end mark, `orphaned` if Blender is gone."""
         if self._closed:
             return
         self._ending.set()
@@ -135,7 +143,7 @@ class TakeWriter:
             thread.join()
         self._collect()
         self._report_dropped()
-        self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, for the case that the first is damaged
+        self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, in case the first one is damaged
         facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s(), "orphaned": orphaned}
         at = self._whole + len(self._waiting)
         self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
@@ -148,7 +156,7 @@ class TakeWriter:
         os.close(self._file)
 
     def _write_elsewhere(self) -> None:
-        """Write the whole take elsewhere, its disk being full; change `path`."""
+        """Write the whole take to another disk and change `path`."""
         for folder in (Path.home(), Path(tempfile.gettempdir())):
             path = unused_path(folder, self.path.stem)
             with contextlib.suppress(OSError, FormatError), atomic_path(path) as temporary:
@@ -159,26 +167,26 @@ class TakeWriter:
                 return
 
     def _write_loop(self) -> None:
-        while not self._ending.wait(RETRY_EVERY_S if self._problem else WRITE_EVERY_S):
+        while not self._ending.wait(SETTINGS.retry_every_s if self._problem else SETTINGS.write_every_s):
             try:
                 self._collect()
                 self._write()
-            except Exception as error:  # a defect: report it, later data may still be written
+            except Exception as error:  # a bug, after which later data may still be written
                 self._problem = f"the take is not being written ({type(error).__name__}: {error}): report this"
                 self._report(self._problem)
 
     def _sync_loop(self) -> None:
-        while not self._ending.wait(SYNC_EVERY_S):
+        while not self._ending.wait(SETTINGS.sync_every_s):
             if self._unsynced.is_set():
                 self._unsynced.clear()
-                with contextlib.suppress(OSError):  # shows on writing as well
+                with contextlib.suppress(OSError):  # writing reports it as well
                     os.fsync(self._file)
 
     def _collect(self) -> None:
         """Encode the waiting data as chunks."""
         frames = [self._frames_in.popleft() for _ in range(len(self._frames_in))]
         poses = [self._poses_in.popleft() for _ in range(len(self._poses_in))]
-        if len(self._waiting) > MOST_WAITING:
+        if len(self._waiting) > SETTINGS.most_waiting:
             self._dropped += len(frames)
             return
         self._report_dropped()
@@ -211,7 +219,7 @@ class TakeWriter:
         return duration_s(unpack_stamped(self._first_frame)[1].time_s, unpack_stamped(self._last_frame)[1].time_s)
 
     def _write(self) -> None:
-        """Write the encoded chunks; keep them if the disk does not take them."""
+        """Write the encoded chunks; keep them if that fails."""
         if not self._waiting:
             return
         try:
@@ -235,13 +243,14 @@ class TakeWriter:
 
 
 def record_frames(out: Path, setup: TakeSetup, frames: Iterable[MarkerFrame], *, keep_cut: bool = False) -> Path:
-    """Write frames as they come into an unfinished take beside `out`; return its path.
+    """Write frames as they arrive into an unfinished take beside `out`; return its path.
 
-    If the process is killed, `take recover` finds the frames there. An error removes it,
-    unless `keep_cut` (cameras do not show the same again).
+    Args:
+        keep_cut: Keep the take after an error, because cameras cannot repeat it.
 
     Raises:
-        TakeError: the file cannot be written. FormatError: the disk is full.
+        TakeError: The file cannot be written.
+        FormatError: The disk is full.
     """
     problems: list[str] = []
     path = unused_path(out.parent, f"{take_name(out)} unfinished")
@@ -268,7 +277,7 @@ def record_frames(out: Path, setup: TakeSetup, frames: Iterable[MarkerFrame], *,
 
 
 def _open_locked(path: Path, flags: int) -> int:
-    """Return the handle of a file, locked for this process."""
+    """Return the handle of a file locked for this process."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(path, os.O_RDWR | flags | getattr(os, "O_BINARY", 0), 0o666)
@@ -276,8 +285,8 @@ def _open_locked(path: Path, flags: int) -> int:
         raise TakeError(
             f"cannot be recorded ({error.strerror})", where=str(path), advice="choose another name or folder"
         ) from error
-    for _ in range(_LOCK_TRIES):  # `is_locked` in another process holds the lock for a moment
+    for _ in range(20):  # `is_locked` in another process holds the lock for a moment
         if lock(handle):
             break
-        time.sleep(_LOCK_PAUSE_S)
+        time.sleep(0.005)
     return handle

@@ -1,4 +1,4 @@
-"""Writing of a take from frames in memory: imported or solved again."""
+"""Writing of a take from frames in memory, imported or solved again."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -12,8 +12,6 @@ from .footer import Footer, duration_s
 from .pose_codec import TimedPose, pack_solved
 from .take_setup import TakeNotes, TakeSetup
 
-_RECORDS_PER_CHUNK = 64  # lost by one damaged byte
-
 
 def write_whole_take(
     path: Path | str,
@@ -23,32 +21,28 @@ def write_whole_take(
     poses: Sequence[TimedPose],
     events: Sequence[bytes] = (),
 ) -> None:
-    """Write a take with its end mark.
+    """Write a complete take, which replaces an existing file; FormatError if `path` cannot be written.
 
     Args:
-        path: an existing file is replaced.
-        frames: each with its stamp, as `TakeFile.stamped_frames`.
-        events: payloads of event chunks.
-
-    Raises:
-        FormatError: `path` cannot be written.
+        frames: Stamps and frames, as `TakeFile.stamped_frames`.
+        events: Payloads of event chunks.
     """
     chunks = [(ChunkKind.SETUP, setup.to_json()), (ChunkKind.NOTES, notes.to_json())]
     chunks += _chunked(ChunkKind.FRAMES, [pack_stamped(stamp_s, frame) for stamp_s, frame in frames])
     chunks += _chunked(ChunkKind.POSES, [pack_solved(pose) for pose in poses])
     chunks += [(ChunkKind.EVENT, event) for event in events]
-    chunks.append((ChunkKind.SETUP, setup.to_json()))  # again, for the case that the first is damaged
+    chunks.append((ChunkKind.SETUP, setup.to_json()))  # again, in case the first one is damaged
     write_chunks(path, chunks, take_facts([frame for _, frame in frames], len(poses)))
 
 
 def take_facts(frames: Sequence[MarkerFrame], poses: int) -> dict[str, Any]:
-    """Return the end mark's facts about frames and a number of poses."""
+    """Return the facts for the end mark."""
     passed_s = duration_s(frames[0].time_s, frames[-1].time_s) if frames else 0.0
     return {"frames": len(frames), "poses": poses, "duration_s": passed_s, "orphaned": False}
 
 
 def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: Mapping[str, Any]) -> None:
-    """Write a take of chunks (kind and payload) and its end mark; errors as above."""
+    """Write a complete take from chunks (kind and payload); FormatError if `path` cannot be written."""
     index: list[tuple[int, int]] = []
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write(preamble())
@@ -59,6 +53,6 @@ def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: M
         file.write(encode_chunk(ChunkKind.END, len(index) - 1, Footer(facts, tuple(index)).pack()))
 
 
-def _chunked(kind: ChunkKind, records: Sequence[bytes]) -> list[tuple[ChunkKind, bytes]]:
-    starts = range(0, len(records), _RECORDS_PER_CHUNK)
-    return [(kind, join_records(records[start : start + _RECORDS_PER_CHUNK])) for start in starts]
+def _chunked(kind: ChunkKind, records: Sequence[bytes], size: int = 64) -> list[tuple[ChunkKind, bytes]]:
+    """Return chunks of `size` records, of which one damaged byte destroys all."""
+    return [(kind, join_records(records[start : start + size])) for start in range(0, len(records), size)]

@@ -18,7 +18,7 @@ from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.formats.take_file.take_edits import append_notes
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.take_writer import TakeWriter
+from perfanim.core.formats.take_file.take_writer import TakeWriter, WriterSettings
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
@@ -37,7 +37,7 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
     setup = TakeSetup.of(stage_rig, (subject,), {"best_neighbours": 200}, identity(database), {})
     session = Session(subject, database, stage_rig, SolveSettings.of_table(setup.settings))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # this plays the thread
+        patch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))  # this plays the thread
         writer = TakeWriter(folder / "walk.perftake", setup, TakeNotes("Walk 1", character="Xbot"))
         for number in (n for n in range(len(true_markers)) if n not in LOST):
             frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())

@@ -7,7 +7,7 @@ import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.take_file import take_writer as writer_module
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.take_writer import TakeWriter
+from perfanim.core.formats.take_file.take_writer import TakeWriter, WriterSettings
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.studio_rig import default_rig
@@ -27,7 +27,7 @@ def write(setup: TakeSetup) -> Callable[..., Path]:
 
     def make(path: Path, frames: int = 12, every: int = 3) -> Path:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # this plays the thread
+            patch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))  # this plays the thread
             writer = TakeWriter(path, setup, TakeNotes("Walk 1"))
             for start in range(0, frames, every):
                 for number in range(start, min(start + every, frames)):

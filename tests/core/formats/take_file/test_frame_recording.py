@@ -25,7 +25,7 @@ def test_frames_are_in_the_file_while_others_are_to_come(tmp_path: Path, setup: 
         yield from frames(20)
         (path,) = tmp_path.iterdir()
         while not read_take_file(path).frames:
-            time.sleep(take_writer.WRITE_EVERY_S)
+            time.sleep(take_writer.SETTINGS.write_every_s)
         seen.append(read_take_file(path))
         yield MarkerFrame(20, 20 / 30.0)
 

@@ -13,7 +13,7 @@ from perfanim.core.formats.take_file.chunks import HEADER_BYTES, ChunkKind, scan
 from perfanim.core.formats.take_file.take_edits import append_notes, recover
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.take_writer import TakeWriter
+from perfanim.core.formats.take_file.take_writer import TakeWriter, WriterSettings
 from perfanim.core.system.lock import is_locked
 from records import frame_record, frames_of, pose_record, poses_of
 
@@ -23,7 +23,7 @@ Write = Callable[..., Path]
 def test_a_take_whose_writer_was_killed_is_gone_on_with(
     tmp_path: Path, write: Write, setup: TakeSetup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)
+    monkeypatch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))
     data = write(tmp_path / "whole.perftake").read_bytes()
     frames = [chunk for chunk in scan(data, "")[0] if chunk.kind == ChunkKind.FRAMES]
     path = tmp_path / "cut.perftake"
@@ -55,7 +55,7 @@ def test_a_take_whose_writer_was_killed_is_gone_on_with(
 def test_a_take_being_written_is_locked_and_can_be_read(
     tmp_path: Path, setup: TakeSetup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # the test plays the thread
+    monkeypatch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))  # the test plays the thread
     path = tmp_path / "a.perftake"
     writer = TakeWriter(path, setup)
     try:
@@ -91,7 +91,7 @@ def test_a_full_disk_is_told_and_nothing_is_lost_when_there_is_space_again(
         space[0] -= len(part)
         return os.pwrite(handle, part, os.lseek(handle, 0, os.SEEK_CUR)) + 0 * os.lseek(handle, len(part), os.SEEK_CUR)
 
-    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)  # the test plays the thread
+    monkeypatch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))  # the test plays the thread
     writer = TakeWriter(tmp_path / "a.perftake", setup, report=told.append)
     monkeypatch.setattr(writer_module.os, "write", limited)
     for number in range(8):
@@ -116,7 +116,7 @@ def test_a_take_whose_disk_stays_full_is_whole_in_another_folder(
     home = tmp_path / "home"
     home.mkdir()
     monkeypatch.setattr(Path, "home", lambda: home)
-    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)
+    monkeypatch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))
     told: list[str] = []
     writer = TakeWriter(tmp_path / "a.perftake", setup, report=told.append)
     for number in range(3):
@@ -144,8 +144,7 @@ def test_a_take_whose_disk_stays_full_is_whole_in_another_folder(
 def test_a_disk_that_stays_full_costs_no_more_memory_than_allowed(
     tmp_path: Path, setup: TakeSetup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(writer_module, "WRITE_EVERY_S", 3600.0)
-    monkeypatch.setattr(writer_module, "MOST_WAITING", 5000)
+    monkeypatch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0, most_waiting=5000))
     writer = TakeWriter(tmp_path / "a.perftake", setup)
     full = [True]
     write = os.write
