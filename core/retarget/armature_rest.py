@@ -1,4 +1,4 @@
-"""Rest pose of an armature, as plain arrays."""
+"""Rest pose of an armature as arrays."""
 
 from dataclasses import dataclass
 
@@ -14,17 +14,15 @@ class ArmatureRest(BoneTree):
     """Bones at rest, parents first, in the armature's own space and unit.
 
     Args:
-        names: (B) bone names, unique.
-        parents: (B,) index of the parent bone, -1 without one.
-        heads, tails: (B, 3) ends of the bones.
-        axes: (B, 3, 3) armature-from-bone rest rotations (columns: the bone's axes).
-        deform: (B,) whether the bone moves vertices.
-        inherits_rotation: (B,) whether the parent turns the bone.
-        local_location: (B,) whether the bone's location is measured in its rest axes.
-        connected: (B,) whether the bone is held at its parent's end, where its location counts for nothing.
+        tails: Ends (B, 3) of the bones.
+        axes: Armature-from-bone rest rotations (B, 3, 3) (columns: the bone's axes).
+        deform: Bones (B,) that move vertices.
+        inherits_rotation: Bones (B,) that are turned by their parent.
+        local_location: Bones (B,) with a location in their rest axes.
+        connected: Bones (B,) that are fixed to their parent's end, so that their location has no effect.
 
     Raises:
-        CharacterError: no bones, or arrays that do not belong together.
+        CharacterError: There are no bones, or the arrays do not belong together.
     """
 
     tails: Array
@@ -45,5 +43,5 @@ class ArmatureRest(BoneTree):
             raise CharacterError("parents must come before their children")
 
     def mover(self, bone: int) -> int:
-        """Return the nearest bone, itself included, with a location of its own."""
+        """Return the bone that moves a bone: itself, or the nearest ancestor with a location of its own."""
         return next(above for above in self.line(bone) if not self.connected[above] or self.parents[above] < 0)

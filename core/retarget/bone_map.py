@@ -1,7 +1,7 @@
-"""Bone map of an armature: by a preset, by names or by shape, and checked.
+"""Bone map of an armature, found by a preset, by names or by shape, and checked.
 
-Complete names that agree with the hierarchy decide, else the limb's shape. Trunk and neck go by the hierarchy between
-hips, arms and head, as rigs have any number of bones there. Each joint has its certainty and the reason.
+A limb is found by its names if they are complete and agree with the hierarchy, otherwise by its shape; trunk and neck
+by the hierarchy between hips, arms and head, because rigs have any number of bones there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,27 +19,23 @@ from .bone_name_parser import LIMB_WORDS
 from .joint_matching import match_names, match_trunk
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 
-NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # without these nobody knows how the character stands
+NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # these tell how the character stands
 EXPECTED = (
     *NEEDED, "ltibia", "rtibia", "lfoot", "rfoot", "lradius", "rradius", "thorax", "head",
 )  # fmt: skip
 
-_UNEVEN = 0.15  # relative difference between left and right from which a limb is doubtful
-_ONE_PLACE = 0.02  # of the body's size: bones that begin closer than this begin at the same place
-_FEET_TELL = 0.5  # cosine between the feet and the front that the names give, from which the feet contradict them
-
 
 class MatchState(Enum):
-    """How sure a joint's bone is."""
+    """State of a joint's bone; the values are those of reports."""
 
     MAPPED = "mapped"
     MISSING = "missing"
-    DOUBTFUL = "doubtful"
+    SUSPECT = "doubtful"
 
 
 @dataclass(frozen=True)
 class JointMatch:
-    """Bone of one joint, "" when missing, and the reason for the user."""
+    """Bone of one joint, "" if it is missing, and the reason for the user."""
 
     bone: str
     state: MatchState
@@ -48,11 +44,11 @@ class JointMatch:
 
 @dataclass(frozen=True)
 class BoneMap:
-    """A bone for each of the standard skeleton's joints that the armature has.
+    """Bones of the standard skeleton's joints in an armature.
 
     Args:
-        matches: for every name of `JOINT_NAMES` the match.
-        origin: where the map comes from: a preset's name, "names", "names and shape", "shape".
+        matches: Match for every name of `JOINT_NAMES`.
+        origin: Source of the map: a preset's name, "names", "names and shape" or "shape".
     """
 
     matches: Mapping[str, JointMatch]
@@ -69,13 +65,13 @@ class BoneMap:
 
     @property
     def complete(self) -> bool:
-        """Whether all joints that a humanoid has are mapped and none is doubtful."""
+        """Whether all joints of a humanoid are mapped and none is suspect."""
         expected = all(self.matches[joint].state is MatchState.MAPPED for joint in EXPECTED)
-        return expected and not self.of_state(MatchState.DOUBTFUL)
+        return expected and not self.of_state(MatchState.SUSPECT)
 
 
 def identity_bone_map() -> BoneMap:
-    """Return the map of an armature with the joints' own names."""
+    """Return the map of an armature whose bones have the joints' names."""
     return BoneMap({joint: JointMatch(joint, MatchState.MAPPED) for joint in JOINT_NAMES}, "names")
 
 
@@ -83,10 +79,10 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
     """Return the map of an armature.
 
     Args:
-        presets: name -> joint -> bone; one that fits entirely comes before everything else.
+        presets: Name -> joint -> bone; the first one that matches completely is used.
 
     Raises:
-        CharacterError: the armature is not a biped, with the reason; or arms, legs and hips are not found.
+        CharacterError: The armature is not a biped, or arms, legs or hips are not found.
     """
     for name, preset in (presets or {}).items():
         if (bones := _fitting(rest, preset)) is not None:
@@ -99,18 +95,18 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
     missing = [joint for joint in NEEDED if joint not in found and joint != "root"]
     if missing:
         raise CharacterError(
-            "no biped is seen in it: neither names nor shape tell " + _listed(missing),
+            "no biped is recognised: neither names nor shape reveal " + _listed(missing),
             advice="choose these bones by hand, or another armature",
         )
     _shift_if_named_by_ends(rest, found)
     if not match_trunk(rest, found):
         raise CharacterError("arms and legs have no common parent bone", advice="choose the hips by hand")
-    swapped = _swap_if_feet_say_so(rest, found)
+    swapped = _swap_sides_if_backwards(rest, found)
     return checked_map(rest, {joint: rest.names[bone] for joint, bone in found.items()}, origin, swapped)
 
 
 def checked_map(rest: ArmatureRest, bones: Mapping[str, str], origin: str, swapped: bool = False) -> BoneMap:
-    """Return the map of given bones with the state of each joint.
+    """Return the map of chosen bones with the state of each joint.
 
     Raises:
         CharacterError: A bone does not exist, a required one is not given, or the armature is not a biped.
@@ -122,16 +118,16 @@ def checked_map(rest: ArmatureRest, bones: Mapping[str, str], origin: str, swapp
     if lacking:
         raise CharacterError("no bone is given for " + _listed(lacking), advice="choose these bones")
     found = {joint: rest.index[bone] for joint, bone in bones.items()}
-    _refuse_unless_biped(rest, found)
-    doubts = _doubts(rest, found)
+    _check_biped(rest, found)
+    suspect = _suspect_joints(rest, found)
     matches = {}
     for joint in JOINT_NAMES:
         if joint not in found:
             matches[joint] = JointMatch("", MatchState.MISSING, _why_missing(joint, found))
-        elif joint in doubts:
-            matches[joint] = JointMatch(bones[joint], MatchState.DOUBTFUL, doubts[joint])
+        elif joint in suspect:
+            matches[joint] = JointMatch(bones[joint], MatchState.SUSPECT, suspect[joint])
         else:
-            side = "named for the other side; its feet tell which way it faces" if swapped and joint[0] in "lr" else ""
+            side = "named for the other side; its feet show which way it faces" if swapped and joint[0] in "lr" else ""
             matches[joint] = JointMatch(bones[joint], MatchState.MAPPED, side if joint[1:] in LIMB_WORDS else "")
     return BoneMap(matches, origin)
 
@@ -141,10 +137,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | None:
-    """Return a preset's bones in this armature, None if it lacks one.
-
-    Fingers, thumbs and toes may be absent: they are often left out of a rig.
-    """
+    """Return a preset's bones in this armature, None if it lacks one that is not a finger, thumb or toe."""
     bare = {name.split(":")[-1]: name for name in reversed(rest.names)}
     bones = {}
     for joint, bone in preset.items():
@@ -157,7 +150,7 @@ def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | 
 
 
 def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bool], limbs: Limbs) -> None:
-    """Take limbs without complete names from the shape; hands and toes with them."""
+    """Replace limbs without complete names, including hands and toes, by those found by shape."""
     for kind, chains, find_joints, joints in (
         ("leg", limbs.legs, leg_joints, ("femur", "tibia", "foot", "toes")),
         ("arm", limbs.arms, arm_joints, ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb")),
@@ -171,12 +164,12 @@ def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bo
 
 
 def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
-    """Move limbs one bone outwards in rigs with bones named by their end joints."""
+    """Move limbs one bone outwards in rigs with bones named after the joint at their end."""
     size = float(np.max(np.ptp(rest.heads, axis=0)))
     chains: tuple[tuple[str, ...], ...] = (("femur", "tibia", "foot", "toes"), ("humerus", "radius", "hand", "fingers"))
     for chain in chains:
         starts = [rest.heads[found[side + chain[0]]] for side in "lr"]
-        if float(np.linalg.norm(starts[0] - starts[1])) > _ONE_PLACE * size:
+        if float(np.linalg.norm(starts[0] - starts[1])) > 0.02 * size:  # not at the same place
             continue
         for side in "lr":
             bones = [found.get(side + joint, -1) for joint in chain] + [-1]
@@ -197,8 +190,8 @@ def _axes(rest: ArmatureRest, found: Mapping[str, int]) -> tuple[Array, Array]:
     return shoulders - hips, np.asarray(left)
 
 
-def _swap_if_feet_say_so(rest: ArmatureRest, found: dict[str, int]) -> bool:
-    """Swap the sides of rigs named as their viewer sees them: feet point backwards."""
+def _swap_sides_if_backwards(rest: ArmatureRest, found: dict[str, int]) -> bool:
+    """Swap the sides of rigs named from the viewer's side, whose feet would point backwards."""
     up, left = _axes(rest, found)
     front = np.cross(left, up)
     agreement = []
@@ -209,7 +202,7 @@ def _swap_if_feet_say_so(rest: ArmatureRest, found: dict[str, int]) -> bool:
         toes = found.get(side + "toes", -1)
         way = (rest.heads[toes] if toes >= 0 else rest.tails[foot]) - rest.heads[foot]
         agreement.append(cosine(way, front))
-    if max(agreement) > -_FEET_TELL:
+    if max(agreement) > -0.5:  # cosine
         return False
     sided = {joint: bone for joint, bone in found.items() if joint[1:] in LIMB_WORDS and joint[0] in "lr"}
     for joint in sided:
@@ -218,10 +211,10 @@ def _swap_if_feet_say_so(rest: ArmatureRest, found: dict[str, int]) -> bool:
     return True
 
 
-def _refuse_unless_biped(rest: ArmatureRest, found: Mapping[str, int]) -> None:
+def _check_biped(rest: ArmatureRest, found: Mapping[str, int]) -> None:
     up, left = _axes(rest, found)
     if float(np.linalg.norm(up)) < 1e-9 or float(np.linalg.norm(np.cross(left, up))) < 1e-9:
-        raise CharacterError("shoulders and hips lie at one place", advice="check the bones that are chosen")
+        raise CharacterError("shoulders and hips are at the same place", advice="check the chosen bones")
     ways = []
     for side in "lr":
         end = next((found[side + joint] for joint in ("foot", "tibia") if side + joint in found), -1)
@@ -231,9 +224,13 @@ def _refuse_unless_biped(rest: ArmatureRest, found: Mapping[str, int]) -> None:
         check_upright(float(np.mean([cosine(way, up) for way in ways])))
 
 
-def _doubts(rest: ArmatureRest, found: Mapping[str, int]) -> dict[str, str]:
-    """Return joint -> why its bone is doubtful."""
-    doubts: dict[str, str] = {}
+def _suspect_joints(rest: ArmatureRest, found: Mapping[str, int], uneven: float = 0.15) -> dict[str, str]:
+    """Return joint -> reason why its bone is suspect.
+
+    Args:
+        uneven: Relative difference in length between left and right that is suspect.
+    """
+    suspect: dict[str, str] = {}
     chains = (("root", "femur", "tibia", "foot", "toes"), ("root", "clavicle", "humerus", "radius", "hand", "fingers"))
     for side in "lr":
         for chain in chains:
@@ -241,11 +238,11 @@ def _doubts(rest: ArmatureRest, found: Mapping[str, int]) -> dict[str, str]:
             given = [joint for joint in given if joint in found]
             for upper, lower in pairwise(given):
                 if not rest.is_above(found[upper], found[lower]) and rest.deform[found[lower]]:
-                    doubts[lower] = f"does not hang on {rest.names[found[upper]]}"
+                    suspect[lower] = f"is not below {rest.names[found[upper]]}"
     used: dict[int, str] = {}
     for joint, bone in found.items():
         if bone in used:
-            doubts[joint] = f"is the bone of {used[bone]} too"
+            suspect[joint] = f"is also the bone of {used[bone]}"
         used[bone] = joint
     for upper, lower in (("femur", "tibia"), ("tibia", "foot"), ("humerus", "radius"), ("radius", "hand")):
         if not all(side + joint in found for side in "lr" for joint in (upper, lower)):
@@ -253,22 +250,22 @@ def _doubts(rest: ArmatureRest, found: Mapping[str, int]) -> dict[str, str]:
         sizes = [
             float(np.linalg.norm(rest.heads[found[side + lower]] - rest.heads[found[side + upper]])) for side in "lr"
         ]
-        if abs(sizes[0] - sizes[1]) > _UNEVEN * max(sizes):
+        if abs(sizes[0] - sizes[1]) > uneven * max(sizes):
             for side in "lr":
-                doubts.setdefault(side + upper, "left and right differ in length")
+                suspect.setdefault(side + upper, "left and right differ in length")
     _, left = _axes(rest, found)
     for joint in ("tibia", "foot", "radius", "hand"):
         if "l" + joint in found and "r" + joint in found:
             across = rest.heads[found["l" + joint]] - rest.heads[found["r" + joint]]
             if float(across @ left) < 0.0:
                 for side in "lr":
-                    doubts.setdefault(side + joint, "lies on the other side")
-    return doubts
+                    suspect.setdefault(side + joint, "is on the other side")
+    return suspect
 
 
 def _why_missing(joint: str, found: Mapping[str, int]) -> str:
     if joint in ("lowerback", "upperback", "lowerneck", "upperneck"):
-        return "the rig has fewer bones here; the others take its turn"
+        return "the rig has fewer bones here, which take its rotation"
     if joint[1:] == "wrist":
-        return "the forearm and the hand take its turn"
+        return "forearm and hand take its rotation"
     return "no bone found"

@@ -1,4 +1,4 @@
-"""Bone maps as files to share: a name and a bone for each joint (TOML).
+"""Bone maps as TOML files to share: a name and a bone for each joint.
 
     name = "My rig"
 
@@ -6,7 +6,7 @@
     root = "Hips"
     lfemur = "Thigh_L"
 
-Shipped ones exist only for rigs with misleading names; all others are found by `bone_map.find_bone_map`.
+Shipped presets exist only for rigs with misleading names; for all others, `bone_map.find_bone_map` finds the map.
 """
 
 from pathlib import Path
@@ -32,18 +32,14 @@ BONE_MAP = Schema(
 
 
 def read_bone_map(path: Path | str) -> dict[str, str]:
-    """Return joint -> bone of a file.
-
-    Raises:
-        FormatError: it cannot be read, or is no bone map.
-    """
+    """Return joint -> bone of a file; FormatError if it cannot be read or is not a bone map."""
     tables = read_toml(path)
     BONE_MAP.check(tables, str(path))
     joints = tables["joints"]
     unknown = [joint for joint in joints if joint not in JOINT_NAMES]
     if unknown:
         raise FormatError(
-            "has joints that there are not: " + ", ".join(unknown[:6]),
+            "has unknown joints: " + ", ".join(unknown[:6]),
             where=str(path),
             advice="joints are called " + ", ".join(JOINT_NAMES),
         )
@@ -80,8 +76,8 @@ def load_bone_map(name_or_file: str) -> dict[str, str]:
     """Return joint -> bone of a shipped preset or of a file.
 
     Raises:
-        CharacterError: there is neither.
-        FormatError: the file is no bone map.
+        CharacterError: There is neither.
+        FormatError: The file is not a bone map.
     """
     paths = preset_paths()
     if name_or_file in paths:

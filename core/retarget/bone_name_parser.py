@@ -1,7 +1,7 @@
 """Parser of bone names: side, words and numbers in any rig's spelling.
 
-Covers the names of Mixamo, Rigify (metarig, deform bones), MakeHuman and MPFB, Unreal, VRM and VRoid, Rokoko, the CMU
-database, 3ds Max Biped, Valve, DAZ, Poser and most rigs that are named in English.
+Understands Mixamo, Rigify (metarig, deform bones), MakeHuman and MPFB, Unreal, VRM and VRoid, Rokoko, the CMU database,
+3ds Max Biped, Valve, DAZ, Poser and most rigs with English names.
 """
 
 import re
@@ -14,7 +14,7 @@ _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _SIDES = {"left": "l", "l": "l", "lft": "l", "right": "r", "r": "r", "rgt": "r"}
 _DROPPED, _HELPERS = frozenset(TABLES["dropped"]), frozenset(TABLES["helpers"])
 
-# words of a limb's joint, the likeliest first
+# joint of a limb -> words in its names, the likeliest first
 LIMB_WORDS = {joint: tuple(row["words"]) for joint, row in TABLES["joint"].items() if joint not in JOINT_NAMES}
 HIPS_WORDS, HEAD_WORDS = (tuple(facts_of(joint)["words"]) for joint in ("root", "head"))
 
@@ -25,9 +25,9 @@ class BoneName:
 
     Args:
         side: "l", "r", or "" for the middle.
-        words: the words that tell the joint, run together in lower case.
-        numbers: the numbers in the name but those of a prefix (Bip01), in order.
-        helper: the words tell that the bone only helps another one along.
+        words: Words that describe the joint, joined in lower case.
+        numbers: Numbers in the name in order, without that of the prefix "Bip01".
+        helper: The bone only supports another one (twist, IK target, ...).
     """
 
     side: str

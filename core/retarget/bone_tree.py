@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from ..geometry.arrays import Array, IntArray
 
 
@@ -11,9 +13,9 @@ class BoneTree:
     """Names, hierarchy and rest positions of bones, parents first.
 
     Args:
-        names: (B) bone names.
-        parents: (B,) index of the parent bone, -1 without one.
-        heads: (B, 3) where the bones begin, any unit.
+        names: Unique bone names (B).
+        parents: Index (B,) of the parent bone, -1 for none.
+        heads: Starts (B, 3) of the bones, in any unit.
     """
 
     names: tuple[str, ...]
@@ -38,22 +40,26 @@ class BoneTree:
         return tuple(tuple(row) for row in found)
 
     def line(self, bone: int) -> list[int]:
-        """Return the bone and those above it, nearest first."""
+        """Return the bone and its ancestors, nearest first."""
         found = [bone]
         while self.parents[found[-1]] >= 0:
             found.append(int(self.parents[found[-1]]))
         return found
 
     def is_above(self, upper: int, lower: int) -> bool:
-        """Tell whether `upper` is `lower` or one of its ancestors."""
+        """Return whether `upper` is `lower` or one of its ancestors."""
         return upper in self.line(lower)
 
     def shared_ancestor(self, bones: list[int]) -> int:
-        """Return the lowest bone above (or among) all the given ones, -1 if none."""
+        """Return the lowest common ancestor of bones (one of them, perhaps), -1 if there is none."""
         lines = [self.line(bone) for bone in bones]
         return next((bone for bone in lines[0] if all(bone in line for line in lines[1:])), -1)
 
     def path(self, upper: int, lower: int) -> list[int]:
-        """Return the bones from `upper` down to `lower`, empty if it is not above."""
+        """Return the bones from `upper` down to `lower`, empty if `upper` is not an ancestor."""
         line = self.line(lower)
         return line[: line.index(upper) + 1][::-1] if upper in line else []
+
+    def distances(self, chain: list[int]) -> Array:
+        """Return the distance of each bone of a chain from the first one, along the chain."""
+        return np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(self.heads[chain], axis=0), axis=1))))

@@ -1,8 +1,7 @@
-"""Alignment of a character's rest pose: facing, size, limbs.
+"""Alignment of a character's rest pose with the standard one: facing, size, limbs.
 
-Trunk, collars, neck and head are upright in any rest pose and soles lie flat, so they keep the character's own shape;
-feet are only turned about the vertical until they point as in the product's rest pose. Hands are also turned about
-the forearm until the palms face down.
+Trunk, clavicles, neck and head are upright in any rest pose and keep the character's own shape. Soles are flat, so feet
+are only turned about the vertical. Hands are also turned about the forearm until the palms face down.
 """
 
 from collections.abc import Mapping
@@ -20,21 +19,18 @@ from .bone_name_parser import parse_bone_name
 from .limb_detection import cosine
 from .rest_alignment import ABOVE, BONE_ENDS, bone_end, facing, limb_turns
 
-_PALM_MOST = np.radians(110.0)  # a palm further off than this is not believed
-_TAIL_TELLS = 0.5  # cosine between a bone and the one before it from which its tail, which importers guess, is believed
-
-_HAND_ABOVE = ("hand", "wrist", "radius")  # what fingers, thumb and a hand without a direction of its own follow
+_HAND_ABOVE = ("hand", "wrist", "radius")  # joints that fingers and thumb follow
 
 
 @dataclass(frozen=True)
 class RestAlignment:
-    """A character's rest pose as the product sees it.
+    """A character's rest pose in our axes.
 
     Args:
-        armature_from_world: (3, 3) rotation.
-        units_per_metre: length in the armature's space of a metre of the performer, from the length of the legs.
-        heads_m: (B, 3) bone heads in the product's axes, in metres of the performer.
-        turns: joint -> (4,) quaternion that turns its bone from the character's rest pose to the product's.
+        armature_from_world: Rotation (3, 3).
+        units_per_metre: Length in the armature for a metre of the performer, by the lengths of the legs.
+        heads_m: Bone heads (B, 3) in our axes, in metres of the performer.
+        turns: Joint -> rotation (4,) of its bone from the character's rest pose to the standard one.
     """
 
     armature_from_world: Array
@@ -46,14 +42,14 @@ class RestAlignment:
 def align_character(
     skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], same_body: bool = False
 ) -> RestAlignment:
-    """Return how a character's rest pose lies in the product's.
+    """Return the alignment of a character's rest pose with the standard one.
 
     Args:
-        joints: joint -> bone index, with hips, thighs and upper arms at least.
-        same_body: the character has the performer's proportions: hands follow the forearms, feet keep their direction.
+        joints: Joint -> bone index, with hips, thighs and upper arms at least.
+        same_body: The character has the performer's proportions: hands follow the forearms, feet keep their direction.
 
     Raises:
-        CharacterError: its left and right are unclear, or the legs have no length.
+        CharacterError: Left and right are unclear, or the legs have no length.
     """
     left = sum(rest.heads[joints["l" + name]] - rest.heads[joints["r" + name]] for name in ("femur", "humerus"))
     middles = [0.5 * (rest.heads[joints["l" + name]] + rest.heads[joints["r" + name]]) for name in ("femur", "humerus")]
@@ -66,7 +62,7 @@ def align_character(
 
 
 def _leg_lengths(skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int]) -> float:
-    """Return armature units per metre: the ratio of leg lengths."""
+    """Return armature units per metre, the ratio of leg lengths."""
     character, own = 0.0, 0.0
     for side, (upper, lower) in product("lr", (("femur", "tibia"), ("tibia", "foot"))):
         if side + upper in joints and side + lower in joints:
@@ -97,7 +93,7 @@ def _turns(
 
 
 def _wanted(skeleton: Skeleton, name: str, joints: Mapping[str, int]) -> Array:
-    """Return the way from a joint to the end of its bone in the product's rest pose."""
+    """Return the vector from a joint to the end of its bone in the standard rest pose."""
     end = bone_end(name, {joint: bone for joint, bone in joints.items() if joint in skeleton.names})
     positions = skeleton.rest_positions_m
     joint = skeleton.index(name)
@@ -107,7 +103,10 @@ def _wanted(skeleton: Skeleton, name: str, joints: Mapping[str, int]) -> Array:
 def bone_direction(
     name: str, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array
 ) -> Array | None:
-    """Return the direction of a limb's bone at rest, None if unknown."""
+    """Return the direction of a limb's bone at rest, None if unknown.
+
+    The tail of the last bone, which importers guess, is used if it roughly continues the bone before.
+    """
     side, kind, bone = name[0], name[1:], joints[name]
     end = bone_end(name, joints)
     if end is not None:
@@ -115,13 +114,13 @@ def bone_direction(
         return way if float(np.linalg.norm(way)) > 1e-6 else None
     above = next((joints[side + j] for j in ABOVE.get(kind, ()) if side + j in joints), None)
     way = tails[bone] - heads[bone]
-    if above is None or cosine(way, heads[bone] - heads[above]) > _TAIL_TELLS:
+    if above is None or cosine(way, heads[bone] - heads[above]) > 0.5:
         return way
     return None
 
 
 def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: str) -> Array:
-    """Return the turn about the vertical to the heading of the performer's foot."""
+    """Return the rotation about the vertical to the direction of the performer's foot."""
     if side + "toes" not in joints:
         return rot.identity()
     way = heads[joints[side + "toes"]] - heads[joints[side + "foot"]]
@@ -133,7 +132,7 @@ def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: 
 def _face_palm_down(
     skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, turns: dict[str, Array], side: str
 ) -> None:
-    """Turn the hand until the thumb faces forward, the forearm half as much."""
+    """Turn the hand until the thumb faces forward, by 110 degrees at most, and the forearm half as much."""
     hand = side + "hand"
     if hand not in joints:
         return
@@ -146,7 +145,7 @@ def _face_palm_down(
     across = across - along * float(across @ along)
     forward = np.array([0.0, 0.0, 1.0]) - along * along[2]
     angle = float(np.arctan2(np.cross(across, forward) @ along, across @ forward))
-    if float(np.linalg.norm(across)) < 1e-6 or abs(angle) > _PALM_MOST:
+    if float(np.linalg.norm(across)) < 1e-6 or abs(angle) > np.radians(110.0):
         return
     for joint, share in ((hand, 1.0), (side + "fingers", 1.0), (side + "thumb", 1.0), (side + "radius", 0.5)):
         if joint in turns:
@@ -154,7 +153,7 @@ def _face_palm_down(
 
 
 def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, side: str) -> Array | None:
-    """Return the direction across the palm to the thumb, None without fingers."""
+    """Return the direction across the palm towards the thumb, None without fingers."""
     index, little = (_knuckle(rest, joints[side + "hand"], side, words) for words in (("index",), ("pinky", "little")))
     if index >= 0 and little >= 0:
         return heads[index] - heads[little]
@@ -164,7 +163,7 @@ def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, si
 
 
 def _knuckle(rest: ArmatureRest, hand: int, side: str, words: tuple[str, ...]) -> int:
-    """Return the first bone below the hand with one of the words, -1 if none."""
+    """Return the first bone below the hand with one of the words in its name, -1 for none."""
     return next(
         (
             bone

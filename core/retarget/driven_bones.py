@@ -18,7 +18,7 @@ _FINGERS = ("index", "middle", "ring", "pinky", "little")
 
 @dataclass(frozen=True)
 class DrivenBone:
-    """A bone, the two joints that turn it, and its place between them."""
+    """A bone, the two joints that turn it, and its position between them."""
 
     bone: int
     first: int
@@ -28,7 +28,7 @@ class DrivenBone:
 
 
 def root_bone(rest: ArmatureRest, hips: int) -> int:
-    """Return the topmost bone above the hips that is no helper, -1 without one."""
+    """Return the topmost ancestor of the hips that is not a helper, -1 if there is none."""
     above = [bone for bone in rest.line(hips)[1:] if not parse_bone_name(rest.names[bone]).helper]
     if above:
         return above[-1]
@@ -38,7 +38,7 @@ def root_bone(rest: ArmatureRest, hips: int) -> int:
 def driven_bones(
     skeleton: Skeleton, rest: ArmatureRest, joints: dict[str, int], turns: dict[str, Array]
 ) -> list[DrivenBone]:
-    """Return all bones that are turned, parents before their children."""
+    """Return all bones that are turned by joints, parents first."""
     driven: dict[int, DrivenBone] = {}
     for joint, bone in joints.items():
         index = skeleton.index(joint)
@@ -47,21 +47,21 @@ def driven_bones(
         pins = [joint for joint in chain if joint in joints]
         for lower, upper in pairwise(pins):
             path = rest.path(joints[lower], joints[upper])
-            way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[path], axis=0), axis=1))))
+            way = rest.distances(path)
             for bone, share in zip(path[1:-1], way[1:-1] / max(float(way[-1]), 1e-9), strict=True):
                 if bone not in driven and not parse_bone_name(rest.names[bone]).helper:
                     first, second = skeleton.index(lower), skeleton.index(upper)
                     driven[bone] = DrivenBone(bone, first, second, float(share), rot.identity())
     for joint in [side + name for side in "lr" for name in ("fingers", "toes") if side + name in joints]:
-        for name in _beside(rest.names[joints[joint]]):
+        for name in _neighbour_names(rest.names[joints[joint]]):
             bone = rest.index.get(name, -1)
             if bone >= 0 and bone not in driven:
                 driven[bone] = DrivenBone(bone, skeleton.index(joint), skeleton.index(joint), 0.0, turns[joint])
     return [driven[bone] for bone in sorted(driven)]
 
 
-def _beside(name: str) -> list[str]:
-    """Return the names of the neighbours: LeftHandMiddle1 -> LeftHandRing1, ..."""
+def _neighbour_names(name: str) -> list[str]:
+    """Return the names of the other fingers or toes: LeftHandMiddle1 -> LeftHandRing1, ..."""
     for word in _FINGERS:
         for spelling in (str, str.capitalize, str.upper):
             if spelling(word) in name:
@@ -74,7 +74,7 @@ def _beside(name: str) -> list[str]:
 
 
 def driven_ancestors(rest: ArmatureRest, order: Sequence[int], ancestors: IntArray | None) -> IntArray:
-    """Return for each driven bone the place of the one it follows, -1 for none."""
+    """Return for each driven bone the index of the one that turns it, -1 for none."""
     place = {bone: index for index, bone in enumerate(order)}
     follows = np.where(rest.inherits_rotation, rest.parents, -1) if ancestors is None else ancestors
     found = []

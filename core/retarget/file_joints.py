@@ -1,4 +1,4 @@
-"""Joint map of a motion file, by names and hierarchy."""
+"""Joints of a motion file, found by names and hierarchy."""
 
 from functools import lru_cache
 
@@ -15,10 +15,10 @@ _NEEDED = ("root", "lfemur", "ltibia", "rfemur", "rtibia", "lhumerus", "lradius"
 
 
 def match_joints(source: SourceMotion) -> dict[str, int]:
-    """Return joint -> joint index in the file, without the joints that it lacks.
+    """Return joint -> joint index in the file, for the joints that it has.
 
     Raises:
-        SkeletonError: the hips or a thigh, shank, upper arm or forearm is missing.
+        SkeletonError: The hips or a thigh, shank, upper arm or forearm is missing.
     """
     if set(source.names) >= set(JOINT_NAMES):
         return {name: source.names.index(name) for name in JOINT_NAMES}

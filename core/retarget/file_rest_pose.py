@@ -1,10 +1,9 @@
-"""Joint axes of a file's body in the standard skeleton's rest pose.
+"""Joint axes of a file's body in the standard rest pose.
 
-The rest pose of most files is a T or A pose with the world's joint axes. Some put all bones along one axis, so
-that their zero pose is no pose of a body at all: for those the axes in the T pose are known from the convention
-(`_BONES_ALONG_X`). Trunk, collars, neck and head are upright in any such pose, so they keep their attitude, whatever
-way their bones point; feet and toes go with the legs; upper arms and forearms are also turned about the bone, until
-the elbow's hinge lies as in the product's rest pose.
+The zero pose of most files is a T or A pose with the world's joint axes. Some files put all bones along one axis, so
+that the zero pose is not a body's; for these the axes in the T pose are known from the convention (`_BONES_ALONG_X`).
+Trunk, clavicles, neck and head are upright in any such pose and keep their orientation; feet and toes follow the legs;
+upper arms and forearms are also turned about the bone, to align the elbow's hinge.
 """
 
 from collections.abc import Mapping
@@ -25,7 +24,6 @@ _LEFT, _RIGHT = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
 _UP, _DOWN = (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
 _FRONT = (0.0, 0.0, 1.0)
 
-# feet, fingers and thumbs follow, too
 _ABOVE = {
     **ABOVE,
     "foot": ("tibia", "femur"),
@@ -34,11 +32,10 @@ _ABOVE = {
     "thumb": ("wrist", "radius", "humerus"),
 }
 _HINGED = ("humerus", "radius")
-_UPRIGHT = 0.35  # share of the body's length by which head, hips and feet must lie above one another in a usable pose
 
-# Local X and Y of each joint in a T pose. Bones along X, away from the body on the left side and towards it on the
-# right one; knees and elbows turn about Y (Bandai-Namco's data set: the hinge axes of all knees and elbows are Y, the
-# bones of a foot that stands still point 39.6 degrees down, those of its toes 23).
+# Local X and Y axes of each joint in a T pose. Bones point along X, away from the body on the left side and towards it
+# on the right; knees and elbows turn about Y. Measured in the Bandai-Namco data set, where standing feet point 39.6
+# degrees down and their toes 23.
 _FOOT_DOWN, _TOES_DOWN = np.radians(39.6), np.radians(23.0)
 
 
@@ -64,13 +61,11 @@ def align_rest(source: SourceMotion, found: Mapping[str, int]) -> dict[str, Arra
     """Return the source-joint-from-world quaternion (4,) of each joint at rest.
 
     Raises:
-        SkeletonError: neither the zero pose nor the first frame is a standing body, and the axes follow no known
+        SkeletonError: Neither the zero pose nor the first frame is a standing body, and the axes follow no known
             convention.
     """
-    # clips of one data set share their skeleton
     joints = tuple(found.items())
-    shape = (source.parents.tobytes(), source.offsets_m.tobytes())
-    alignment = _align_zero_pose(source.names, joints, *shape)
+    alignment = _align_zero_pose(source.names, joints, source.parents.tobytes(), source.offsets_m.tobytes())
     if alignment is not None:
         return alignment
     positions, world = source_kinematics(frame_range(source, 0, 1))
@@ -83,7 +78,7 @@ def align_rest(source: SourceMotion, found: Mapping[str, int]) -> dict[str, Arra
     )
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=64)  # clips of one data set share a few skeletons
 def _align_zero_pose(
     names: tuple[str, ...], joints: tuple[tuple[str, int], ...], parents: bytes, offsets_m: bytes
 ) -> dict[str, Array] | None:
@@ -98,8 +93,13 @@ def _align_zero_pose(
     return None
 
 
-def _is_body(positions: Array, found: Mapping[str, int]) -> bool:
-    """Tell whether the pose stands upright with arms out or hanging."""
+def _is_body(positions: Array, found: Mapping[str, int], least_height: float = 0.35) -> bool:
+    """Return whether a pose is an upright body with the left side on the left.
+
+    Args:
+        least_height: Height of the hips above the knees, and of the shoulders above the hips, relative to thigh and
+            trunk.
+    """
     up, left, front = _body_axes(positions, found)
     if not np.all(np.isfinite(np.stack((up, left, front)))):
         return False
@@ -111,7 +111,7 @@ def _is_body(positions: Array, found: Mapping[str, int]) -> bool:
     shoulders = positions[found["lhumerus"]] + positions[found["rhumerus"]] - 2.0 * positions[found["root"]]
     elbows = positions[found["lradius"]] - positions[found["rradius"]]
     hips = positions[found["lfemur"]] - positions[found["rfemur"]]
-    upright = -float(knees @ up) > _UPRIGHT * reach and float(shoulders @ up) > _UPRIGHT * reach
+    upright = min(-float(knees @ up), float(shoulders @ up)) > least_height * reach
     return upright and float(elbows @ left) > 0.0 and float(hips @ left) > 0.5 * float(np.linalg.norm(hips))
 
 
@@ -132,13 +132,13 @@ def _unit(vector: Array) -> Array:
 
 def _from_pose(positions: Array, world: Array, found: Mapping[str, int]) -> dict[str, Array]:
     up, left, _ = _body_axes(positions, found)
-    product_from_pose = rot.from_matrix(facing(left, up).T)
-    orientations = {name: rot.multiply(product_from_pose, world[joint]) for name, joint in found.items()}
+    rest_from_pose = rot.from_matrix(facing(left, up).T)
+    orientations = {name: rot.multiply(rest_from_pose, world[joint]) for name, joint in found.items()}
     bones: dict[str, Array] = {}
     for name in found:
         end = bone_end(name, found)
         if end is not None:
-            bone = rot.rotate(product_from_pose, positions[found[end]] - positions[found[name]])
+            bone = rot.rotate(rest_from_pose, positions[found[end]] - positions[found[name]])
             if np.linalg.norm(bone) > 1e-4:
                 bones[name] = _unit(bone)
     return _aligned(orientations, bones)
@@ -159,7 +159,7 @@ def _from_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str,
 
 
 def _has_bones_along_x(parents: IntArray, offsets_m: Array, found: Mapping[str, int]) -> bool:
-    """Tell whether the limbs lie along +X on the left and -X on the right."""
+    """Return whether the limbs lie along +X on the left and -X on the right."""
     for side, sign in (("l", 1.0), ("r", -1.0)):
         for bone, end in (("femur", "tibia"), ("tibia", "foot"), ("humerus", "radius"), ("radius", "hand")):
             if side + end not in found:
@@ -182,7 +182,7 @@ def _aligned(orientations: dict[str, Array], bones: dict[str, Array]) -> dict[st
 
 
 def _hinge_roll(name: str, turn: Array) -> Array:
-    """Return the turn about the arm that brings the elbow's hinge into place."""
+    """Return the rotation about the arm that aligns the elbow's hinge."""
     if name[1:] not in _HINGED:
         return rot.identity()
     side = 1.0 if name[0] == "l" else -1.0

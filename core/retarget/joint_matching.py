@@ -1,24 +1,22 @@
-"""Joints of the standard skeleton by the names and the hierarchy of bones.
+"""Joints of the standard skeleton, found by names and hierarchy of bones.
 
-Limbs go by the words in their names. Trunk and neck go by their place between hips, arms and head, as rigs and files
-have any number of bones there.
+Limbs are found by the words in their names; trunk and neck by their position between hips, arms and head, because rigs
+and files have any number of bones there.
 """
 
 from collections.abc import Sequence
 from itertools import pairwise
 
-import numpy as np
-
 from .bone_name_parser import HEAD_WORDS, HIPS_WORDS, LIMB_WORDS, parse_bone_name
 from .bone_tree import BoneTree
 
-_LIMBS = {"leg": ("femur", "tibia", "foot"), "arm": ("humerus", "radius")}  # names of a complete limb
-_TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5}  # of the way from the hips to the thorax
-_LOOSE_ROOTS = ("root", "cog", "torso")  # names of the hips, or of a bone that carries them
+_LIMBS = {"leg": ("femur", "tibia", "foot"), "arm": ("humerus", "radius")}  # joints of a complete limb
+_TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5}  # position between hips (0) and thorax (1)
+_AMBIGUOUS_ROOTS = ("root", "cog", "torso")  # names of the hips, or of a bone above them
 
 
 def match_names(tree: BoneTree) -> tuple[dict[str, int], dict[str, bool]]:
-    """Return joints found by names, and for each limb ("lleg", ...) completeness."""
+    """Return joint -> bone, found by names, and limb ("lleg", ...) -> whether it is complete."""
     parsed = [parse_bone_name(name) for name in tree.names]
     depth = [len(tree.line(bone)) for bone in range(len(tree))]
     used = [bone for bone in range(len(tree)) if not parsed[bone].helper]
@@ -59,7 +57,7 @@ def match_names(tree: BoneTree) -> tuple[dict[str, int], dict[str, bool]]:
 
 
 def _numbered_fingers(tree: BoneTree, side: str) -> dict[str, int]:
-    """Return thumb and middle finger of numbered ones: finger3-1, Finger2."""
+    """Return thumb and middle finger among numbered fingers: finger3-1, Finger2."""
     bases: dict[int, int] = {}
     for bone, name in enumerate(tree.names):
         parsed = parse_bone_name(name)
@@ -72,12 +70,12 @@ def _numbered_fingers(tree: BoneTree, side: str) -> dict[str, int]:
 
 
 def match_trunk(tree: BoneTree, found: dict[str, int]) -> bool:
-    """Set root, back, neck and head by the hierarchy; False without a common bone."""
+    """Add root, back, neck and head by the hierarchy; return False if the limbs have no common ancestor."""
     arms = [found.get(side + "clavicle", found[side + "humerus"]) for side in "lr"]
     limbs = [found["lfemur"], found["rfemur"], *arms]
     root = found.get("root", -1)
-    is_loose = root >= 0 and parse_bone_name(tree.names[root]).words in _LOOSE_ROOTS
-    if root < 0 or is_loose or not all(tree.is_above(root, bone) for bone in limbs):
+    is_ambiguous = root >= 0 and parse_bone_name(tree.names[root]).words in _AMBIGUOUS_ROOTS
+    if root < 0 or is_ambiguous or not all(tree.is_above(root, bone) for bone in limbs):
         root = tree.shared_ancestor(limbs)
     if root < 0:
         return False
@@ -99,8 +97,8 @@ def match_trunk(tree: BoneTree, found: dict[str, int]) -> bool:
 
 def _match_back(tree: BoneTree, trunk: list[int]) -> dict[str, int]:
     """Return the bones nearest to the starts of lower and upper back."""
-    way = np.cumsum(np.linalg.norm(np.diff(tree.heads[trunk], axis=0), axis=1))
-    shares = dict(zip(trunk[1:], way / max(float(way[-1]), 1e-9), strict=True))
+    way = tree.distances(trunk)
+    shares = dict(zip(trunk, way / max(float(way[-1]), 1e-9), strict=True))
     free = trunk[1:-1]
     if len(free) == 1:
         return {min(_TRUNK_SHARES, key=lambda joint: abs(shares[free[0]] - _TRUNK_SHARES[joint])): free[0]}
@@ -113,7 +111,7 @@ def _match_back(tree: BoneTree, trunk: list[int]) -> dict[str, int]:
 
 
 def _topmost(tree: BoneTree, top: int, arms: list[int]) -> int:
-    """Return the last bone of the chain up between the arms, -1 without one."""
+    """Return the last bone of the chain upwards between the arms, -1 if there is none."""
     parsed = [parse_bone_name(name) for name in tree.names]
     bone, found = top, -1
     while True:
@@ -128,5 +126,5 @@ def _topmost(tree: BoneTree, top: int, arms: list[int]) -> int:
         if not children or (found >= 0 and not named and len(children) != 1):
             return found
         if found >= 0 and not named and parsed[found].words in ("spine", *HEAD_WORDS):
-            return found  # the face hangs on the head
+            return found  # bones of the face are below the head
         bone = found = (named or children)[0]

@@ -1,4 +1,4 @@
-"""Legs of a character, bent until the balls of its feet lie at the performer's."""
+"""Inverse kinematics of a character's legs, which puts the balls of its feet where the performer's are."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,16 +12,25 @@ from ..geometry.arrays import Array
 from ..geometry.two_bone_ik import two_bone_directions
 from .character_rest_pose import RestAlignment
 
-_BALL_ABOVE_SOLE = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
-_REACH = 0.9995  # of the leg's length, the most that it is stretched
-_SOFT = 0.005  # of the leg's length: how gently the hips begin to come down for a foot out of reach
-_STANDING, _RAISED = 0.75, 0.45  # cosine between a leg and the vertical from which, and below which not, they do
-_HINGE = 0.05  # weight of the knee's axis against the plane in which it is bent: decides where a leg is straight
+
+@dataclass(frozen=True)
+class LegSettings:
+    """Proportions of legs, and lowering of the hips for a foot out of reach."""
+
+    ball_above_sole: float = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
+    reach: float = 0.9995  # largest stretch of a leg, in leg lengths
+    softness: float = 0.005  # rounding of the start of the lowering, in leg lengths
+    standing_cosine: float = 0.75  # between leg and vertical, from which the hips are lowered fully
+    raised_cosine: float = 0.45  # below which they are not lowered
+    hinge: float = 0.05  # weight of the knee's axis against the plane of the bent leg, for straight legs
+
+
+_SETTINGS = LegSettings()
 
 
 @dataclass(frozen=True)
 class _Leg:
-    """Indices and lengths of a leg; `own` is the performer's, all in its metres."""
+    """Indices and lengths of a leg in the performer's metres; `own` values are the performer's."""
 
     joints: tuple[int, ...]
     places: tuple[int, int]
@@ -54,10 +63,10 @@ class LegPlan:
     """Both legs of a character and its hips, in the performer's metres.
 
     Args:
-        hips_to_middle: from the hips' head to the middle between the thighs.
-        own_middle: the same of the performer.
-        hips_up: height added to the hips so that the soles stand on the floor.
-        legs: those with knee and ankle; another leg keeps its joints' rotations.
+        hips_to_middle: Vector from the hips' head to the middle between the thighs.
+        own_middle: The same for the performer.
+        hips_up: Height added to the hips so that the soles are on the floor.
+        legs: Legs with knee and ankle; others keep the rotations of their joints.
     """
 
     hips_to_middle: c.Vector
@@ -69,11 +78,11 @@ class LegPlan:
 def plan_legs(
     skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int]
 ) -> LegPlan:
-    """Measure the legs of a character against the performer's.
+    """Compare the legs of a character with the performer's.
 
     Args:
-        joints: joint -> index of the character's bone.
-        places: index of a bone -> its place among the driven bones.
+        joints: Joint -> index of the character's bone.
+        places: Index of a bone -> its index among the driven bones.
     """
     heads = alignment.heads_m
     middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
@@ -95,7 +104,7 @@ def plan_legs(
 def _plan_leg(
     skeleton: Skeleton, alignment: RestAlignment, joints: Mapping[str, int], places: Mapping[int, int], side: str
 ) -> tuple[_Leg, float]:
-    """Return a leg, and its contribution to the height of the hips."""
+    """Return a leg and its contribution to the height of the hips."""
     heads = alignment.heads_m
     middle = 0.5 * (heads[joints["lfemur"]] + heads[joints["rfemur"]])
     thigh, shank, own_ball = (skeleton.offsets_m[skeleton.index(side + n)] for n in ("tibia", "foot", "toes"))
@@ -104,9 +113,9 @@ def _plan_leg(
     if side + "toes" in joints:
         to_ball = rot.rotate(alignment.turns[side + "foot"], heads[joints[side + "toes"]] - heads[foot])
     lengths = [float(np.linalg.norm(heads[b] - heads[a])) for a, b in ((femur, tibia), (tibia, foot))]
-    # how much higher than the performer's the ball of a standing foot is, and with it ankle and hips
-    ball_up = float(heads[foot, 1] + to_ball[1]) - _BALL_ABOVE_SOLE * sum(lengths)
-    # a knee bends the shank backwards: down x back is to the left
+    # additional height of the ball of a standing foot, and of ankle and hips, over the performer's
+    ball_up = float(heads[foot, 1] + to_ball[1]) - _SETTINGS.ball_above_sole * sum(lengths)
+    # the hinge points to the left, down x back, as knees bend the shank backwards
     hinge = np.cross(thigh, [0.0, 0.0, -1.0])
     leg = _Leg(
         joints=tuple(skeleton.index(side + name) for name in ("femur", "tibia", "foot")),
@@ -130,8 +139,8 @@ def bend_legs(plan: LegPlan, world: Array, root: c.Quaternion, position: c.Vecto
     """Turn thighs and shanks in `turned`, and return the hips' position in metres.
 
     Args:
-        world: (..., J, 4) orientations of the performer's joints.
-        turned: (..., N, 4) world rotations of the driven bones; those of the legs are written.
+        world: Orientations (..., J, 4) of the performer's joints.
+        turned: World rotations (..., N, 4) of the driven bones; those of the legs are changed.
     """
     middle = c.plus(c.plus(position, c.rotate(root, plan.own_middle)), (0.0, plan.hips_up, 0.0))
     steps = [_step(leg, world, root, position) for leg in plan.legs]
@@ -154,26 +163,28 @@ def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _S
 
 
 def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
-    """Return the lowering of the hips, metres, that lets standing legs reach.
+    """Return the lowering of the hips, metres, with which standing legs reach the floor.
 
     Args:
-        reaches: from each hip to the target of its ankle.
+        reaches: Vectors from each hip to the target of its ankle.
     """
     lowest: c.Part = 0.0
     for leg, reach in zip(legs, reaches, strict=True):
-        limit = _REACH * (leg.thigh_m + leg.shank_m)
+        limit = _SETTINGS.reach * (leg.thigh_m + leg.shank_m)
         across = reach[0] * reach[0] + reach[2] * reach[2]
         down = -reach[1]
         over = down - c.maximum(limit * limit - across, 0.0) ** 0.5
-        over = 0.5 * (over + (over * over + (_SOFT * limit) ** 2) ** 0.5)
-        steep = (down / ((across + down * down) ** 0.5 + 1e-9) - _RAISED) / (_STANDING - _RAISED)
+        over = 0.5 * (over + (over * over + (_SETTINGS.softness * limit) ** 2) ** 0.5)
+        cosine, raised = down / ((across + down * down) ** 0.5 + 1e-9), _SETTINGS.raised_cosine
+        steep = (cosine - raised) / (_SETTINGS.standing_cosine - raised)
         lowest = c.maximum(lowest, over * c.minimum(c.maximum(steep, 0.0), 1.0))
     return lowest
 
 
 def _bend_leg(leg: _Leg, step: _Step, reach: c.Vector, turned: Array) -> None:
-    """Turn thigh and shank until the ankle lies `reach` from the hip."""
-    normal = c.plus(c.cross(step.thigh_way, step.shank_way), c.times(_HINGE, c.rotate(step.upper, leg.hinge)))
+    """Turn thigh and shank until the vector from hip to ankle is `reach`."""
+    hinge = c.times(_SETTINGS.hinge, c.rotate(step.upper, leg.hinge))
+    normal = c.plus(c.cross(step.thigh_way, step.shank_way), hinge)
     unreached = c.plus(c.times(leg.thigh_m, step.thigh_way), c.times(leg.shank_m, step.shank_way))
     thigh, shank = two_bone_directions(reach, normal, leg.thigh_m, leg.shank_m, unreached)
     for place, before, after, turn in (

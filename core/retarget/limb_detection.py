@@ -1,4 +1,4 @@
-"""Limbs of an armature by its shape: two symmetric pairs of chains."""
+"""Limbs of an armature, found by its shape: two symmetric pairs of chains."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -10,29 +10,40 @@ from ..geometry.arrays import Array
 from .armature_rest import ArmatureRest
 from .bone_name_parser import parse_bone_name
 
-_LONG_LIMB = 0.2  # of the armature's greatest extent: the least length of an arm or leg
-_ALIKE = 0.15  # relative difference of length up to which two chains are a pair
-_SHORT_BONE = 0.12  # of a limb's length: shorter bones at its start belong to pelvis or shoulder
-_TURNED = np.cos(np.radians(35.0))  # a bone that bends off further than this is a foot
-_UPRIGHT = np.cos(np.radians(50.0))  # between the trunk and the way from the feet to the hips
+Pair = tuple[list[int], list[int]]
+
+
+@dataclass(frozen=True)
+class LimbSettings:
+    """Proportions by which limbs are recognised."""
+
+    shortest_limb: float = 0.2  # part of the armature's greatest extent
+    unequal: float = 0.15  # largest relative difference in length of the chains of a pair
+    apart: float = 0.05  # smallest distance between the ends of a pair, part of the greatest extent
+    short_bone: float = 0.12  # part of a limb's length below which bones at its start belong to pelvis or shoulder
+    foot_cosine: float = np.cos(np.radians(35.0))  # between leg and foot, at most
+    upright_cosine: float = np.cos(np.radians(50.0))  # between trunk and legs, at least
+
+
+_SETTINGS = LimbSettings()
 
 
 @dataclass(frozen=True)
 class Limbs:
-    """Chains of bones from the trunk outwards, by side, of legs and arms."""
+    """Chains of bones of legs and arms from the trunk outwards, by side."""
 
     legs: dict[str, list[int]]
     arms: dict[str, list[int]]
 
 
 def find_limbs(rest: ArmatureRest) -> Limbs | None:
-    """Return the limbs of a biped's armature, None if it has no two pairs of them.
+    """Return the limbs of a biped's armature, None if it does not have two pairs.
 
     Raises:
-        CharacterError: it has, but its trunk does not stand on them.
+        CharacterError: The trunk is not upright on the legs.
     """
     pairs = _pairs(rest)
-    best: tuple[float, tuple[list[int], list[int]], tuple[list[int], list[int]]] | None = None
+    best: tuple[float, Pair, Pair] | None = None
     for legs, arms in ((a, b) for one, other in combinations(pairs[:4], 2) for a, b in ((one, other), (other, one))):
         score = _uprightness(rest, legs, arms)
         if set(legs[0]) & set(arms[0]) or set(legs[0]) & set(arms[1]):
@@ -47,8 +58,8 @@ def find_limbs(rest: ArmatureRest) -> Limbs | None:
     return Limbs(_by_side(rest, legs, left), _by_side(rest, arms, left))
 
 
-def _pairs(rest: ArmatureRest) -> list[tuple[list[int], list[int]]]:
-    """Return pairs of alike chains that leave one bone, the longest first."""
+def _pairs(rest: ArmatureRest) -> list[Pair]:
+    """Return pairs of similar chains with a common parent bone, the longest first."""
     size = float(np.max(np.ptp(rest.heads, axis=0)))
     reach = np.zeros(len(rest))
     for bone in range(len(rest) - 1, 0, -1):
@@ -60,17 +71,17 @@ def _pairs(rest: ArmatureRest) -> list[tuple[list[int], list[int]]]:
     for children in rest.children:
         for a, b in combinations(children, 2):
             longer = max(reach[a], reach[b])
-            if longer < _LONG_LIMB * size or abs(reach[a] - reach[b]) > _ALIKE * longer:
+            if longer < _SETTINGS.shortest_limb * size or abs(reach[a] - reach[b]) > _SETTINGS.unequal * longer:
                 continue
             chains = _main_chain(rest, a, reach), _main_chain(rest, b, reach)
             apart = float(np.linalg.norm(rest.heads[chains[0][-1]] - rest.heads[chains[1][-1]]))
-            if apart > 0.05 * size and min(len(chains[0]), len(chains[1])) >= 2:
+            if apart > _SETTINGS.apart * size and min(len(chains[0]), len(chains[1])) >= 2:
                 found.append((longer, chains))
     return [chains for _, chains in sorted(found, key=lambda item: -item[0])]
 
 
 def _main_chain(rest: ArmatureRest, bone: int, reach: Array) -> list[int]:
-    """Return the longest branch below a bone, up to a hand with fingers."""
+    """Return the longest chain from a bone outwards, up to a hand with fingers."""
     chain = [bone]
     while True:
         children = [child for child in rest.children[chain[-1]] if not parse_bone_name(rest.names[child]).helper]
@@ -80,7 +91,7 @@ def _main_chain(rest: ArmatureRest, bone: int, reach: Array) -> list[int]:
         chain.append(children[int(np.argmax(step))])
 
 
-def _uprightness(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tuple[list[int], list[int]]) -> float:
+def _uprightness(rest: ArmatureRest, legs: Pair, arms: Pair) -> float:
     """Return the mean cosine between the legs and the line from legs to arms."""
     hips, shoulders = (np.mean([rest.heads[chain[0]] for chain in pair], axis=0) for pair in (legs, arms))
     ways = [rest.heads[chain[0]] - rest.heads[chain[-1]] for chain in legs]
@@ -88,8 +99,12 @@ def _uprightness(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tu
 
 
 def check_upright(score: float) -> None:
-    """Raise CharacterError unless trunk and legs form one upright line."""
-    if score < _UPRIGHT:
+    """Raise CharacterError unless the trunk continues the line of the legs.
+
+    Args:
+        score: Cosine between them.
+    """
+    if score < _SETTINGS.upright_cosine:
         angle = np.degrees(np.arccos(np.clip(score, -1.0, 1.0)))
         raise CharacterError(
             f"the armature is not a biped: its trunk leans {angle:.0f} degrees from its legs, as on four feet",
@@ -98,13 +113,13 @@ def check_upright(score: float) -> None:
 
 
 def cosine(a: Array, b: Array) -> float:
-    """Return the cosine of the angle between two vectors, 0 if one has no length."""
+    """Return the cosine of the angle between two vectors, 0 if one is zero."""
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0.0 else 0.0
 
 
-def _left(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tuple[list[int], list[int]]) -> Array:
-    """Return the direction to the character's left: by names, else by its feet."""
+def _left(rest: ArmatureRest, legs: Pair, arms: Pair) -> Array:
+    """Return the direction to the character's left, by names, otherwise by the feet."""
     across = np.zeros(3)
     for a, b in (legs, arms):
         way = rest.heads[a[-1]] - rest.heads[b[-1]]
@@ -117,7 +132,7 @@ def _left(rest: ArmatureRest, legs: tuple[list[int], list[int]], arms: tuple[lis
     return np.cross(shoulders - hips, forward)
 
 
-def _by_side(rest: ArmatureRest, pair: tuple[list[int], list[int]], left: Array) -> dict[str, list[int]]:
+def _by_side(rest: ArmatureRest, pair: Pair, left: Array) -> dict[str, list[int]]:
     a, b = pair
     if float((rest.heads[a[-1]] - rest.heads[b[-1]]) @ left) < 0.0:
         a, b = b, a
@@ -125,12 +140,12 @@ def _by_side(rest: ArmatureRest, pair: tuple[list[int], list[int]], left: Array)
 
 
 def leg_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
-    """Return femur, tibia, foot and toes of a leg's chain, as many as fit."""
+    """Return femur, tibia, foot and toes of a leg's chain, as far as it has them."""
     chain = _without_short_start(rest, chain)
     down = rest.heads[chain[-1]] - rest.heads[chain[0]]
     ankle = _evenly_bent(rest, chain)
-    for place in range(2, len(chain) - 1):  # the first bone behind the knee that turns off forwards
-        if cosine(rest.heads[chain[place + 1]] - rest.heads[chain[place]], down) < _TURNED:
+    for place in range(2, len(chain) - 1):  # the first bone after the knee that points forwards
+        if cosine(rest.heads[chain[place + 1]] - rest.heads[chain[place]], down) < _SETTINGS.foot_cosine:
             ankle = place
             break
     names = {"femur": chain[0]}
@@ -144,8 +159,8 @@ def leg_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
 
 
 def _evenly_bent(rest: ArmatureRest, chain: list[int]) -> int:
-    """Return the ankle's place in the chain: a knee lies halfway above it."""
-    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1))))
+    """Return the index of the ankle in the chain, the bone with a knee halfway above it."""
+    way = rest.distances(chain)
     uneven = {place: float(np.min(np.abs(way[1:place] / way[place] - 0.5))) for place in range(2, len(chain))}
     return min(uneven, key=lambda place: uneven[place], default=len(chain) - 1)
 
@@ -167,12 +182,12 @@ def arm_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
 def _without_short_start(rest: ArmatureRest, chain: list[int]) -> list[int]:
     steps = np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1)
     start = 0
-    while start < len(steps) - 2 and steps[start] < _SHORT_BONE * float(steps.sum()):
+    while start < len(steps) - 2 and steps[start] < _SETTINGS.short_bone * float(steps.sum()):
         start += 1
     return chain[start:]
 
 
 def _middle(rest: ArmatureRest, chain: list[int]) -> int:
     """Return the bone nearest to the middle of the chain: knee or elbow."""
-    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(rest.heads[chain], axis=0), axis=1))))
+    way = rest.distances(chain)
     return chain[1 + int(np.argmin(np.abs(way[1:-1] - 0.5 * way[-1])))]

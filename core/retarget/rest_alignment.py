@@ -1,7 +1,7 @@
 """Alignment of any body at rest with the standard rest pose: facing and limbs.
 
-Limbs are turned the shortest way until their bones point as in the standard rest pose, each with the limb above it,
-whether the rest pose is a T, an A or any other.
+Limbs are turned the shortest way, each together with the limb above it, until their bones point as in the standard rest
+pose.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from ..errors import CharacterError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 
-# limb joint -> the joint at the end of its bone, nearest first
+# limb joint -> joints at the end of its bone, in order of preference
 BONE_ENDS: dict[str, tuple[str, ...]] = {
     "femur": ("tibia",),
     "tibia": ("foot",),
@@ -22,7 +22,7 @@ BONE_ENDS: dict[str, tuple[str, ...]] = {
     "wrist": ("hand",),
     "hand": ("fingers",),
 }
-# limb joint -> the joints that it follows, nearest first
+# limb joint -> joints that it follows, in order of preference
 ABOVE = {
     "tibia": ("femur",),
     "radius": ("humerus",),
@@ -30,13 +30,9 @@ ABOVE = {
     "hand": ("wrist", "radius", "humerus"),
 }
 
-# A body that stands at rest within this angle of an axis-aligned frame is taken to be meant that way: its own lean
-# (hips before or behind the head) is posture and no turn of the body.
-_SNAP_RADIANS = np.radians(25.0)
-
 
 def bone_end(name: str, joints: Mapping[str, int]) -> str | None:
-    """Return the nearest present joint at the end of a limb joint's bone."""
+    """Return the joint at the end of a limb joint's bone, None if it is missing."""
     return next((name[0] + end for end in BONE_ENDS.get(name[1:], ()) if name[0] + end in joints), None)
 
 
@@ -47,13 +43,13 @@ def limb_turns(
     above: Mapping[str, tuple[str, ...]],
     fixed: Mapping[str, Array],
 ) -> dict[str, Array]:
-    """Return joint -> quaternion (4,) from a rest pose to the standard one.
+    """Return joint -> rotation (4,) from a rest pose to the standard one.
 
     Args:
-        names: joints, parents first.
-        directions, wanted: of bones, in the rest pose and in the standard one; a joint without one follows the next.
-        above: limb joint -> limb joints that it follows, nearest first.
-        fixed: turns of joints that follow none.
+        names: Joints, parents first.
+        directions, wanted: Directions of bones in the rest pose and in the standard one.
+        above: Limb joint -> limb joints that it follows, in order of preference.
+        fixed: Rotations of joints that do not follow others.
     """
     turns: dict[str, Array] = {}
     for name in names:
@@ -65,25 +61,27 @@ def limb_turns(
     return turns
 
 
-def facing(left: Array, up: Array) -> Array:
+def facing(left: Array, up: Array, snap_rad: float = np.radians(25.0)) -> Array:
     """Return the rotation (3, 3) with columns left, up, forward of a body.
 
-    An almost axis-aligned one is axis-aligned.
+    Args:
+        snap_rad: Angle within which the result becomes axis-aligned: a lean (hips before or behind the head) is
+            posture, not a rotation of the body.
 
     Raises:
-        CharacterError: the directions are one.
+        CharacterError: The directions are parallel.
     """
     if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(float(np.linalg.norm(up)), 1e-30):
-        raise CharacterError("the rest pose has no left and right", advice="check the bones' names and positions")
+        raise CharacterError("left and right of the rest pose are unclear", advice="check names and positions of bones")
     nearest = np.zeros(3)
     nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
-    if rot.angle_between(rot.between(up, nearest), rot.identity()) < _SNAP_RADIANS:
+    if rot.angle_between(rot.between(up, nearest), rot.identity()) < snap_rad:
         up = nearest
     measured = _frame(left, up)
     frames = _axis_aligned_rotations()
     aligned = frames[int(np.argmax([float(np.sum(frame * measured)) for frame in frames]))]
     turn = rot.angle_between(rot.from_matrix(aligned), rot.from_matrix(measured))
-    return aligned if turn < _SNAP_RADIANS else measured
+    return aligned if turn < snap_rad else measured
 
 
 def _frame(left: Array, up: Array) -> Array:

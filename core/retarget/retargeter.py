@@ -1,11 +1,9 @@
 """Retargeting of a performer's motion to a character with other proportions.
 
-A plan is made once per character; each pose is then turned by it alone, without memory of earlier poses.
-
-Each bone mapped to a joint takes the joint's world orientation, through the alignment of the rest poses. Bones of the
-trunk and the neck between two such bones are interpolated by their place along the chain. The hips travel by the ratio
-of leg lengths. Two-bone inverse kinematics puts the balls of the feet at the performer's, so a planted foot stays
-planted whatever the proportions; the hips come down where a leg is too short.
+A plan is made once per character and then applied to each pose independently. Each mapped bone takes its joint's world
+orientation, corrected by the alignment of the rest poses. Bones of trunk and neck between two mapped ones are
+interpolated. The hips travel by the ratio of leg lengths. Two-bone inverse kinematics puts the balls of the feet where
+the performer's are, so that planted feet stay planted; the hips come down if a leg is too short.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,15 +23,9 @@ from .character_rest_pose import RestAlignment, align_character
 from .driven_bones import DrivenBone, driven_ancestors, driven_bones, root_bone
 from .leg_ik import LegPlan, bend_legs, plan_legs
 
-_IDENTITY = rot.identity()
-
-# the matrix of a quaternion's multiplication from the left, (w, x, y, z) placed and signed
-_LEFT_INDEX = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
-_LEFT_SIGN = np.array([[1.0, -1.0, -1.0, -1.0], [1.0, 1.0, -1.0, 1.0], [1.0, 1.0, 1.0, -1.0], [1.0, -1.0, 1.0, 1.0]])
-
 
 class RootMotion(Enum):
-    """Carrier of the character's travel through the scene."""
+    """Bone or object that receives the root motion."""
 
     HIPS = "hips"
     ROOT_BONE = "root bone"
@@ -45,11 +37,11 @@ class CharacterPose:
     """Transforms to set on a character; the leading shape is that of the motion.
 
     Args:
-        rotations: (..., N, 4) rotation of each of `RetargetPlan.bones` relative to its rest pose, in Blender's sense.
-        locations: (..., L, 3) location of each of `RetargetPlan.located` relative to its rest pose. Hips connected to
-            the bone above are moved by that bone.
-        object_rotation: (..., 4), object_location: (..., 3): motion of the object in its own space, in the armature's
-            unit; None unless the object carries the motion.
+        rotations: Rotations (..., N, 4) of `RetargetPlan.bones` relative to the rest pose, as Blender defines them.
+        locations: Locations (..., L, 3) of `RetargetPlan.located` relative to the rest pose. Hips connected to their
+            parent are moved by it.
+        object_rotation, object_location: Motion (..., 4) and (..., 3) of the object in its own space and the
+            armature's unit; None unless the object receives the root motion.
     """
 
     rotations: Array
@@ -60,7 +52,7 @@ class CharacterPose:
 
 @dataclass(frozen=True)
 class _Blend:
-    """Joints that turn each driven bone: the first, or a share towards the second."""
+    """Joints that turn the driven bones; those of `between` are interpolated by `share` towards the second joint."""
 
     first: IntArray
     second: IntArray
@@ -70,7 +62,7 @@ class _Blend:
 
 @dataclass(frozen=True)
 class _RootBone:
-    """Rest frame of the root bone; `moves_hips`: the hips are connected up to it."""
+    """Rest frame of the root bone, and whether it also moves the hips, which are connected to it."""
 
     head: Array
     location_axes: Array
@@ -80,12 +72,12 @@ class _RootBone:
 
 @dataclass(frozen=True)
 class _Carriers:
-    """Rest frames of the bones that carry the character, in the armature's space.
+    """Rest frames of the bones that move the character, in the armature's space.
 
     Args:
-        hips: place of the hips among the driven bones.
-        mover_axes: (3, 3) axes of the location of the bone that moves the hips.
-        root: None unless a root bone carries the motion.
+        hips: Index of the hips among the driven bones.
+        mover_axes: Axes (3, 3) of the location of the bone that moves the hips.
+        root: Root bone if it receives the root motion.
     """
 
     hips: int
@@ -99,12 +91,12 @@ class RetargetPlan:
     """Retargeting from one performer to one character, used by `apply_plan`.
 
     Args:
-        joints: joint -> index of the character's bone.
-        root_motion: as used: the hips where the armature has no root bone.
-        driven: names of the bones turned by joints.
-        bones: names of all bones turned, in the order of `CharacterPose.rotations`.
-        located: names of the bones moved, in the order of `CharacterPose.locations`.
-        is_direct: the bones follow the joints one by one, and nothing is bent or interpolated.
+        joints: Joint -> index of the character's bone.
+        root_motion: Receiver of the root motion; the hips if the armature has no root bone.
+        driven: Names of the bones turned by joints.
+        bones: Names of all bones turned, in the order of `CharacterPose.rotations`.
+        located: Names of the bones moved, in the order of `CharacterPose.locations`.
+        is_direct: The bones follow the joints one to one, without inverse kinematics or interpolation.
     """
 
     skeleton: Skeleton
@@ -117,7 +109,6 @@ class RetargetPlan:
     is_direct: bool
     blend: _Blend
     ancestors: IntArray
-    jumps: tuple[IntArray, ...]
     maps: Array
     legs: LegPlan | None
     forearms: tuple[tuple[int, int, c.Vector], ...]
@@ -135,13 +126,14 @@ def plan_retarget(
     """Plan the retargeting of a performer's motion onto a character.
 
     Args:
-        root_motion: a root bone is the topmost bone above the hips; without one the hips carry the character.
-        ancestors: (B,) for each bone the bone that turns it, -1 for none; where constraints let it follow
-            another than its parent. By default the parents.
-        same_body: the character has the performer's proportions: legs are not bent, hands and feet keep their shape.
+        root_motion: Wanted receiver; the root bone is the topmost bone above the hips.
+        ancestors: Bone (B,) that turns each bone, -1 for none, if constraints make it follow another one than its
+            parent.
+        same_body: The character has the performer's proportions: no inverse kinematics, and hands and feet keep their
+            directions.
 
     Raises:
-        CharacterError: the character's rest pose is not usable.
+        CharacterError: The character's rest pose is not usable.
     """
     joints = {joint: rest.index[bone] for joint, bone in bone_map.bones.items()}
     alignment = align_character(skeleton, rest, joints, same_body)
@@ -167,7 +159,6 @@ def plan_retarget(
         is_direct=same_body and root_motion is RootMotion.HIPS and _follows_joints(skeleton, blend, follows),
         blend=blend,
         ancestors=follows,
-        jumps=tuple(_jumps(skeleton.parents)),
         maps=_bone_maps(rest, alignment, driven, follows),
         legs=None if same_body else plan_legs(skeleton, alignment, joints, places),
         forearms=_forearms(skeleton, joints, places),
@@ -176,18 +167,18 @@ def plan_retarget(
 
 
 def apply_plan(plan: RetargetPlan, rotations: ArrayLike, root_positions_m: ArrayLike) -> CharacterPose:
-    """Return the character's pose, of one frame or of many.
+    """Return the character's pose in one frame or in many.
 
     Args:
-        rotations: (J, 4) or (F, J, 4) parent-from-joint quaternions relative to rest.
-        root_positions_m: (3,) or (F, 3) root in world space, metres.
+        rotations: Local rotations (J, 4) or (F, J, 4).
+        root_positions_m: Root positions (3,) or (F, 3) in the world.
     """
     local = np.asarray(rotations, dtype=np.float64)
     positions = np.asarray(root_positions_m, dtype=np.float64)
     if plan.is_direct:
         bones = np.matmul(plan.maps, local[..., plan.blend.first, :, None])[..., 0]
         return _move_hips(plan, bones, _in_armature(plan, positions))
-    world = _world_rotations(plan, local)
+    world = _world_rotations(plan.skeleton, local)
     turned = _turned_bones(plan.blend, world)
     root: c.Quaternion = c.components(world[..., 0, :])
     hips_m: c.Vector = c.components(positions)
@@ -214,7 +205,7 @@ def _blend(driven: Sequence[DrivenBone]) -> _Blend:
 
 
 def _follows_joints(skeleton: Skeleton, blend: _Blend, ancestors: IntArray) -> bool:
-    """Tell whether each bone stands for one joint and follows its parent's bone."""
+    """Return whether each bone belongs to one joint and follows the bone of the joint's parent."""
     above = np.where(ancestors >= 0, blend.first[ancestors], -1)
     return len(blend.between) == 0 and bool(np.array_equal(above, skeleton.parents[blend.first]))
 
@@ -222,11 +213,11 @@ def _follows_joints(skeleton: Skeleton, blend: _Blend, ancestors: IntArray) -> b
 def _bone_maps(
     rest: ArmatureRest, alignment: RestAlignment, driven: Sequence[DrivenBone], ancestors: IntArray
 ) -> Array:
-    """Return (N, 4, 4): bone rotation = map @ joint relative to its ancestor.
+    """Return maps (N, 4, 4) from the rotation of a joint relative to its ancestor to that of the bone.
 
-    A bone stands at D C in the performer's axes, with D the rotation of its joint and C = A R, the alignment A of its
-    rest pose and its rest axes R. Blender wants R^-1 R_p (D_p C_p)^-1 (D C), with p the ancestor:
-    (R^-1 R_p C_p^-1) (D_p^-1 D) C, linear in the middle factor.
+    The orientation of a bone in the performer's axes is D C, with the joint's rotation D and C = A R, from the
+    alignment A of its rest pose and its rest axes R. With the ancestor p, the bone's rotation in Blender is
+    R^-1 R_p (D_p C_p)^-1 (D C) = (R^-1 R_p C_p^-1) (D_p^-1 D) C, which is linear in the middle factor.
     """
     order = [entry.bone for entry in driven]
     axes = rot.from_matrix(alignment.armature_from_world.T @ rest.axes)
@@ -242,7 +233,7 @@ def _bone_maps(
 def _forearms(
     skeleton: Skeleton, joints: Mapping[str, int], places: Mapping[int, int]
 ) -> tuple[tuple[int, int, c.Vector], ...]:
-    """Return place, hand's place and direction of forearms without wrist bones."""
+    """Return indices of forearm and hand, and the forearm's direction, of arms without wrist bones."""
     found = []
     for side in "lr":
         if side + "wrist" not in joints and {side + "radius", side + "hand"} <= joints.keys():
@@ -263,18 +254,15 @@ def _carriers(rest: ArmatureRest, hips: int, place: int, root: int) -> _Carriers
     return _Carriers(place, rest.heads[hips], location_axes(mover), carrier)
 
 
-def _world_rotations(plan: RetargetPlan, local: Array) -> Array:
-    """Return (..., J, 4) world rotations by products along doubling stretches."""
-    matrices = np.empty((*local.shape[:-2], len(plan.skeleton) + 1, 4, 4))
-    np.multiply(local[..., _LEFT_INDEX], _LEFT_SIGN, out=matrices[..., :-1, :, :])
-    matrices[..., -1, :, :] = np.eye(4)
-    for above in plan.jumps:
-        matrices = np.matmul(matrices[..., above, :, :], matrices)
-    return matrices[..., :-1, :, 0]
+def _world_rotations(skeleton: Skeleton, local: Array) -> Array:
+    world = local.copy()
+    for level in skeleton.levels:
+        world[..., level, :] = rot.multiply(world[..., skeleton.parents[level], :], world[..., level, :])
+    return world
 
 
 def _turned_bones(blend: _Blend, world: Array) -> Array:
-    """Return (..., N, 4) world rotations from rest of the driven bones."""
+    """Return world rotations (..., N, 4) of the driven bones relative to rest."""
     turned = world[..., blend.first, :]
     if len(blend.between):
         first, second = turned[..., blend.between, :], world[..., blend.second[blend.between], :]
@@ -283,13 +271,13 @@ def _turned_bones(blend: _Blend, world: Array) -> Array:
 
 
 def _blender_rotations(plan: RetargetPlan, turned: Array, heading: Array | None) -> Array:
-    """Return (..., N, 4) bone rotations from rest, the hips' from the heading."""
+    """Return rotations (..., N, 4) of the bones relative to rest; those of the hips relative to the heading."""
     above = turned[..., plan.ancestors, :]
-    above[..., plan.ancestors < 0, :] = _IDENTITY
+    above[..., plan.ancestors < 0, :] = rot.identity()
     if heading is not None:
         above[..., plan.carriers.hips, :] = heading
-    relative = np.matmul(np.swapaxes(above[..., _LEFT_INDEX] * _LEFT_SIGN, -1, -2), turned[..., None])
-    return np.asarray(np.matmul(plan.maps, relative)[..., 0])
+    relative = rot.multiply(rot.conjugate(above), turned)
+    return np.asarray(np.matmul(plan.maps, relative[..., None])[..., 0])
 
 
 def _in_armature(plan: RetargetPlan, positions_m: Array) -> Array:
@@ -322,27 +310,27 @@ def _move_root_bone(plan: RetargetPlan, root: _RootBone, bones: Array, hips: Arr
 
 
 def _split_travel(plan: RetargetPlan, hips: Array, turn: Array) -> tuple[Array, Array]:
-    """Split the hips' motion into travel along the floor and the remainder."""
+    """Split the hips' motion into travel along the floor and the remainder, which includes the height."""
     head, up = plan.carriers.hips_head, plan.alignment.armature_from_world[:, 1]
     way = hips - rot.rotate(turn, head)
-    carried = way - (way @ up)[..., None] * up  # the vertical part is left to the hips
+    carried = way - (way @ up)[..., None] * up
     return carried, rot.rotate(rot.conjugate(turn), hips - carried) - head
 
 
 def _turn_forearm(turned: Array, forearm: int, hand: int, way: c.Vector) -> None:
-    """Turn a forearm by half its hand's twist, to spread it over the skin."""
+    """Turn a forearm by half of its hand's twist, so that the skin is twisted evenly."""
     turn = c.components(turned[..., forearm, :])
     w, x, y, z = c.multiply(c.conjugate(turn), c.components(turned[..., hand, :]))
     along = x * way[0] + y * way[1] + z * way[2]
     size = (w * w + along * along + 1e-18) ** 0.5
-    # half of the twist (w, along); q and -q are one rotation: the one with w > 0 is the shorter
+    # half of the twist (w, along), on the shorter way
     share = w / (abs(w) + 1e-18) * along / size
     half = c.unit_quaternion((abs(w) / size + 1.0, share * way[0], share * way[1], share * way[2]))
     turned[..., forearm, :] = c.stacked(c.multiply(turn, half))
 
 
 def _between(first: Array, second: Array, share: Array) -> Array:
-    """Return rotations a share of the way between two, by normalised sums."""
+    """Return rotations interpolated between two, by normalised sums."""
     sign = np.where(np.sum(first * second, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     mixed = (1.0 - share) * first + share * sign * second
     return mixed / np.sqrt(np.sum(mixed * mixed, axis=-1, keepdims=True))
@@ -352,17 +340,3 @@ def _heading(turn: c.Quaternion) -> c.Quaternion:
     """Return the part of a rotation about the vertical."""
     w, _, y, _ = c.unit_quaternion((turn[0], 0.0 * turn[0], turn[2], 0.0 * turn[0]))
     return w, 0.0 * w, y, 0.0 * w
-
-
-def _jumps(parents: IntArray) -> list[IntArray]:
-    """Return each joint's ancestors at doubling distances, the last place past it.
-
-    With M_j a joint's own rotation, M_j <- M_above(j) M_j for each in turn makes M_j the product along its whole line.
-    """
-    count = len(parents)
-    above = np.append(np.where(parents < 0, count, parents), count)
-    found = []
-    while np.any(above < count):
-        found.append(above)
-        above = above[above]
-    return found

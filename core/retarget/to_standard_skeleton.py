@@ -1,9 +1,8 @@
-"""Motion of any skeleton, converted to the standard skeleton's joints.
+"""Conversion of motion of any skeleton to the standard skeleton.
 
-Each joint found keeps its place and its orientation in the world; only the axes in which the orientation is expressed
-change, to the product's rest pose. So the positions of the joints found stay as they are, exactly, as long as no joint
-of the file between them is left out. What the file lacks stands still, but for one thing: where a file has one joint
-for the wrist, the twist of the forearm and of the hand goes to `wrist`, as in the CMU database, where elbows only bend.
+Joints keep their positions and orientations in the world; orientations are expressed in the axes of the standard rest
+pose. Joints that the file lacks do not move, with one exception: if it has a single joint for the wrist, the twist of
+forearm and hand goes to `wrist`, as in the CMU database, where elbows only bend.
 """
 
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -24,11 +23,7 @@ from .file_rest_pose import align_rest
 from .joint_naming import NAMINGS
 
 _SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # thighs and upper arms, which all files have, give the body's size
-_SAMPLED_FRAMES = 200  # for bones between joints that are not neighbours in the file
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
-_STANDING_FRAMES = 20  # at most, that show whether bodies stand along z
-_SHORTEST_TIP_M = 0.01  # shorter ends of a file say nothing
-_HIPS_ARE_TIPPED = 3.0  # how much more of the body must lie along z than along y to call a file Z up
 
 
 @lru_cache(maxsize=1)
@@ -36,27 +31,17 @@ def _default() -> Skeleton:
     return with_angle_frames(default_skeleton())
 
 
-@lru_cache(maxsize=1)
-def _default_size() -> float:
-    default = _default()
-    return sum(float(np.linalg.norm(default.offsets_m[default.index(name)])) for name in _SIZED)
-
-
-def _with_offsets(offsets_m: Array, tips_m: Array) -> Skeleton:
-    return replace(_default(), offsets_m=offsets_m, tips_m=tips_m)
-
-
 def to_standard_skeleton(source: SourceMotion) -> Motion:
-    """Return the motion on the product's 29 joints with the bone lengths of the file.
+    """Return the motion on the standard skeleton with the bone lengths of the file.
 
-    Files with the standard skeleton's joints and hierarchy, under any names that it writes, are taken as they are.
+    Files with the standard joints and hierarchy, under any names that we write, only have their joints reordered.
 
     Raises:
-        SkeletonError: needed joints are missing, or the rest pose is unknown.
+        SkeletonError: Needed joints are missing, or the rest pose is unknown.
     """
     written = _with_own_names(source)
-    if written is not None and _has_product_parents(written):
-        return _renamed(written)
+    if written is not None and _has_standard_parents(written):
+        return _reordered(written)
     found = match_joints(source)
     alignment = align_rest(source, found)
     found = {name: joint for name, joint in found.items() if name in alignment}
@@ -72,7 +57,7 @@ def to_standard_skeleton(source: SourceMotion) -> Motion:
 
 
 def _with_own_names(source: SourceMotion) -> SourceMotion | None:
-    """Return a file under standard joint names, None for one with other joints."""
+    """Return a motion with standard joint names, None if it has other joints."""
     for naming in NAMINGS.values():
         if set(source.names) == set(naming.values()):
             own = {theirs: ours for ours, theirs in naming.items()}
@@ -80,7 +65,7 @@ def _with_own_names(source: SourceMotion) -> SourceMotion | None:
     return None
 
 
-def _has_product_parents(source: SourceMotion) -> bool:
+def _has_standard_parents(source: SourceMotion) -> bool:
     default = _default()
     for joint, parent in enumerate(source.parents):
         expected = int(default.parents[default.index(source.names[joint])])
@@ -89,20 +74,18 @@ def _has_product_parents(source: SourceMotion) -> bool:
     return True
 
 
-def _renamed(source: SourceMotion) -> Motion:
-    """Return the motion of a file with the standard joints, only reordered."""
+def _reordered(source: SourceMotion) -> Motion:
     order = [source.names.index(name) for name in JOINT_NAMES]
     offsets = source.offsets_m[order].copy()
     offsets[0] = 0.0
-    default = _default()
-    tips = _tips(offsets, {n: t for n, t in zip(JOINT_NAMES, source.tips_m[order], strict=True) if np.any(t)}, default)
-    skeleton = _with_offsets(offsets, tips)
+    tips = _tips(offsets, {n: t for n, t in zip(JOINT_NAMES, source.tips_m[order], strict=True) if np.any(t)})
+    skeleton = replace(_default(), offsets_m=offsets, tips_m=tips)
     return Motion(source.name, source.fps, skeleton, source.rotations[:, order], source.translations_m[0])
 
 
-def _tips(offsets: Array, known: Mapping[str, Array], default: Skeleton) -> Array:
-    """Return the bones' ends: as known, else the child joint at the bone's end."""
-    tips = default.tips_m.copy()
+def _tips(offsets: Array, known: Mapping[str, Array]) -> Array:
+    """Return the ends of the bones: as known, or else at the child joint there."""
+    tips = _default().tips_m.copy()
     tips[0] = 0.0
     for joint, child in _bone_ends().items():
         tips[joint] = offsets[child]
@@ -113,7 +96,7 @@ def _tips(offsets: Array, known: Mapping[str, Array], default: Skeleton) -> Arra
 
 @lru_cache(maxsize=1)
 def _bone_ends() -> dict[int, int]:
-    """Return joint -> child joint that lies at the end of its bone, the root left out."""
+    """Return joint -> child joint at the end of its bone, without the root."""
     default = _default()
     ends: dict[int, int] = {}
     for child, joint in enumerate(default.parents):
@@ -123,16 +106,16 @@ def _bone_ends() -> dict[int, int]:
 
 
 def _lies_along_z(source: SourceMotion, found: Mapping[str, int]) -> bool:
-    """Tell whether the file's bodies stand along z."""
-    positions = source_positions(every_frame(source, -(-source.frames // _STANDING_FRAMES)))
+    """Return whether the body stands along z: its median extent there, in 20 frames, is three times that along y."""
+    positions = source_positions(every_frame(source, -(-source.frames // 20)))
     head = found.get("head", found["lhumerus"])
     heights = positions[:, head] - 0.5 * (positions[:, found["ltibia"]] + positions[:, found["rtibia"]])
     along = np.sort(heights, axis=0)[len(heights) // 2]
-    return bool(along[2] > _HIPS_ARE_TIPPED * abs(along[1]))
+    return bool(along[2] > 3.0 * abs(along[1]))
 
 
 def _path_of(source: SourceMotion, joint: int) -> tuple[Array, Array]:
-    """Return positions (F, 3) and orientations (F, 4) of one joint of a file."""
+    """Return world positions (F, 3) and orientations (F, 4) of one joint of a file."""
     line = _line(source.parents, joint)
     world = source.rotations[:, line[0]]
     positions = source.translations_m[line[0]]
@@ -143,7 +126,7 @@ def _path_of(source: SourceMotion, joint: int) -> tuple[Array, Array]:
 
 
 def _line(parents: IntArray, joint: int) -> list[int]:
-    """Return the joints from the uppermost one down to a joint."""
+    """Return the joints from the root down to a joint."""
     line = [joint]
     while parents[line[0]] >= 0:
         line.insert(0, int(parents[line[0]]))
@@ -151,7 +134,7 @@ def _line(parents: IntArray, joint: int) -> list[int]:
 
 
 def _local_rotations(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
-    """Return rotations (F, J, 4) between the joints found, the root's left out."""
+    """Return local rotations (F, J, 4) of the joints found, without the root's."""
     local = rot.identity((source.frames, len(JOINT_NAMES)))
     names, anchors = tuple(found)[1:], _anchors(tuple(found))
     turned = source.rotations[:, [found[name] for name in names]]
@@ -167,7 +150,7 @@ def _local_rotations(source: SourceMotion, found: Mapping[str, int], alignment: 
 def _turn_between(source: SourceMotion, upper: int, lower: int) -> Array:
     """Return upper-from-lower rotations (F, 4) of two joints of a file."""
     above, below = _line(source.parents, upper), _line(source.parents, lower)
-    if above != below[: len(above)]:  # neither hangs on the other
+    if above != below[: len(above)]:  # `upper` is not an ancestor
         return rot.multiply(rot.conjugate(_path_of(source, upper)[1]), _path_of(source, lower)[1])
     turn = source.rotations[:, below[len(above)]]
     for joint in below[len(above) + 1 :]:
@@ -177,26 +160,29 @@ def _turn_between(source: SourceMotion, upper: int, lower: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _anchors(found: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the next joint above each one, the root left out, that the file has."""
+    """Return the nearest ancestor in the file of each joint but the root."""
     above = [[*_missing_between(name, found), name][0] for name in found[1:]]
     return tuple(JOINT_NAMES[_default().parents[JOINT_NAMES.index(name)]] for name in above)
 
 
 def _move_twist_to_wrists(rotations: Array, skeleton: Skeleton, sides: Sequence[str]) -> None:
-    """Move the twists of forearm and hand to the wrist; positions do not change."""
+    """Move the twists of forearm and hand to the wrist, which does not change positions."""
     radius, wrist, hand = ([skeleton.index(side + name) for side in sides] for name in ("radius", "wrist", "hand"))
     axes = skeleton.offsets_m[wrist] / np.maximum(rot.lengths(skeleton.offsets_m[wrist]), 1e-9)[:, None]
     swing, twist = rot.swing_twist(rotations[:, radius], axes)
     rotations[:, radius] = swing
     below = rot.multiply(twist, rotations[:, hand])
-    # hand = twist * swing, so that the hand's own rotation comes after the wrist's
+    # hand = twist * swing, in this order because the wrist is above the hand
     inverse_swing, inverse_twist = rot.swing_twist(rot.conjugate(below), axes)
     rotations[:, wrist] = rot.conjugate(inverse_twist)
     rotations[:, hand] = rot.conjugate(inverse_swing)
 
 
 def _links(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
-    """Return offsets (N, 3) of the joints found, but the root, from those above them."""
+    """Return offsets (N, 3) of the joints found, without the root, from their ancestors found.
+
+    Where the file has further joints between them, the offsets are means over 200 frames.
+    """
     names, anchors = tuple(found)[1:], _anchors(tuple(found))
     joints = [found[name] for name in names]
     axes = rot.conjugate(np.array([alignment[anchor] for anchor in anchors]))
@@ -207,7 +193,7 @@ def _links(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[st
         if source.parents[joint] != found[anchor] or joint in source.translations_m
     ]
     if loose:
-        positions, world = source_kinematics(every_frame(source, max(1, source.frames // _SAMPLED_FRAMES)))
+        positions, world = source_kinematics(every_frame(source, max(1, source.frames // 200)))
         for place in loose:
             above = found[anchors[place]]
             axes_above = rot.multiply(world[:, above], alignment[anchors[place]])
@@ -228,9 +214,10 @@ def _skeleton_of(
     default = _default()
     links = dict(zip(found[1:], np.frombuffer(links_m).reshape(-1, 3), strict=True))
     lengths = {name: float(np.linalg.norm(link)) for name, link in links.items()}
-    scale = sum(lengths[name] for name in _SIZED) / _default_size()
+    usual_size = sum(float(np.linalg.norm(default.offsets_m[default.index(name)])) for name in _SIZED)
+    scale = sum(lengths[name] for name in _SIZED) / usual_size
     offsets = scale * default.offsets_m
-    placed: set[int] = set()  # thumb and hand both hang on a wrist that files lack: the hand comes first and decides
+    placed: set[int] = set()  # the hand decides about a missing wrist, and comes before the thumb
     for name, link in links.items():
         path = [default.index(joint) for joint in (*_missing_between(name, found), name)]
         usual = np.linalg.norm(np.sum(default.offsets_m[path], axis=0))
@@ -241,18 +228,19 @@ def _skeleton_of(
         placed |= set(path[:-1])
         offsets[path[-1]] = link - np.sum(offsets[path[:-1]], axis=0)
     tips = {name: scale * default.tips_m[joint] for joint, name in enumerate(JOINT_NAMES) if joint in _leaves()}
-    return _with_offsets(offsets, _tips(offsets, tips | {name: np.array(tip) for name, tip in known_tips}, default))
+    ends = _tips(offsets, tips | {name: np.array(tip) for name, tip in known_tips})
+    return replace(default, offsets_m=offsets, tips_m=ends)
 
 
 @lru_cache(maxsize=1)
 def _leaves() -> frozenset[int]:
-    """Return the joints at the ends of the standard skeleton."""
+    """Return the joints of the standard skeleton without children."""
     default = _default()
     return frozenset(set(range(len(default))) - set(default.parents.tolist()))
 
 
 def _missing_between(name: str, found: Container[str]) -> list[str]:
-    """Return the joints missing in the file above a joint, from above."""
+    """Return the missing joints between a joint and its nearest ancestor in the file, from above."""
     default = _default()
     missing: list[str] = []
     joint = int(default.parents[default.index(name)])
@@ -263,9 +251,9 @@ def _missing_between(name: str, found: Container[str]) -> list[str]:
 
 
 def _known_tips(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the ends of the outermost bones that the file gives."""
+    """Return the ends of the outermost bones if the file gives them."""
     names = [JOINT_NAMES[joint] for joint in sorted(_leaves()) if JOINT_NAMES[joint] in found]
     ends = source.tips_m[[found[name] for name in names]]
     turned = rot.rotate(rot.conjugate(np.array([alignment[name] for name in names]).reshape(-1, 4)), ends)
-    long = rot.lengths(ends) > _SHORTEST_TIP_M
-    return {name: tip for name, tip, usable in zip(names, turned, long, strict=True) if usable}
+    usable = rot.lengths(ends) > 0.01  # metres
+    return {name: tip for name, tip, is_usable in zip(names, turned, usable, strict=True) if is_usable}

@@ -136,7 +136,7 @@ def _performed(
 def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
     unmapped, doubtful = (
         {joint: bone_map.matches[joint].reason for joint in bone_map.of_state(state)}
-        for state in (MatchState.MISSING, MatchState.DOUBTFUL)
+        for state in (MatchState.MISSING, MatchState.SUSPECT)
     )
     return {
         "mapped": bone_map.bones,

@@ -13,7 +13,7 @@ from ..preferences.paths import user_folder
 from ..settings.capture_settings import settings
 
 _SHOWN = "perfanim_armature"  # context member for the buttons and the menu
-_ICONS = {MatchState.MAPPED.value: "CHECKMARK", MatchState.DOUBTFUL.value: "QUESTION"}
+_ICONS = {MatchState.MAPPED.value: "CHECKMARK", MatchState.SUSPECT.value: "QUESTION"}
 
 
 class PERFANIM_UL_joints(bpy.types.UIList):
@@ -33,7 +33,7 @@ class PERFANIM_UL_joints(bpy.types.UIList):
     ) -> None:
         needed = item.name in EXPECTED
         row = layout.row(align=True)
-        row.alert = item.state == MatchState.DOUBTFUL.value or (needed and item.state == MatchState.MISSING.value)
+        row.alert = item.state == MatchState.SUSPECT.value or (needed and item.state == MatchState.MISSING.value)
         split = row.split(factor=0.46, align=True)
         split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
         split.prop_search(item, "bone", data.id_data.data, "bones", text="")

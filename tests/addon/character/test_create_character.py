@@ -217,7 +217,7 @@ def test_a_character_without_legs_is_refused():
     driver = ArmatureDriver(name, SKELETON)
     legs = ("femur", "tibia", "foot", "toes")
     edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in JOINT_NAMES if joint[1:] in legs])
-    with pytest.raises(CharacterError, match="neither names nor shape tell lfemur, rfemur"):
+    with pytest.raises(CharacterError, match="neither names nor shape reveal lfemur, rfemur"):
         driver.apply(*random_pose(10))
 
 

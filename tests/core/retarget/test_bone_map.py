@@ -151,7 +151,7 @@ def test_four_legs_are_refused_with_the_reason() -> None:
 
 
 def test_a_lone_bone_is_refused() -> None:
-    with pytest.raises(CharacterError, match="no biped is seen"):
+    with pytest.raises(CharacterError, match="no biped is recognised"):
         find_bone_map(armature(["Bone"], [-1], np.zeros((1, 3)), np.random.default_rng(0)))
 
 
@@ -159,10 +159,10 @@ def test_doubtful_joints_say_why() -> None:
     names, wanted = named("unreal")
     rest = figure(names)
     twice = checked_map(rest, wanted | {"lhand": "lowerarm_l"}, "chosen by hand")
-    assert twice.matches["lhand"].state is MatchState.DOUBTFUL
+    assert twice.matches["lhand"].state is MatchState.SUSPECT
     assert "lradius" in twice.matches["lhand"].reason
     crossed = checked_map(rest, wanted | {"lfoot": "foot_r", "rfoot": "foot_l"}, "chosen by hand")
-    assert {crossed.matches[side + "foot"].state for side in "lr"} == {MatchState.DOUBTFUL}
+    assert {crossed.matches[side + "foot"].state for side in "lr"} == {MatchState.SUSPECT}
     assert not crossed.complete
     with pytest.raises(CharacterError, match="no bone nose"):
         checked_map(rest, wanted | {"head": "nose"}, "chosen by hand")

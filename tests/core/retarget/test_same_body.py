@@ -103,5 +103,5 @@ def test_a_rig_turned_in_its_own_space_is_followed() -> None:
 
 def test_bones_on_top_of_each_other_are_refused() -> None:
     rest = random_rest(11)
-    with pytest.raises(CharacterError, match="rest pose has no left and right"):
+    with pytest.raises(CharacterError, match="left and right of the rest pose are unclear"):
         plan(replace(rest, heads=np.zeros((29, 3))))
