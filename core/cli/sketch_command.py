@@ -13,7 +13,7 @@ from ..errors import FormatError, PerfanimError
 from ..formats.motion.read_motion import read_skeleton
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ..markers.subject import load_subject, skeleton_from
-from ..sketch.sketch_file import MOST_FRAMES, Sketch, read_sketch
+from ..sketch.sketch_file import LIMITS, Sketch, read_sketch
 from ..sketch.sketch_messages import sketch_from
 from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
 from ..system.progress import Progress
@@ -116,7 +116,7 @@ def _solve(
     solution = solver.solve(sketch, settings, progress)
     first = int(sketch.frames[0])
     # files of motion count frames from 0: so a frame of the file is the same of the sketch
-    lead_in = first if 0 < first <= MOST_FRAMES else 0
+    lead_in = first if 0 < first <= LIMITS.most_frames else 0
     written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
     return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}
 

@@ -1,8 +1,8 @@
 """Motion between the keys, drawn from the chosen windows of the database.
 
-Each window's motion is corrected by its neighbours: a ridge regression over windows near it gives the change of poses
-with the controls' places. When a keyed foot stands is asked of all windows, each counting as its foot is near the keys:
-one window alone steps at another moment too often. Windows are then blended where stretches meet.
+Each window's motion is corrected by its neighbours: a ridge regression over near windows gives the change of poses with
+the controls' positions. All windows decide when a keyed foot stands, each weighted by the distance of its foot from the
+keys, as one window alone often steps at another moment. Windows are then blended where stretches meet.
 """
 
 from collections.abc import Sequence
@@ -13,15 +13,25 @@ import numpy as np
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from .motion_library import BODY, MotionLibrary
-from .retrieval import CONTEXT_S, Looks, Stretch, Windows, shown_at
+from .retrieval import SETTINGS as RETRIEVAL
+from .retrieval import Samples, Stretch, Windows, shown_at
 
-_CLOSEST = 32  # windows of the regression
-_SIGMA_M = 0.05  # distance at a control that counts as one
-_FARTHEST = 4.0  # such distances, to which it is trusted
-_FOOT_SIGMA_M = 0.06  # distance from a foot's keys that counts as one
-_ROOT_WEIGHT, _OTHER_FOOT_WEIGHT = 0.6, 0.4  # in that distance, the foot's own being 1
-_HEIGHT_SCALE = 3.0  # a foot's height shows better than its place whether it stands
-_FRAMES = 5  # of a window at which bodies are compared
+
+@dataclass(frozen=True)
+class BaseMotionSettings:
+    """Settings of the regression, and of the weights by which windows decide when a foot stands."""
+
+    closest: int = 32  # windows of the regression
+    sigma_m: float = 0.05  # standard deviation at a control
+    farthest: float = 4.0  # largest distance that the regression is trusted for, in these
+    frames: int = 5  # frames of a window at which bodies are compared
+    foot_sigma_m: float = 0.06  # standard deviation at a foot's keys
+    root_weight: float = 0.6  # weights of the root and
+    other_foot_weight: float = 0.4  # of the other foot, the foot's own being 1
+    height_scale: float = 3.0  # weight of heights, which show better whether a foot stands
+
+
+SETTINGS = BaseMotionSettings()
 
 
 @dataclass(frozen=True)
@@ -29,9 +39,11 @@ class BaseMotion:
     """Motion drawn from the database.
 
     Args:
-        poses: (F, 28, 3); root_rotations: (F, 4); root_positions_m: (F, 3).
-        standing: (F, 2) share of examples in which left and right toes stand.
-        drawn_from: names of the clips, in order of time.
+        poses: Rotation vectors (F, 28, 3).
+        root_rotations: Quaternions (F, 4).
+        root_positions_m: Positions (F, 3).
+        standing: Shares (F, 2) of examples in which the left and the right toes stand.
+        drawn_from: Names of the clips, in order of time.
     """
 
     poses: Array
@@ -41,16 +53,16 @@ class BaseMotion:
     drawn_from: tuple[str, ...]
 
     def turned(self, rotation: Array) -> "BaseMotion":
-        """Return the motion turned in the world by a quaternion (4,)."""
+        """Return the motion turned about the world's origin by a quaternion (4,)."""
         turns, places = rot.multiply(rotation, self.root_rotations), rot.rotate(rotation, self.root_positions_m)
         return replace(self, root_rotations=turns, root_positions_m=places)
 
 
 def window_motions(library: MotionLibrary, windows: Windows, times_s: Array) -> tuple[Array, Array, Array]:
-    """Return the motion of placed windows at times (T,) since their stretch's first.
+    """Return poses (K, T, 28, 3), root rotations (K, T, 4) and root positions (K, T, 3) of placed windows.
 
-    Returns:
-        poses (K, T, 28, 3), root rotations (K, T, 4) and places (K, T, 3).
+    Args:
+        times_s: Times (T,) since the start of the stretch.
     """
     frames = _frames_of(library, windows, times_s)
     poses, turns, places = (part.reshape(*frames.shape, *part.shape[1:]) for part in library.poses_at(frames.ravel()))
@@ -62,7 +74,7 @@ def window_motions(library: MotionLibrary, windows: Windows, times_s: Array) -> 
 
 
 def _frames_of(library: MotionLibrary, windows: Windows, times_s: Array) -> Array:
-    """Return the frames (K, T) of the database, not whole."""
+    """Return fractional frames (K, T) of the database."""
     return np.asarray(windows.starts[:, None] + times_s * windows.rates[:, None] * library.fps)
 
 
@@ -70,7 +82,7 @@ def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> Base
     """Return the motion of all stretches at times (F,), blended where they meet.
 
     Args:
-        parts: stretches in order, each with its motion at the times that it shows.
+        parts: Stretches in order, each with its motion at the times that it shows.
     """
     count = len(times_s)
     poses = np.zeros((count, *parts[0][1].poses.shape[1:]))
@@ -78,7 +90,7 @@ def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> Base
     for stretch, part in parts:
         inside = np.flatnonzero(stretch.shows(times_s))
         weights = _weights(stretch, times_s[inside], float(times_s[-1]))[:, None]
-        # of the two quaternions of a rotation the one near those before
+        # the nearer of the two quaternions of a rotation
         same = np.where(np.sum(part.root_rotations * turns[inside], axis=1, keepdims=True) < 0.0, -1.0, 1.0)
         poses[inside] += weights[:, :, None] * part.poses
         turns[inside] += weights * same * part.root_rotations
@@ -90,21 +102,24 @@ def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> Base
 
 
 def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
-    """Return the weights (T,) of a window: falling beyond its joins, never quite zero."""
-    left = np.ones(len(times_s)) if stretch.first_s <= 1e-9 else (times_s - stretch.before_s) / (2.0 * CONTEXT_S)
-    right = np.ones(len(times_s)) if stretch.last_s >= end_s - 1e-9 else (stretch.after_s - times_s) / (2.0 * CONTEXT_S)
-    f = np.clip(np.minimum(left, right), 0.0, 1.0)
+    """Return the weights (T,) of a window: they fall beyond its joins, but not to zero."""
+    f, fade_s = np.ones(len(times_s)), 2.0 * RETRIEVAL.context_s
+    if stretch.first_s > 1e-9:
+        f = np.minimum(f, (times_s - stretch.before_s) / fade_s)
+    if stretch.last_s < end_s - 1e-9:
+        f = np.minimum(f, (stretch.after_s - times_s) / fade_s)
+    f = np.maximum(f, 0.0)
     return np.asarray(f * f * (3.0 - 2.0 * f) + 1e-6)
 
 
 def corrected(
-    library: MotionLibrary, near: Looks, stretch: Stretch, windows: Windows, index: int, times_s: Array
+    library: MotionLibrary, near: Samples, stretch: Stretch, windows: Windows, index: int, times_s: Array
 ) -> BaseMotion:
-    """Return the motion of a window as its neighbours would meet the controls.
+    """Return the motion of a window, changed as its neighbours change to meet the controls.
 
     Args:
-        near: looks in the time of the stretch and its context.
-        times_s: (T,) that the stretch shows.
+        near: Samples in the time of the stretch and its context.
+        times_s: Times (T,) that the stretch shows.
     """
     relative_s = times_s - stretch.first_s
     own = windows.picked(np.array([index]))
@@ -118,10 +133,10 @@ def corrected(
             standing[:, foot] = weights @ library.still_toes[frames, foot]
     if len(windows.starts) < 8 or not len(near.times_s):
         return BaseMotion(poses, turns, places, standing, names)
-    moments = np.repeat(np.linspace(relative_s[0], relative_s[-1], _FRAMES), len(BODY))
-    bodies = shown_at(library, windows, moments, np.tile([library.columns[name] for name in BODY], _FRAMES))
+    moments = np.repeat(np.linspace(relative_s[0], relative_s[-1], SETTINGS.frames), len(BODY))
+    bodies = shown_at(library, windows, moments, np.tile([library.columns[name] for name in BODY], SETTINGS.frames))
     away = np.mean((bodies - bodies[index]) ** 2, axis=1) * 3.0
-    picked = np.argsort(away + windows.costs, kind="stable")[:_CLOSEST]
+    picked = np.argsort(away + windows.costs, kind="stable")[: SETTINGS.closest]
     distances = (away + windows.costs)[picked]
     weights = np.exp(-0.5 * distances / (np.median(distances) + 1e-9))
     weights /= weights.sum()
@@ -136,7 +151,7 @@ def corrected(
     outputs = np.concatenate([change.reshape(len(picked), -1) for change in changes], axis=1)
     places_m = shown_at(library, closest, near.times_s - stretch.first_s, near.columns)
     goals = np.concatenate((near.planar.real, near.planar.imag, near.heights_m))
-    sizes = np.sqrt(np.tile(near.weights, 3)) / _SIGMA_M
+    sizes = np.sqrt(np.tile(near.weights, 3)) / SETTINGS.sigma_m
     change = _ridge(places_m * sizes, outputs, weights, goals * sizes)
     pose, turn, place = np.split(change, np.cumsum([poses.size, 3 * len(times_s)]))
     return BaseMotion(
@@ -148,15 +163,12 @@ def corrected(
     )
 
 
-def _foot_weights(library: MotionLibrary, near: Looks, stretch: Stretch, windows: Windows, foot: int) -> Array | None:
-    """Return how much each window (K,) counts for a foot, None without its keys.
-
-    Args:
-        foot: 0 left, 1 right.
-    """
+def _foot_weights(library: MotionLibrary, near: Samples, stretch: Stretch, windows: Windows, foot: int) -> Array | None:
+    """Return the weights (K,) of windows for a foot (0 left, 1 right), None if it has no keys."""
     own, other = ([library.columns[side + name] for name in ("foot", "toes")] for side in ("lr"[foot], "rl"[foot]))
     importance = np.zeros(len(library.joints))
-    importance[own], importance[other], importance[library.columns["root"]] = 1.0, _OTHER_FOOT_WEIGHT, _ROOT_WEIGHT
+    importance[own], importance[other] = 1.0, SETTINGS.other_foot_weight
+    importance[library.columns["root"]] = SETTINGS.root_weight
     used = (near.weights == 1.0) & (importance[near.columns] > 0.0)
     if not np.isin(near.columns[used], own).any():
         return None
@@ -164,23 +176,23 @@ def _foot_weights(library: MotionLibrary, near: Looks, stretch: Stretch, windows
     weights /= weights.sum()
     shown = shown_at(library, windows, near.times_s[used] - stretch.first_s, near.columns[used])
     across, along, heights_m = np.split(shown, 3, axis=1)
-    # each window turned and moved once more, to where the foot fits best
+    # each window is turned and moved once more, to where the foot fits best
     points, goals = across + 1j * along, near.planar[used]
     points, goals = points - (points @ weights)[:, None], goals - weights @ goals
     off_m2 = (
         np.abs(points) ** 2 @ weights + weights @ np.abs(goals) ** 2 - 2.0 * np.abs((points.conj() * goals) @ weights)
     )
-    off_m2 += _HEIGHT_SCALE**2 * (heights_m - near.heights_m[used]) ** 2 @ weights
-    shares = np.exp(-0.5 * (off_m2 - off_m2.min()) / _FOOT_SIGMA_M**2)
+    off_m2 += SETTINGS.height_scale**2 * (heights_m - near.heights_m[used]) ** 2 @ weights
+    shares = np.exp(-0.5 * (off_m2 - off_m2.min()) / SETTINGS.foot_sigma_m**2)
     return np.asarray(shares / shares.sum())
 
 
 def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
-    """Return outputs at a goal by weighted ridge regression, within the examples'."""
+    """Return outputs at a goal by weighted ridge regression, clipped to those of the examples."""
     middle, mean = weights @ inputs, weights @ outputs
     roots = np.sqrt(weights)[:, None]
     x, y = roots * (inputs - middle), roots * (outputs - mean)
     gram = x @ x.T + np.eye(len(x))
-    away = np.clip(goal - middle, -_FARTHEST, _FARTHEST)
+    away = np.clip(goal - middle, -SETTINGS.farthest, SETTINGS.farthest)
     expected = mean + (x @ away) @ np.linalg.solve(gram, y)
     return np.asarray(np.clip(expected, outputs.min(axis=0), outputs.max(axis=0)))

@@ -1,9 +1,8 @@
-"""Blender's default curves: Bezier, auto-clamped handles, smooth.
+"""Blender's default curves for new keys: Bezier, Auto Clamped handles, Continuous Acceleration.
 
-As Blender draws them for new keys (handle type Auto Clamped, smoothing Continuous Acceleration): all handles reach a
-third of the way to the next key, so time runs evenly and a curve is a cubic spline with a slope at each key. Slopes
-are flat at both ends and at extremes; between these they make the acceleration continuous, but no handle may point
-backwards or past the value of the next key.
+All handles reach a third of the way to the next key, so time runs evenly and the curve is a cubic spline with a slope
+at each key. Slopes are zero at both ends and at extremes. Between these they make the acceleration continuous, except
+that no handle may point backwards or beyond the value of the next key.
 """
 
 import numpy as np
@@ -11,18 +10,16 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ..geometry.arrays import Array
 
-_SWEEPS = 50  # each at least halves the error, because a key weighs twice its neighbours
-
 
 def key_slopes(times: Array, values: Array) -> Array:
     """Return the slopes of Blender's default curve at its keys.
 
     Args:
-        times: (K,) ascending, no two the same.
-        values: (K,) of one channel.
+        times: Times (K,) of the keys, strictly ascending.
+        values: Values (K,) of one channel.
 
     Returns:
-        (K,) change of the value per unit of time.
+        Changes (K,) of the value per unit of time.
     """
     if len(times) < 3:
         return np.zeros(len(times))
@@ -35,22 +32,19 @@ def key_slopes(times: Array, values: Array) -> Array:
     before, after = 1.0 / spans[:-1], 1.0 / spans[1:]
     bends = 3.0 * (secants[:-1] * before + secants[1:] * after)
     slopes = np.zeros(len(times))
-    for _ in range(_SWEEPS):
+    for _ in range(50):  # each sweep at least halves the error, as a key weighs twice its neighbours
         smooth = (bends - before * slopes[:-2] - after * slopes[2:]) / (2.0 * (before + after))
         slopes[1:-1] = np.clip(smooth, lowest, highest)
     return slopes
 
 
 def curve_positions(times: Array, positions_m: Array, at: Array) -> Array:
-    """Return positions on Blender's default curves, held before and after the keys.
+    """Return positions (F, C) on Blender's default curves, constant before and after the keys.
 
     Args:
-        times: (K,) ascending, no two the same, at least one.
-        positions_m: (K, C) of the keys.
-        at: (F,) times in the same unit.
-
-    Returns:
-        (F, C) in metres.
+        times: Times (K,) of the keys, strictly ascending, at least one.
+        positions_m: Values (K, C) at the keys.
+        at: Times (F,) in the same unit.
     """
     if len(times) == 1:
         return np.repeat(positions_m, len(at), axis=0)

@@ -1,9 +1,10 @@
 """Motion of a database on the body of a character, ready to be searched.
 
-Points on the floor are complex numbers, z + i x: to turn by a yaw about the vertical is to multiply by exp(i yaw).
+Positions on the floor are complex numbers z + i x, so a yaw about the vertical is a product with exp(i yaw).
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatch
 
 import numpy as np
@@ -25,25 +26,35 @@ BODY = (
     *(side + name for side in "lr" for name in ("humerus", "radius", "hand", "femur", "tibia", "foot", "toes")),
 )  # fmt: skip
 TOES = ("ltoes", "rtoes")
-_SEARCH_FPS = 30.0  # of the frames at which a stretch may begin
-_LOWEST_PERCENT = 5.0  # of a clip's frames, taken as its floor: single frames are noise
-_STANDING_M, _STANDING_M_S = 0.05, 0.35  # a standing foot is lower above that floor, and slower
-_STILL_M, _STILL_M_S = 0.05, 0.25  # still toes are lower above their lowest place within a second, and slower
-_STEADY_S = 0.1  # contact changes no faster
-_CHUNK = 1 << 15  # frames computed at once
+
+
+@dataclass(frozen=True)
+class LibrarySettings:
+    """Settings of windows and of contacts in the database's motion."""
+
+    search_fps: float = 30.0  # rate of the frames at which a window may begin
+    lowest_percent: float = 5.0  # percentile of a clip's heights that is its floor: single frames are noise
+    low_m: float = 0.05  # a standing foot is lower above that floor, still toes above their lowest within a second
+    standing_m_s: float = 0.35  # a standing foot is slower,
+    still_m_s: float = 0.25  # and still toes
+    steady_s: float = 0.1  # shortest contact
+    chunk: int = 1 << 15  # frames computed at once
+
+
+SETTINGS = LibrarySettings()
 
 
 class MotionLibrary:
     """Clips of a database as motion of one skeleton.
 
     Args:
-        skeleton: standard skeleton of the character; roots' paths are scaled to its legs.
-        joints: more joints to place than those of `BODY`.
-        behaviours: patterns of the behaviours or names of clips to draw from, all if empty.
+        skeleton: Standard skeleton of the character; root positions are scaled to its legs.
+        joints: Joints to place besides `BODY`.
+        behaviours: Patterns of behaviours or names of the clips to draw from; empty for all.
 
     Raises:
-        SettingsError: no clip has such a behaviour.
-        DatabaseError: the database is damaged.
+        SettingsError: No clip has such a behaviour.
+        DatabaseError: The database is damaged.
     """
 
     def __init__(
@@ -60,11 +71,11 @@ class MotionLibrary:
         self._floors_m = np.zeros(len(database.clips))
         reference = database.reference_pose_of(skeleton)
         local_m = markers_at_rest(skeleton, indices, np.zeros((len(indices), 3)), reference, database.poses)
-        # joint by joint in memory, as they are searched
+        # joint by joint in memory, the order of the search
         self.planar: Planar = np.empty(local_m.shape[:2], dtype=np.complex64, order="F")
         self.heights_m: FloatArray = np.empty(local_m.shape[:2], dtype=np.float32, order="F")
-        for first in range(0, database.frames, _CHUNK):
-            frames = slice(first, first + _CHUNK)
+        for first in range(0, database.frames, SETTINGS.chunk):
+            frames = slice(first, first + SETTINGS.chunk)
             world_m = rot.rotate(
                 np.asarray(database.root_rotations[frames], dtype=np.float64)[:, None], local_m[frames]
             )
@@ -77,19 +88,19 @@ class MotionLibrary:
         self.hanging_m = float(np.mean([heights_m[skeleton.index(side + "hand")] for side in "lr"]))  # above the root
 
     def _level(self, skeleton: Skeleton) -> None:
-        """Put the floor of each clip at y = 0."""
+        """Move the floor of each clip to y = 0."""
         toes = [self.columns[name] for name in TOES]
         for index, clip in enumerate(self.database.clips):
             part = slice(clip.start, clip.stop)
-            lowest = float(np.percentile(self.heights_m[part, toes].min(axis=1), _LOWEST_PERCENT))
+            lowest = float(np.percentile(self.heights_m[part, toes].min(axis=1), SETTINGS.lowest_percent))
             self._floors_m[index] = lowest - standing_toes_m(skeleton)
             self.heights_m[part] -= self._floors_m[index]
 
     def _contacts(self) -> tuple[Mask, Mask]:
-        """Return (F, 2) whether left and right toes stand, and (F, 2) if they are still."""
+        """Return masks (F, 2) of the frames in which the left and the right toes stand, and are still."""
         toes = [self.columns[name] for name in TOES]
         result, still = np.zeros((2, self.database.frames, 2), dtype=np.bool_)
-        size, second = 2 * round(_STEADY_S * self.fps / 2) + 1, 2 * round(self.fps) + 1
+        size, second = 2 * round(SETTINGS.steady_s * self.fps / 2) + 1, 2 * round(self.fps) + 1
         for clip in self.database.clips:
             part = slice(clip.start, clip.stop)
             places, heights = self.planar[part][:, toes], self.heights_m[part][:, toes]
@@ -97,10 +108,11 @@ class MotionLibrary:
                 result[part] = still[part] = True
                 continue
             speeds = np.abs(np.gradient(places.astype(np.complex128), axis=0)) * self.fps
-            low = heights - np.percentile(heights, _LOWEST_PERCENT, axis=0) < _STANDING_M
-            result[part] = median_filter(low & (speeds < _STANDING_M_S), size=(size, 1), mode="nearest")
-            low = heights - minimum_filter1d(heights, second, axis=0, mode="nearest") < _STILL_M
-            still[part] = low & (np.hypot(speeds, np.gradient(heights, axis=0) * self.fps) < _STILL_M_S)
+            low = heights - np.percentile(heights, SETTINGS.lowest_percent, axis=0) < SETTINGS.low_m
+            result[part] = median_filter(low & (speeds < SETTINGS.standing_m_s), size=(size, 1), mode="nearest")
+            low = heights - minimum_filter1d(heights, second, axis=0, mode="nearest") < SETTINGS.low_m
+            speeds = np.hypot(speeds, np.gradient(heights, axis=0) * self.fps)
+            still[part] = low & (speeds < SETTINGS.still_m_s)
         return result, still
 
     def clip_of(self, frame: float) -> Clip:
@@ -108,12 +120,13 @@ class MotionLibrary:
         return self.database.clips[int(self.database.clip_of_frame[int(frame)])]
 
     def starts(self, first: int, last: int) -> IntArray:
-        """Return the frames of windows, each within one clip.
+        """Return the frames of windows within single clips.
 
         Args:
-            first, last: frames of a window, relative to the returned one.
+            first: First frame of a window, relative to the returned frame.
+            last: Last frame of it, relative to the returned frame.
         """
-        step = max(1, round(self.fps / _SEARCH_FPS))
+        step = max(1, round(self.fps / SETTINGS.search_fps))
         found = [
             np.arange(clip.start - min(first, 0), clip.stop - max(last, 0), step)
             for clip, usable in zip(self.database.clips, self._usable, strict=True)
@@ -129,10 +142,10 @@ class MotionLibrary:
         return np.asarray(positions)
 
     def poses_at(self, frames: Array) -> tuple[Array, Array, Array]:
-        """Return poses (N, 28, 3), root rotations (N, 4) and places (N, 3).
+        """Return poses (N, 28, 3), root rotations (N, 4) and root positions (N, 3).
 
         Args:
-            frames: (N,), need not be whole; none is after its clip's last.
+            frames: Fractional frames (N,), none after the last of its clip.
         """
         before = np.floor(frames + 1e-9).astype(np.int64)
         after = np.minimum(before + 1, self.database.frames - 1)
@@ -149,12 +162,12 @@ class MotionLibrary:
 
 
 def standing_toes_m(skeleton: Skeleton) -> float:
-    """Return about how high the toes' joints of a standing body are, in metres."""
+    """Return the usual height of the toes' joints of a standing body, metres."""
     return 0.024 * _leg_m(skeleton) / 0.8
 
 
 def _usable_clips(database: Database, behaviours: Sequence[str]) -> Mask:
-    """Return the mask (C,) of clips that fit a pattern."""
+    """Return a mask (C,) of the clips that match a pattern."""
     fits = [
         not behaviours or any(fnmatch(text.lower(), p.lower()) for p in behaviours for text in (c.behaviour, c.name))
         for c in database.clips

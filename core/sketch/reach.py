@@ -1,4 +1,4 @@
-"""How far joints of a body can be from each other."""
+"""Largest distances between joints of a body."""
 
 import numpy as np
 
@@ -6,17 +6,16 @@ from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, Mask
 from .key_curves import curve_positions
 
-_STRAIGHTEST = 0.998  # of the bones end to end: no limb is quite straight
-
 
 class Reach:
     """Brings targets of joints within each other's reach.
 
     Args:
-        joints: names (M), those that bind most first.
+        joints: Names (M) of the joints, the most binding first.
+        straightest: Share of its bones' total length that a limb reaches; none is quite straight.
     """
 
-    def __init__(self, skeleton: Skeleton, joints: tuple[str, ...]) -> None:
+    def __init__(self, skeleton: Skeleton, joints: tuple[str, ...], straightest: float = 0.998) -> None:
         self._joints = joints
         lengths = np.linalg.norm(skeleton.offsets_m, axis=1)
         indices = [skeleton.index(name) for name in joints]
@@ -26,17 +25,17 @@ class Reach:
         between = total[:, None] + total - 2.0 * np.sum(np.where(shared, lengths, 0.0), axis=2)
         parents = skeleton.parents[indices]
         rigid = (parents[:, None] == indices) | (parents == np.array(indices)[:, None])
-        self._reach_m = np.where(rigid, 1.0, _STRAIGHTEST) * between
+        self._reach_m = np.where(rigid, 1.0, straightest) * between
 
     def between(self, joint: str, other: str) -> float:
-        """Return how far two of the joints can be apart, metres."""
+        """Return the largest distance between two of the joints, metres."""
         return float(self._reach_m[self._joints.index(joint), self._joints.index(other)])
 
     def yielding(self, points_m: Array, keyed: Mask) -> Array:
-        """Return controls (F, C, 3) that between their keys yield to others' keys.
+        """Return controls (F, C, 3) that give way, between their own keys, to keys of others.
 
         Args:
-            keyed: (F, C) frames in which each has a key.
+            keyed: Frames (F, C) in which each control has a key.
         """
         result = points_m.copy()
         for joint in range(keyed.shape[1]):
@@ -53,10 +52,7 @@ class Reach:
         return result
 
     def limited(self, points_m: Array) -> Array:
-        """Return targets (F, M, 3) within reach.
-
-        The later joint of a pair is drawn towards the earlier one.
-        """
+        """Return targets (F, M, 3) within reach; the later joint of a pair moves towards the earlier one."""
         result = points_m.copy()
         for later in range(1, points_m.shape[1]):
             for earlier in range(later):

@@ -1,7 +1,7 @@
-"""Sketches: controls of a body with keyframes, and the file they come in.
+"""Sketches: keyframed controls of one body, and their CSV file.
 
-The file is CSV: comment lines with "#", one of them with "fps=..."; a header `control,frame,x,y,z`; then one row a key,
-in metres, y up, in any order. A control is a joint of the standard skeleton.
+The file has comment lines with "#", one of which states "fps=...", then the header `control,frame,x,y,z` and one row
+per key in any order: a joint of the standard skeleton, a frame, and a position in metres, y up.
 """
 
 import csv
@@ -21,13 +21,23 @@ from ..geometry.arrays import Array
 from ..system.files import read_bytes
 from .key_curves import curve_positions
 
-MOST_FRAMES = 20_000  # from the first key to the last
+FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
 _HEADER = ("control", "frame", "x", "y", "z")
 _ADVICE = "columns must be control,frame,x,y,z in metres, and a comment line must state fps=..."
-_FARTHEST_M = 1000.0
-_UPRIGHT = 0.7  # cosine of the angle from hips over feet to the vertical
-_ANKLE_M = 0.08  # height of a standing foot's joint
-FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
+
+
+@dataclass(frozen=True)
+class SketchLimits:
+    """Limits of sketches."""
+
+    most_frames: int = 20_000  # from the first key to the last
+    farthest_m: float = 1000.0
+    latest_frame: float = 1e9
+    upright: float = 0.7  # least cosine of the angle between vertical and feet to hips of an upright body
+    ankle_m: float = 0.08  # height of a standing foot's joint
+
+
+LIMITS = SketchLimits()
 
 
 @dataclass(frozen=True)
@@ -35,11 +45,11 @@ class Control:
     """A joint with keyframes.
 
     Args:
-        joint: of the standard skeleton.
-        frames: (K,) of the keys, whole numbers, ascending; two may be the same.
-        positions_m: (K, 3) of the joint's origin in the world.
-        drawn_m: (S, 3) the curve in each frame from the first key to the last; None for Blender's default.
-        height_is_free: the keys' heights do not bind; the database's motion has them.
+        joint: Name in the standard skeleton.
+        frames: Whole frame numbers (K,) of the keys, ascending; two may be equal.
+        positions_m: World positions (K, 3) of the joint's origin.
+        drawn_m: Curve (S, 3) at each frame from the first key to the last; None for Blender's default curve.
+        height_is_free: The height comes from the database's motion, not from the keys.
     """
 
     joint: str
@@ -49,20 +59,17 @@ class Control:
     height_is_free: bool = False
 
     def distinct_keys(self) -> tuple[Array, Array]:
-        """Return frames (K,) and positions (K, 3), m; keys in one frame as their mean."""
+        """Return frames (K,) and positions (K, 3); keys of one frame are averaged."""
         frames, key = np.unique(self.frames, return_inverse=True)
         sums = np.zeros((len(frames), 3))
         np.add.at(sums, key, self.positions_m)
         return frames, sums / np.bincount(key)[:, None]
 
     def curve(self, at: Array) -> Array:
-        """Return positions (F, 3) on the curve through the keys, in metres.
+        """Return positions (F, 3) at frames (F,) on the curve through the keys.
 
-        Keys in one frame contradict each other; the curve goes through their mean. A drawn curve is bent to keys that
-        lie off it, such as one that is dragged.
-
-        Args:
-            at: (F,) frames.
+        The curve passes through the mean of keys in one frame. A drawn curve is bent to keys that lie off it, such as
+        one that is being dragged.
         """
         keyed, positions_m = self.distinct_keys()
         if self.drawn_m is None:
@@ -77,7 +84,7 @@ class Control:
 
 @dataclass(frozen=True)
 class Sketch:
-    """Controls of one body; frames are counted at `fps`."""
+    """Controls of one body, with frames at a rate of `fps`."""
 
     name: str
     fps: float
@@ -85,29 +92,29 @@ class Sketch:
 
     @property
     def frames(self) -> Array:
-        """(F,) all frames from the first key to the last."""
+        """All frames (F,) from the first key to the last."""
         first = min(control.frames[0] for control in self.controls)
         last = max(control.frames[-1] for control in self.controls)
         return np.arange(first, last + 1.0)
 
 
 def upright_from(sketch: Sketch) -> Array | None:
-    """Return the rotation (4,) that sets the hips of a sketch above its feet.
+    """Return the rotation (4,) that puts the hips of a sketch above its feet.
 
-    None where hips or feet are no controls, or where they are upright already.
+    The result is None if they are upright already, or if the sketch does not control hips and feet.
     """
     means = {control.joint: control.positions_m.mean(axis=0) for control in sketch.controls}
     feet = [means[name] for name in FEET if name in means]
     if "root" not in means or not feet:
         return None
     leg = means["root"] - np.mean(feet, axis=0)
-    return None if leg[1] > _UPRIGHT * np.linalg.norm(leg) else rot.between(leg, np.array([0.0, 1.0, 0.0]))
+    return None if leg[1] > LIMITS.upright * np.linalg.norm(leg) else rot.between(leg, np.array([0.0, 1.0, 0.0]))
 
 
 def tilted(sketch: Sketch, rotation: Array) -> Sketch:
-    """Return the sketch turned by a quaternion (4,) and set on the floor."""
+    """Return the sketch turned by a quaternion (4,) and put on the floor."""
     turned = [rot.rotate(rotation, control.positions_m) for control in sketch.controls]
-    down = np.array([0.0, min(points[:, 1].min() for points in turned) - _ANKLE_M, 0.0])
+    down = np.array([0.0, min(points[:, 1].min() for points in turned) - LIMITS.ankle_m, 0.0])
     controls = []
     for control, points in zip(sketch.controls, turned, strict=True):
         drawn_m = None if control.drawn_m is None else rot.rotate(rotation, control.drawn_m) - down
@@ -119,7 +126,7 @@ def read_sketch(path: Path | str) -> Sketch:
     """Return the sketch of a CSV file; see the module for its layout.
 
     Raises:
-        FormatError: not a sketch, or damaged; names file and line.
+        FormatError: The file is not a sketch, or damaged; names file and line.
     """
     where = str(path)
     text = read_bytes(path).decode("utf-8-sig", errors="replace")
@@ -129,17 +136,22 @@ def read_sketch(path: Path | str) -> Sketch:
     rows = [(number, line) for number, line in lines if not line.startswith("#")]
     keys: dict[str, list[list[float]]] = {}
     if not rows or tuple(cell.strip().lower() for cell in rows[0][1].split(",")) != _HEADER:
-        raise FormatError("is no sketch", where=where, advice=_ADVICE)
+        raise FormatError("is not a sketch", where=where, advice=_ADVICE)
     for number, line in rows[1:]:
         joint, key = _key(line, f"{where}, line {number}")
         keys.setdefault(joint, []).append(key)
     if not keys:
         raise FormatError("has no keys", where=where, advice="key at least one control")
-    fps = _rate([line for _, line in lines if line.startswith("#")], where)
-    sketch = Sketch(Path(path).stem, fps, tuple(_control(*item) for item in keys.items()))
-    first, last = (pick(pick(control.frames) for control in sketch.controls) for pick in (min, max))
-    if last - first >= MOST_FRAMES:
-        raise FormatError(f"has keys in frames {first:.0f} to {last:.0f}, {MOST_FRAMES} frames at most", where=where)
+    fps = _rate("\n".join(line for _, line in lines if line.startswith("#")), where)
+    controls = []
+    for joint, unsorted in keys.items():
+        table = np.array(sorted(unsorted, key=lambda key: key[0]))
+        controls.append(Control(joint, table[:, 0], table[:, 1:]))
+    sketch = Sketch(Path(path).stem, fps, tuple(controls))
+    first, last = (pick(pick(control.frames) for control in controls) for pick in (min, max))
+    if last - first >= LIMITS.most_frames:
+        message = f"has keys in frames {first:.0f} to {last:.0f}, {LIMITS.most_frames} frames at most"
+        raise FormatError(message, where=where)
     return sketch
 
 
@@ -156,22 +168,17 @@ def _key(line: str, where: str) -> tuple[str, list[float]]:
         raise FormatError(f"there is no joint {joint!r}", where=where, advice="joints: " + ", ".join(JOINT_NAMES))
     frame, *position = numbers_of(cells[1:], where)
     if not all(math.isfinite(value) for value in (frame, *position)) or frame != round(frame):
-        raise FormatError("has no whole frame or no position", where=where, advice=_ADVICE)
-    if max(abs(value) for value in position) > _FARTHEST_M or abs(frame) > 1e9:
-        raise FormatError(f"lies beyond {_FARTHEST_M:g} m or 1e9 frames", where=where, advice="positions are in metres")
+        raise FormatError("lacks a whole frame or a position", where=where, advice=_ADVICE)
+    if max(abs(value) for value in position) > LIMITS.farthest_m or abs(frame) > LIMITS.latest_frame:
+        message = f"lies beyond {LIMITS.farthest_m:g} m or {LIMITS.latest_frame:g} frames"
+        raise FormatError(message, where=where, advice="positions are in metres")
     return joint, [frame, *position]
 
 
-def _rate(comments: list[str], where: str) -> float:
-    """Return the frame rate that a comment states."""
-    stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", "\n".join(comments))
+def _rate(comments: str, where: str) -> float:
+    stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", comments)
     (fps,) = numbers_of([stated.group(1)], where) if stated else (math.nan,)
     if not LEAST_FPS <= fps <= MOST_FPS:
-        raise FormatError(f"states no frame rate of {LEAST_FPS:g} to {MOST_FPS:g}", where=where, advice=_ADVICE)
+        message = f"does not state a frame rate of {LEAST_FPS:g} to {MOST_FPS:g}"
+        raise FormatError(message, where=where, advice=_ADVICE)
     return fps
-
-
-def _control(joint: str, keys: list[list[float]]) -> Control:
-    table = np.array(keys)
-    table = table[np.argsort(table[:, 0], kind="stable")]
-    return Control(joint, table[:, 0], table[:, 1:])

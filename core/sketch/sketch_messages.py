@@ -1,4 +1,4 @@
-"""Sketches and their solutions as JSON, between Blender and the worker."""
+"""Sketches and their solutions as JSON, exchanged between Blender and the worker."""
 
 import base64
 from collections.abc import Mapping
@@ -20,12 +20,13 @@ class SolvedSketch:
     """Solution of a sketch as Blender needs it.
 
     Args:
-        number: of the request that it answers.
+        number: Number of the answered request.
         whole: False for the first picture of an edit, a single frame.
-        rotations: (F, J, 4) parent-from-joint quaternions relative to rest; (0, J, 4) after an error.
-        root_positions_m: (F, 3).
-        unmet: (joint, frame, distance in m, reason) of the keys that are not met.
-        error: why there is no solution, "" if there is one.
+        rotations: Parent-from-joint quaternions (F, J, 4) relative to rest; (0, J, 4) after an error.
+        root_positions_m: Root positions (F, 3).
+        unmet: Joint, frame, distance in metres and reason of each key that is not met.
+        drawn_from: Names of the clips used.
+        error: Reason why there is no solution, "" if there is one.
     """
 
     number: int
@@ -38,12 +39,11 @@ class SolvedSketch:
 
 
 def sketch_table(sketch: Sketch) -> dict[str, Any]:
-    """Return a sketch as JSON holds it."""
+    """Return a sketch as a JSON object."""
     return {"name": sketch.name, "fps": sketch.fps, "controls": [_control_table(each) for each in sketch.controls]}
 
 
 def _control_table(control: Control) -> dict[str, Any]:
-    """Return a control; only if it has them with a drawn curve and a free height."""
     table = {"joint": control.joint, "frames": control.frames.tolist(), "positions_m": control.positions_m.tolist()}
     if control.drawn_m is not None:
         table["drawn_m"] = _packed(control.drawn_m)
@@ -72,7 +72,7 @@ def _control_from(row: Mapping[str, Any]) -> Control:
 
 
 def settings_table(settings: SketchSettings) -> dict[str, Any]:
-    """Return the settings as JSON holds them."""
+    """Return the settings as a JSON object."""
     return asdict(settings)
 
 

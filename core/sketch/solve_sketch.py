@@ -1,8 +1,8 @@
 """Solver of sketches: a whole body from a few keyframed controls.
 
 Keys bind. Between them the database's motion is kept as far as they allow: `retrieval` finds it, `base_motion` blends
-it, `targets` bends it to the keys and holds standing feet, and each frame's pose is fitted to its targets with the
-database's motion as prior. Joints without a control are free.
+it, `joint_targets` bends it to the keys and holds standing feet, and each frame's pose is fitted to its targets with
+the database's motion as prior. Joints without a control are free.
 """
 
 from dataclasses import dataclass, field
@@ -22,13 +22,21 @@ from .joint_targets import carried_root, target_joints, targets_of
 from .motion_library import MotionLibrary
 from .pose_fit import PoseFit
 from .reach import Reach
-from .retrieval import Looks, Stretch, Windows, choose_windows, looks_of, nearest_windows, stretches_of
+from .retrieval import Samples, Stretch, Windows, choose_windows, nearest_windows, samples_of, stretches_of
 from .sketch_file import Control, Sketch, tilted, upright_from
 
-MET_M = 0.005  # a key this near is met
-_FAR_M = 0.2  # distance of the controls from the database's motion, from which the body may lie
-_TOGETHER = 32  # frames fitted at once: enough that Python's share is small, few enough to be ended by an edit
-_UNCHANGED = 1e-4  # m and rad: a frame is not solved again if its inputs change less
+
+@dataclass(frozen=True)
+class SolverLimits:
+    """Limits of the solver."""
+
+    met_m: float = 0.005  # a key this near is met
+    far_m: float = 0.2  # distance of the controls from the database's motion at which a lying body is tried upright
+    together: int = 32  # frames fitted between two moments at which an edit can end the work
+    unchanged: float = 1e-4  # m, rad; frames whose inputs change less are not solved again
+
+
+LIMITS = SolverLimits()
 
 
 @dataclass(frozen=True)
@@ -36,10 +44,10 @@ class SketchSettings:
     """Settings of `solve_sketch`.
 
     Args:
-        follow: 0 is exact at keys with the database's motion between them, 1 follows the curves between keys.
-        behaviours: patterns of the behaviours (or names) of clips to draw from; empty: all.
-        variation: 0 is the best explanation, 1 the next best, ...
-        hold_feet: keep standing feet in place.
+        follow: 0 keeps the database's motion between keys, 1 follows the curves.
+        behaviours: Patterns of behaviours (or names) of the clips to draw from; empty for all.
+        variation: 0 is the best explanation, 1 the next best, and so on.
+        hold_feet: Keep standing feet in place.
     """
 
     follow: float = 0.3
@@ -59,9 +67,9 @@ class UnmetKey:
     """A key that the body does not reach.
 
     Args:
-        frame: of the sketch.
-        distance_m: from the key to the joint.
-        reason: in plain words.
+        frame: Frame of the sketch.
+        distance_m: Distance from the key to the joint.
+        reason: Reason in plain words.
     """
 
     joint: str
@@ -75,10 +83,10 @@ class SketchSolution:
     """A solved sketch.
 
     Args:
-        motion: at the sketch's rate; its frame 0 is `sketch.frames[0]`.
-        unmet: keys that are not met, by frame.
-        drawn_from: names of the clips used, in order of time.
-        key_distances_m: (K,) of all keys, control by control.
+        motion: Motion at the sketch's rate; its frame 0 is `sketch.frames[0]`.
+        unmet: Keys that are not met, by frame.
+        drawn_from: Names of the clips used, in order of time.
+        key_distances_m: Distances (K,) of all keys, control by control.
     """
 
     motion: Motion
@@ -89,62 +97,50 @@ class SketchSolution:
 
 @dataclass(frozen=True)
 class _Searched:
-    """Windows of a stretch for the looks in it; by window and frame rate its motion."""
+    """Windows found for the samples of a stretch, and their motion by window and frame rate."""
 
-    looks: Looks
+    samples: Samples
     windows: Windows
     motions: dict[tuple[int, float], BaseMotion] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class _FitInputs:
-    """Targets of joints (M) in all frames (F), and the poses to start from."""
+    """Inputs of the fit for all frames F, and for joints M.
+
+    Args:
+        joints: Names (M).
+        arrays: Targets (F, M, 3), their sigmas (F, M), start poses (F, 28, 3), root rotations (F, 4) and positions
+            (F, 3).
+    """
 
     joints: tuple[str, ...]
-    points_m: Array
-    sigmas_m: Array
-    poses: Array
-    root_rotations: Array
-    root_positions_m: Array
-
-    @property
-    def arrays(self) -> tuple[Array, ...]:
-        return self.points_m, self.sigmas_m, self.poses, self.root_rotations, self.root_positions_m
+    arrays: tuple[Array, ...]
 
     def unchanged(self, other: "_FitInputs") -> Mask:
-        """Return (F,) whether frames have the inputs of another's frames."""
-        if other.joints != self.joints or len(other.poses) != len(self.poses):
-            return np.zeros(len(self.poses), dtype=np.bool_)
-        changes = [
-            np.abs(now - then).reshape(len(now), -1).max(axis=1)
-            for now, then in zip(self.arrays, other.arrays, strict=True)
-        ]
-        return np.asarray(np.max(changes, axis=0) < _UNCHANGED)
-
-    def with_frames(self, which: Mask, other: "_FitInputs") -> "_FitInputs":
-        """Return these inputs with some frames of another's."""
-        arrays = [
-            np.where(which.reshape(-1, *[1] * (now.ndim - 1)), then, now)
-            for now, then in zip(self.arrays, other.arrays, strict=True)
-        ]
-        return _FitInputs(self.joints, *arrays)
+        """Return a mask (F,) of the frames with the same inputs."""
+        frames = len(self.arrays[0])
+        if other.joints != self.joints or len(other.arrays[0]) != frames:
+            return np.zeros(frames, dtype=np.bool_)
+        pairs = zip(self.arrays, other.arrays, strict=True)
+        changes = [np.abs(now - then).reshape(frames, -1).max(axis=1) for now, then in pairs]
+        return np.asarray(np.max(changes, axis=0) < LIMITS.unchanged)
 
 
 @dataclass(frozen=True)
 class _Solved:
-    """Motion of the database, and for all frames inputs and results of the fit."""
+    """The database's motion, and inputs and results (poses, root rotations and positions) of the fit."""
 
     base: BaseMotion
     inputs: _FitInputs
-    poses: Array
-    root_rotations: Array
-    root_positions_m: Array
+    results: tuple[Array, ...]
 
 
 class SketchSolver:
     """Solves sketches of one character, again and again while keys move.
 
-    It keeps the database's motion on the character, and of the last sketch what a moved key leaves as it was.
+    It keeps the database's motion on the character, and the parts of the last solution that a moved key leaves
+    unchanged.
     """
 
     def __init__(self, skeleton: Skeleton, database: Database) -> None:
@@ -161,35 +157,34 @@ class SketchSolver:
         """Return the whole solution of a sketch.
 
         Raises:
-            SettingsError: no clip has the wanted behaviour.
-            DatabaseError: no clip is long enough.
+            SettingsError: No clip has the wanted behaviour.
+            DatabaseError: No clip is long enough.
         """
         settings = settings or SketchSettings()
         library = self._library_for(sketch, settings)
         base, off_m2 = self._drawn(sketch, settings, library, progress)
         tilt = upright_from(sketch)
-        if off_m2 > _FAR_M**2 and tilt is not None:
-            # nothing like it: a body that lies may move like one that stands
+        if off_m2 > LIMITS.far_m**2 and tilt is not None:
+            # the database has nothing like it: a lying body may move like a standing one
             upright, off_upright_m2 = self._drawn(tilted(sketch, tilt), settings, library, progress, is_tilted=True)
             if off_upright_m2 < 0.5 * off_m2:
                 base = upright.turned(rot.conjugate(tilt))
         self._solved = solved = self._fitted(base, self._inputs(sketch, settings, base), progress)
-        motion = self._motion(sketch, solved.poses, solved.root_rotations, solved.root_positions_m)
+        motion = self._motion(sketch, *solved.results)
         distances, unmet = key_distances(sketch, motion)
         return SketchSolution(motion, unmet, base.drawn_from, distances)
 
     def preview(self, sketch: Sketch, settings: SketchSettings, frame: float) -> Motion | None:
-        """Return a first picture of a moved key: a frame of the last motion, bent to it.
+        """Return a first picture of a moved key: one frame of the last motion, bent to it.
 
-        None without a last solution of the same controls and as many frames.
+        The result is None unless the last solution has the same controls and number of frames.
         """
         last = self._solved
-        if last is None or last.inputs.joints != target_joints(sketch) or len(last.poses) != len(sketch.frames):
+        if last is None or last.inputs.joints != target_joints(sketch) or len(last.results[0]) != len(sketch.frames):
             return None
         inputs = self._inputs(sketch, settings, last.base)
-        at = int(np.clip(frame - sketch.frames[0], 0, len(last.poses) - 1))
-        poses, roots = self._fit_frames(inputs, np.array([at]))
-        return self._motion(sketch, poses, roots.rotation, roots.position_m)
+        at = int(np.clip(frame - sketch.frames[0], 0, len(sketch.frames) - 1))
+        return self._motion(sketch, *self._fit_frames(inputs, np.array([at])))
 
     def _drawn(
         self,
@@ -199,14 +194,14 @@ class SketchSolver:
         progress: Progress,
         is_tilted: bool = False,
     ) -> tuple[BaseMotion, float]:
-        """Return the database's motion for a sketch, and its distance from it, m2."""
-        looks, stretches = looks_of(sketch, library, settings.follow), stretches_of(sketch)
+        """Return the database's motion for a sketch, and its mean squared distance from it, m2."""
+        samples, stretches = samples_of(sketch, library, settings.follow), stretches_of(sketch)
         searched = []
         for number, stretch in enumerate(stretches):
             progress(0.6 * number / len(stretches), "searching")
-            near = looks.between(stretch.before_s, stretch.after_s)
+            near = samples.between(stretch.before_s, stretch.after_s)
             known = self._searched.get((stretch, is_tilted))
-            if known is None or not known.looks.same(near):
+            if known is None or not known.samples.same(near):
                 known = _Searched(near, nearest_windows(library, near, stretch))
             searched.append(known)
         kept = {key: each for key, each in self._searched.items() if key[1] != is_tilted}
@@ -217,7 +212,7 @@ class SketchSolver:
             key = index, sketch.fps
             if key not in known.motions:
                 inside = times_s[stretch.shows(times_s)]
-                known.motions[key] = corrected(library, known.looks, stretch, known.windows, index, inside)
+                known.motions[key] = corrected(library, known.samples, stretch, known.windows, index, inside)
             parts.append((stretch, known.motions[key]))
         off_m2 = float(np.mean([known.windows.costs[index] for known, index in zip(searched, chosen, strict=True)]))
         return blended(parts, times_s), off_m2
@@ -238,32 +233,34 @@ class SketchSolver:
         base_m = base_m[:, [skeleton.index(name) for name in joints]]
         targets = targets_of(sketch, skeleton, base_m, base.standing, settings.follow, settings.hold_feet)
         roots = carried_root(targets, len(sketch.controls), base_m, base.root_rotations, base.root_positions_m)
-        return _FitInputs(joints, targets.points_m, targets.sigmas_m, base.poses, *roots)
+        return _FitInputs(joints, (targets.points_m, targets.sigmas_m, base.poses, *roots))
 
     def _fitted(self, base: BaseMotion, inputs: _FitInputs, progress: Progress) -> _Solved:
-        """Return the poses fitted to targets; frames without a change as they were."""
-        last, count = self._solved, len(inputs.poses)
-        results = inputs.poses.copy(), inputs.root_rotations.copy(), inputs.root_positions_m.copy()
+        """Return the fit of all frames; unchanged frames keep their result."""
+        last, count = self._solved, len(base.poses)
+        results = tuple(array.copy() for array in inputs.arrays[2:])
         same = np.zeros(count, dtype=np.bool_) if last is None else inputs.unchanged(last.inputs)
         if last is not None and same.any():
-            inputs = inputs.with_frames(same, last.inputs)  # small changes must not add up
-            for new, old in zip(results, (last.poses, last.root_rotations, last.root_positions_m), strict=True):
-                new[same] = old[same]
-        poses, turns, places = results
+            arrays = tuple(array.copy() for array in inputs.arrays)
+            pairs = zip((*arrays, *results), (*last.inputs.arrays, *last.results), strict=True)
+            for now, then in pairs:
+                now[same] = then[same]  # the inputs too: small changes must not add up
+            inputs = _FitInputs(inputs.joints, arrays)
         changed = np.flatnonzero(~same)
-        for first in range(0, len(changed), _TOGETHER):
+        for first in range(0, len(changed), LIMITS.together):
             progress(0.6 + 0.4 * first / len(changed), "fitting")
-            at = changed[first : first + _TOGETHER]
-            poses[at], roots = self._fit_frames(inputs, at)
-            turns[at], places[at] = roots.rotation, roots.position_m
-        return _Solved(base, inputs, poses, turns, places)
+            at = changed[first : first + LIMITS.together]
+            for result, part in zip(results, self._fit_frames(inputs, at), strict=True):
+                result[at] = part
+        return _Solved(base, inputs, results)
 
-    def _fit_frames(self, inputs: _FitInputs, at: IntArray) -> tuple[Array, RootPose]:
-        """Return poses (N, 28, 3) and roots (N) of some frames."""
+    def _fit_frames(self, inputs: _FitInputs, at: IntArray) -> tuple[Array, Array, Array]:
+        """Return poses (N, 28, 3), root rotations (N, 4) and positions (N, 3) of some frames."""
         if inputs.joints not in self._fits:
             self._fits[inputs.joints] = PoseFit(self._skeleton, self.database, inputs.joints)
-        roots = RootPose(inputs.root_rotations[at], inputs.root_positions_m[at])
-        return self._fits[inputs.joints].fit(inputs.poses[at], roots, inputs.points_m[at], inputs.sigmas_m[at])
+        points_m, sigmas_m, poses, turns, places = (array[at] for array in inputs.arrays)
+        fitted, roots = self._fits[inputs.joints].fit(poses, RootPose(turns, places), points_m, sigmas_m)
+        return fitted, roots.rotation, roots.position_m
 
     def _motion(self, sketch: Sketch, poses: Array, turns: Array, places: Array) -> Motion:
         """Return poses (F, 28, 3) and roots as a motion of the character."""
@@ -280,14 +277,14 @@ def solve_sketch(
 ) -> SketchSolution:
     """Return the motion of a whole body that meets a sketch's keys.
 
-    To solve one sketch again after each edit, keep a `SketchSolver`.
+    To solve a sketch again after each edit, keep a `SketchSolver`.
 
     Args:
-        skeleton: standard skeleton with the character's proportions.
+        skeleton: Standard skeleton with the character's proportions.
 
     Raises:
-        SettingsError: no clip has the wanted behaviour.
-        DatabaseError: no clip is long enough.
+        SettingsError: No clip has the wanted behaviour.
+        DatabaseError: No clip is long enough.
     """
     return SketchSolver(skeleton, database).solve(sketch, settings, progress)
 
@@ -304,7 +301,7 @@ def key_distances(sketch: Sketch, motion: Motion) -> tuple[Array, tuple[UnmetKey
         away = np.linalg.norm(ways[:, [0, 2]] if control.height_is_free else ways, axis=1)
         distances.append(away)
         for frame, distance in zip(control.frames.tolist(), away.tolist(), strict=True):
-            if distance > MET_M:
+            if distance > LIMITS.met_m:
                 reason = _reason(sketch, control, frame, reach)
                 unmet.append(UnmetKey(control.joint, int(frame), distance, reason))
     return np.concatenate(distances), tuple(sorted(unmet, key=lambda key: key.frame))

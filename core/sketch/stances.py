@@ -1,9 +1,9 @@
 """When and where the feet of a sketch stand.
 
-Between two keys that one place of the toes explains, a foot stands, and the ankle turns about the toes. Between
-others it steps, no longer than the way needs and when fewest of the database's examples stand; else it stands whenever
-enough of them do. Between keys more than a stride apart it steps when the database's motion does. So do feet without a
-key.
+A foot stands between two keys that one position of the toes explains, and its ankle turns about the toes. Between other
+keys it steps: no longer than the way needs, and when fewest of the database's examples stand. Otherwise it stands
+whenever enough of them do. Between keys more than a stride apart, and without keys, it steps when the database's motion
+does.
 """
 
 from dataclasses import dataclass
@@ -15,27 +15,39 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 from ..geometry.arrays import Array, IntArray, Mask, runs
 from .key_curves import curve_positions
 
-_STANDS = 0.5  # share of the examples that stand
-_MAY_STAND = 0.3  # between keys with a way such a share of the largest there is enough
-_STAYED_M, _STAYED_M_S = 0.04, 0.1  # a foot stands between two keys that are no further apart, at no higher speed
-# it stands on its toes between two keys of which the toes' places differ by less (the second where most examples
-# stand), the ankles by less on the floor, and the length of the foot by less
-_TOES_M, _STEADY_TOES_M, _ANKLES_M, _LENGTH_M = 0.03, 0.05, 0.1, 0.015
-_SOME_STAND, _MOST_STAND = 0.3, 0.7
-_STEP_M_S, _SHORTEST_STEP_S = 2.0, 0.07  # mean speed of a step,
-_FASTEST_M_S = 5.0  # and from one place to the next
-_LONGEST_STEP = 0.35  # share of the time between two keys that a step takes unless examples take longer
-# between two keys further apart, in metres and seconds, a foot takes several steps: it stands where most examples do,
-# and the database's motion is slower, in metres a second
-_STRIDE_M, _STRIDE_S, _SLOW_M_S = 0.6, 1.2, 0.5
-_SHORTEST_CONTACT_S, _CONTACT_S = 0.05, 0.13  # shorter ones are none, and those between last the second
-_MOVING_S = 0.01  # a frame of a step counts as that many shares for each metre that the database's motion moves then
-_CLEAR_M, _LIFTED_S = 0.025, 0.1  # a stepping foot is so far above the floor, so long after it has left it
-_LIFTED_M_S = 1.0  # at this speed; less at a lower one
-_FLOOR_M = 0.12  # a foot that stands higher, or lower, stands on something else
-_STEEPEST, _LEAST_AHEAD = 0.95, 0.3  # of the foot's length, within which toes are turned onto the floor
-_PULL = 0.3  # of the toes' wanted place on where they stand, the length of the foot being 1
-_ROUNDS = 4
+
+@dataclass(frozen=True)
+class StanceSettings:
+    """Settings of the stances."""
+
+    stands: float = 0.5  # least share of the examples that stand, for a foot to stand
+    may_stand: float = 0.3  # least share between keys: of the largest share there for a step, of all for one stance
+    most_stand: float = 0.7  # share from which the wanted toes of one stance may differ more
+    stayed_m: float = 0.04  # keys that are nearer and
+    stayed_m_s: float = 0.1  # whose distance is covered more slowly are one stance
+    ankles_m: float = 0.1  # largest horizontal distance of the ankles in one stance on the toes
+    length_m: float = 0.015  # largest error of the foot's length in it
+    toes_m: tuple[float, float] = (0.03, 0.05)  # largest distance of the wanted toes in it: usually, where most stand
+    step_m_s: float = 2.0  # mean speed of a step
+    shortest_step_s: float = 0.07
+    longest_step: float = 0.35  # share of the time between two keys, unless examples step for longer
+    fastest_m_s: float = 5.0  # speed from one stance to the next
+    stride_m: float = 0.6  # keys farther apart than this distance and
+    stride_s: float = 1.2  # time have several steps between them
+    slow_m_s: float = 0.5  # a foot that stands between those steps is slower
+    shortest_contact_s: float = 0.05  # shorter contacts do not count,
+    contact_s: float = 0.13  # and longer ones last this long at least
+    moving_s: float = 0.01  # share of examples that counts as much as a metre per frame, when a step is placed
+    clear_m: float = 0.025  # height of a stepping foot above the floor,
+    lifted_s: float = 0.1  # reached this long after leaving it
+    lifted_m_s: float = 1.0  # at this speed; it is lower at lower speeds
+    floor_m: float = 0.12  # a foot at a more different height stands on something else
+    steepest: float = 0.95  # highest ankle whose toes are turned onto the floor, in foot lengths
+    least_ahead: float = 0.3  # least horizontal distance of those toes from the ankle, in foot lengths
+    pull: float = 0.3  # weight of the toes' wanted position, the foot's length having weight 1
+
+
+SETTINGS = StanceSettings()
 
 
 @dataclass(frozen=True)
@@ -43,10 +55,11 @@ class Foot:
     """A foot in the database's motion, and its keys.
 
     Args:
-        ankle_m, toes_m: (F, 3) in the database's motion.
-        displacement_m: (F, 3) to the keys, without contacts.
-        keyed: (K,) frames with a key, ascending.
-        by_toes: whether the keys are the toes', not the ankle's.
+        ankle_m: Ankle positions (F, 3) in the database's motion.
+        toes_m: Toe positions (F, 3) in the database's motion.
+        displacement_m: Displacements (F, 3) that lead to the keys, without contacts.
+        keyed: Frames (K,) with a key, ascending.
+        by_toes: The keys are those of the toes, not of the ankle.
     """
 
     ankle_m: Array
@@ -57,23 +70,28 @@ class Foot:
 
     @property
     def wanted_ankle_m(self) -> Array:
-        """(F, 3) without contacts."""
+        """Ankle positions (F, 3) without contacts."""
         return self.ankle_m + self.displacement_m
 
     @property
     def wanted_toes_m(self) -> Array:
-        """(F, 3) without contacts."""
+        """Toe positions (F, 3) without contacts."""
         return self.toes_m + self.displacement_m
 
     @property
+    def wanted_joint_m(self) -> Array:
+        """Positions (F, 3) of the keyed joint without contacts."""
+        return self.wanted_toes_m if self.by_toes else self.wanted_ankle_m
+
+    @property
     def length_m(self) -> Array:
-        """(F,) from ankle to toes."""
+        """Distances (F,) from ankle to toes."""
         return np.asarray(np.linalg.norm(self.toes_m - self.ankle_m, axis=1))
 
 
 @dataclass(frozen=True)
 class HeldFoot:
-    """Targets of a foot: ankle_m and toes_m (F, 3), and whether it stands (F,)."""
+    """Targets ankle_m and toes_m (F, 3) of a foot, and the frames (F,) in which it stands."""
 
     ankle_m: Array
     toes_m: Array
@@ -84,10 +102,10 @@ def held_foot(foot: Foot, share: Array, floor_m: float | None, fps: float) -> He
     """Return a foot that stays in place while it stands, and is lifted while it steps.
 
     Args:
-        share: (F,) of the database's examples in which it stands.
-        floor_m: height of standing toes on the floor, for those near it; None to leave them.
+        share: Shares (F,) of the database's examples in which it stands.
+        floor_m: Height of toes that stand on the floor, applied to those near it; None leaves them.
     """
-    added, places = np.zeros((len(share), 6)), np.full_like(foot.toes_m, np.nan)  # to the wanted ankle and toes
+    added, places = np.zeros((len(share), 6)), np.full_like(foot.toes_m, np.nan)  # added to the wanted ankle and toes
     known = np.zeros(len(share), dtype=np.bool_)
     known[foot.keyed] = True
     for first, stop in stances_of(foot, share, fps):
@@ -101,51 +119,50 @@ def held_foot(foot: Foot, share: Array, floor_m: float | None, fps: float) -> He
     ankle_m, toes_m = foot.wanted_ankle_m + added[:, :3], foot.wanted_toes_m + added[:, 3:]
     up_m = lift_of(toes_m, places, foot.keyed, fps)[:, None] * np.array([0.0, 1.0, 0.0])
     ankle_m, toes_m = ankle_m + up_m, toes_m + up_m
-    way = toes_m - ankle_m
-    way *= (foot.length_m / np.maximum(np.linalg.norm(way, axis=1), 1e-9))[:, None]
+    way = _with_length(toes_m - ankle_m, foot.length_m)
     stands = np.isfinite(places[:, 0])
     return HeldFoot(toes_m - way, toes_m, stands) if foot.by_toes else HeldFoot(ankle_m, ankle_m + way, stands)
+
+
+def _with_length(ways: Array, lengths_m: Array) -> Array:
+    """Return vectors (N, 3) scaled to lengths (N,)."""
+    return np.asarray(ways * (lengths_m / np.maximum(np.linalg.norm(ways, axis=1), 1e-9))[:, None])
 
 
 def _standing(foot: Foot, inside: IntArray, floor_m: float | None) -> tuple[Array, Array]:
     """Return ankle and toes (N, 3) in the frames of one stance."""
     own = foot.keyed[(foot.keyed >= inside[0]) & (foot.keyed <= inside[-1])]
+    times, at = own.astype(np.float64), inside.astype(np.float64)
     wanted, offset = foot.wanted_toes_m, foot.ankle_m - foot.toes_m
     if len(own) and not foot.by_toes:
         goals = foot.wanted_ankle_m[own]
         place = toes_place(goals, _toes_on_floor(foot, own, inside), foot.length_m[own])
         turn, reach_m = goals - place - offset[own], np.linalg.norm(goals - place, axis=1)
-        way = offset[inside] + _between(inside, own, turn)
-        way *= (np.interp(inside, own, reach_m) / np.maximum(np.linalg.norm(way, axis=1), 1e-9))[:, None]
-        return place + way, np.repeat(place[None], len(inside), axis=0)
+        way = offset[inside] + curve_positions(times, turn, at)
+        return place + _with_length(way, np.interp(inside, own, reach_m)), np.repeat(place[None], len(inside), axis=0)
     if len(own):
-        places = _between(inside, own, wanted[own])
+        places = curve_positions(times, wanted[own], at)
     else:
         place = wanted[inside].mean(axis=0)
-        if floor_m is not None and abs(place[1] - floor_m) < _FLOOR_M:
+        if floor_m is not None and abs(place[1] - floor_m) < SETTINGS.floor_m:
             place[1] = floor_m
         places = np.repeat(place[None], len(inside), axis=0)
     return places + offset[inside], places
 
 
-def _between(inside: IntArray, own: IntArray, values: Array) -> Array:
-    """Return values (K, 3) of some frames at the frames (N,) of a stance."""
-    return curve_positions(own.astype(np.float64), values, inside.astype(np.float64))
-
-
 def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
-    """Return the place (3,) of toes, a foot's length from all ankles (K, 3).
+    """Return the position (3,) of toes that is a foot's length from all ankles (K, 3).
 
     Args:
-        toes_m: (K, 3) wanted places, to stay near.
-        lengths_m: (K,) of the foot.
+        toes_m: Wanted positions (K, 3); their mean attracts the result.
+        lengths_m: Lengths (K,) of the foot.
     """
     middle = place = toes_m.mean(axis=0)
-    for _ in range(_ROUNDS):
+    for _ in range(4):  # Gauss-Newton
         way = place - ankles_m
         far_m = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
-        rows = np.concatenate((way / far_m[:, None], _PULL * np.eye(3)))
-        off_m = np.append(far_m - lengths_m, _PULL * (place - middle))
+        rows = np.concatenate((way / far_m[:, None], SETTINGS.pull * np.eye(3)))
+        off_m = np.append(far_m - lengths_m, SETTINGS.pull * (place - middle))
         place = place - np.linalg.lstsq(rows, off_m, rcond=None)[0]
     return np.asarray(place)
 
@@ -155,8 +172,8 @@ def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
     toes, ankles, lengths_m = foot.wanted_toes_m[own], foot.wanted_ankle_m[own], foot.length_m[own]
     way, low_m = toes - ankles, foot.toes_m[inside, 1].min()
     down_m, ahead_m = low_m - ankles[:, 1], np.hypot(way[:, 0], way[:, 2])
-    near = (np.abs(toes[:, 1] - low_m) < _FLOOR_M) & (ahead_m > _LEAST_AHEAD * lengths_m)
-    near &= np.abs(down_m) < _STEEPEST * lengths_m
+    near = (np.abs(toes[:, 1] - low_m) < SETTINGS.floor_m) & (ahead_m > SETTINGS.least_ahead * lengths_m)
+    near &= np.abs(down_m) < SETTINGS.steepest * lengths_m
     way *= (np.sqrt(np.maximum(lengths_m**2 - down_m**2, 0.0)) / np.maximum(ahead_m, 1e-9))[:, None]
     way[:, 1] = down_m
     return np.where(near[:, None], ankles + way, toes)
@@ -166,41 +183,39 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
     """Return [first, stop) of each time that a foot stands in one place.
 
     Args:
-        share: (F,) of the database's examples in which it stands.
+        share: Shares (F,) of the database's examples in which it stands.
     """
-    stands, joint_m = share > _STANDS, foot.wanted_toes_m if foot.by_toes else foot.wanted_ankle_m
-    for first, last in zip(foot.keyed[:-1].tolist(), foot.keyed[1:].tolist(), strict=True):
+    stands, joint_m = share > SETTINGS.stands, foot.wanted_joint_m
+    for first, last in pairwise(foot.keyed.tolist()):
         between = slice(first, last + 1)
         if _rests(foot, first, last, float(share[between].mean()), fps):
             stands[between] = True
             continue
         way_m = float(np.linalg.norm(joint_m[last] - joint_m[first]))
-        shortest = min(max(way_m / _STEP_M_S, _SHORTEST_STEP_S) * fps, _LONGEST_STEP * (last - first))
-        in_steps = stands[between] & _is_slow(foot.wanted_toes_m[between], fps)
-        if way_m > _STRIDE_M and last - first > _STRIDE_S * fps and np.sum(~in_steps) >= shortest:
+        shortest = max(way_m / SETTINGS.step_m_s, SETTINGS.shortest_step_s) * fps
+        shortest = min(shortest, SETTINGS.longest_step * (last - first))
+        speeds_m = np.linalg.norm(np.gradient(foot.wanted_toes_m[between], axis=0), axis=1)
+        in_steps = stands[between] & (speeds_m * fps < SETTINGS.slow_m_s)
+        is_far = way_m > SETTINGS.stride_m and last - first > SETTINGS.stride_s * fps
+        if is_far and np.sum(~in_steps) >= shortest:
             stands[between] = in_steps
             continue
-        least = _MAY_STAND * float(share[between].max())
-        begin, stop = _step(share[between], foot.wanted_toes_m[between], max(2, round(shortest)), least)
+        least = SETTINGS.may_stand * float(share[between].max())
+        begin, stop = _step(share[between], speeds_m, max(2, round(shortest)), least)
         stands[between] = share[between] > least
         stands[first + begin : first + stop] = False
-    shortest_stance = round(_SHORTEST_CONTACT_S * fps)
+    shortest_stance = round(SETTINGS.shortest_contact_s * fps)
     found = [(first, stop) for first, stop in runs(stands) if stop - first >= shortest_stance]
-    found = [_widened(share, first, stop, round(_CONTACT_S * fps)) for first, stop in found]
+    found = [_widened(share, first, stop, round(SETTINGS.contact_s * fps)) for first, stop in found]
     return _with_time_to_step(found, foot.wanted_toes_m, share, fps)
 
 
-def _is_slow(toes_m: Array, fps: float) -> Mask:
-    """Return whether toes (F, 3) are slow enough to stand."""
-    return np.asarray(np.linalg.norm(np.gradient(toes_m, axis=0), axis=1) * fps < _SLOW_M_S)
-
-
 def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array, fps: float) -> list[tuple[int, int]]:
-    """Return stances, shortened where the next place is too far for the time between."""
-    result, least = [list(each) for each in found], round(_CONTACT_S * fps)
+    """Return stances, shortened where the next position is too far for the time between."""
+    result, least = [list(each) for each in found], round(SETTINGS.contact_s * fps)
     places = [toes_m[first:stop].mean(axis=0) for first, stop in found]
     for (before, after), (place, then) in zip(pairwise(result), pairwise(places), strict=True):
-        needed = np.linalg.norm(then - place) / _FASTEST_M_S * fps
+        needed = np.linalg.norm(then - place) / SETTINGS.fastest_m_s * fps
         while after[0] - before[1] < needed:
             can_leave, can_land = (stop - first > least for first, stop in (before, after))
             if not can_leave and not can_land:
@@ -213,7 +228,7 @@ def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array
 
 
 def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]:
-    """Return a stance of at least so many frames, longer where more examples stand."""
+    """Return a stance of at least so many frames, extended where more examples stand."""
     while stop - first < least:
         before = share[first - 1] if first > 0 else -1.0
         after = share[stop] if stop < len(share) else -1.0
@@ -224,37 +239,37 @@ def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]
 
 
 def _rests(foot: Foot, first: int, last: int, share: float, fps: float) -> bool:
-    """Return whether a foot may stand in one place between two keys.
+    """Tell whether a foot may stand in one place between two keys.
 
     Args:
-        share: mean of the examples that stand there.
+        share: Mean share of the examples that stand there.
     """
-    ends, joint_m = np.array([first, last]), foot.wanted_toes_m if foot.by_toes else foot.wanted_ankle_m
+    ends, joint_m = np.array([first, last]), foot.wanted_joint_m
     way = joint_m[last] - joint_m[first]
-    if np.linalg.norm(way) < min(_STAYED_M, _STAYED_M_S * (last - first) / fps):
+    if np.linalg.norm(way) < min(SETTINGS.stayed_m, SETTINGS.stayed_m_s * (last - first) / fps):
         return True
-    if foot.by_toes or np.hypot(way[0], way[2]) > _ANKLES_M or share < _SOME_STAND:
+    if foot.by_toes or np.hypot(way[0], way[2]) > SETTINGS.ankles_m or share < SETTINGS.may_stand:
         return False
     toes = _toes_on_floor(foot, ends, np.arange(first, last + 1))
     place = toes_place(joint_m[ends], toes, foot.length_m[ends])
     off_m = np.abs(np.linalg.norm(joint_m[ends] - place, axis=1) - foot.length_m[ends])
-    most_m = _TOES_M if share < _MOST_STAND else _STEADY_TOES_M
-    return bool(off_m.max() < _LENGTH_M and np.linalg.norm(toes - place, axis=1).max() < most_m)
+    most_m = SETTINGS.toes_m[int(share >= SETTINGS.most_stand)]
+    return bool(off_m.max() < SETTINGS.length_m and np.linalg.norm(toes - place, axis=1).max() < most_m)
 
 
-def _step(share: Array, toes_m: Array, shortest: int, least: float) -> tuple[int, int]:
+def _step(share: Array, speeds_m: Array, shortest: int, least: float) -> tuple[int, int]:
     """Return [begin, stop) of a step where fewest examples stand.
 
     Args:
-        share, toes_m: (N,) and (N, 3) from one key to the next.
-        shortest: frames that it takes at least.
-        least: share up to which it goes on.
+        share: Shares (N,) from one key to the next.
+        speeds_m: Ways (N,) of the toes per frame.
+        shortest: Fewest frames of the step.
+        least: Share up to which it goes on.
     """
     if len(share) < 4:
         return 1, max(1, len(share) - 1)
     ones = np.ones(min(shortest, len(share) - 2))
-    speeds = np.linalg.norm(np.gradient(toes_m, axis=0), axis=1)
-    counts = np.convolve(share - _MOVING_S * speeds, ones, mode="valid")[1:-1]  # neither key is left out
+    counts = np.convolve(share - SETTINGS.moving_s * speeds_m, ones, mode="valid")[1:-1]  # both keys stay
     begin = 1 + int(np.argmin(counts)) if len(counts) else 1
     stop = begin + len(ones)
     while begin > 0 and share[begin - 1] <= least:
@@ -265,11 +280,11 @@ def _step(share: Array, toes_m: Array, shortest: int, least: float) -> tuple[int
 
 
 def lift_of(toes_m: Array, places_m: Array, keyed: IntArray, fps: float) -> Array:
-    """Return how far (F,) to lift toes (F, 3) over the floor while they step.
+    """Return heights (F,) by which to lift toes (F, 3) over the floor while they step.
 
     Args:
-        places_m: (F, 3) where they stand, else NaN; the floor lies there.
-        keyed: (K,) frames that are left as they are.
+        places_m: Positions (F, 3) of standing toes, which show the floor, else NaN.
+        keyed: Frames (K,) that are left as they are.
     """
     fixed = np.isfinite(places_m[:, 0])
     if not fixed.any():
@@ -277,7 +292,7 @@ def lift_of(toes_m: Array, places_m: Array, keyed: IntArray, fps: float) -> Arra
     ground_m = np.interp(np.arange(len(toes_m)), np.flatnonzero(fixed), places_m[fixed, 1])
     speeds = np.linalg.norm(np.gradient(toes_m[:, [0, 2]], axis=0), axis=1) * fps
     fixed[keyed] = True
-    near = np.minimum(distance_transform_edt(~fixed) / (_LIFTED_S * fps), 1.0)
-    ease = near**2 * (3.0 - 2.0 * near) * np.minimum(speeds / _LIFTED_M_S, 1.0)
-    lift_m = ease * np.maximum(ground_m + _CLEAR_M - toes_m[:, 1], 0.0)
-    return np.where(fixed, 0.0, gaussian_filter1d(lift_m, _LIFTED_S * fps / 3.0))
+    near = np.minimum(distance_transform_edt(~fixed) / (SETTINGS.lifted_s * fps), 1.0)
+    ease = near**2 * (3.0 - 2.0 * near) * np.minimum(speeds / SETTINGS.lifted_m_s, 1.0)
+    lift_m = ease * np.maximum(ground_m + SETTINGS.clear_m - toes_m[:, 1], 0.0)
+    return np.where(fixed, 0.0, gaussian_filter1d(lift_m, SETTINGS.lifted_s * fps / 3.0))

@@ -9,7 +9,7 @@ from ...core.body.motion import LEAST_FPS, MOST_FPS
 from ...core.errors import SettingsError
 from ...core.geometry.arrays import Array
 from ...core.sketch.key_curves import curve_positions
-from ...core.sketch.sketch_file import MOST_FRAMES, Control, Sketch
+from ...core.sketch.sketch_file import LIMITS, Control, Sketch
 from ..animation.actions import scene_fps
 from ..capture.capture_space import CaptureSpace
 from .bone_places import curves_that_move, followed_bone, place_off_curves, places_of_bone
@@ -65,8 +65,9 @@ def read_controls(
         advice = f"set {LEAST_FPS:g} to {MOST_FPS:g} in the Output properties"
         raise SettingsError(f"the scene has {sketch.fps:g} frames a second", advice=advice)
     first, last = min(each.frames[0] for each in found), max(each.frames[-1] for each in found)
-    if last - first >= MOST_FRAMES:
-        raise SettingsError(f"the keys span {last - first:.0f} frames, {MOST_FRAMES} at most", advice="move the last")
+    if last - first >= LIMITS.most_frames:
+        message = f"the keys span {last - first:.0f} frames, {LIMITS.most_frames} at most"
+        raise SettingsError(message, advice="move the last")
     return sketch
 
 
@@ -104,7 +105,7 @@ def _binding(curves: Iterable[bpy.types.FCurve]) -> list[int]:
 
 def _is_too_long(frames: list[int]) -> bool:
     """Return whether keys span more frames than a sketch may have: they are refused."""
-    return frames[-1] - frames[0] >= MOST_FRAMES
+    return frames[-1] - frames[0] >= LIMITS.most_frames
 
 
 def _keys_along(

@@ -15,7 +15,7 @@ from perfanim.core.errors import DatabaseError, SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.sketch.reach import Reach
 from perfanim.core.sketch.sketch_file import Control, Sketch
-from perfanim.core.sketch.solve_sketch import MET_M, SketchSettings, SketchSolver, solve_sketch
+from perfanim.core.sketch.solve_sketch import LIMITS, SketchSettings, SketchSolver, solve_sketch
 
 FIVE = CONTROLS["five"]
 MOST_BEND_RAD = 0.45  # beyond the database's angles: what the fit allows, and its margin
@@ -59,7 +59,7 @@ def assert_sound(solution, database):
 def test_keys_are_met_and_the_body_between_them_is_nearer_than_by_usual_ik(truth, solver, walk):
     solution = solver.solve(walk)
     assert solution.unmet == ()
-    assert solution.key_distances_m.max() < MET_M
+    assert solution.key_distances_m.max() < LIMITS.met_m
     assert len(solution.key_distances_m) == sum(len(control.frames) for control in walk.controls)
     ours = evaluate(solution.motion, truth)
     usual = evaluate(inverse_kinematics(walk, truth.skeleton), truth)
@@ -137,7 +137,7 @@ def test_follow_leads_from_the_databases_motion_to_the_curve(truth, solver, walk
 def test_behaviours_and_variations_are_drawn_from_other_clips(solver, walk):
     best, next_best = (solver.solve(walk, SketchSettings(variation=number)) for number in (0, 1))
     assert np.abs(best.motion.rotations - next_best.motion.rotations).max() > 0.01
-    assert next_best.key_distances_m.max() < MET_M
+    assert next_best.key_distances_m.max() < LIMITS.met_m
     boxing = solver.solve(walk, SketchSettings(behaviours=("box*",)))
     assert all(name.startswith("boxing") for name in boxing.drawn_from)
     with pytest.raises(SettingsError, match="no clip has a behaviour swim; behaviours: boxing"):
@@ -223,7 +223,7 @@ def test_a_moved_key_is_solved_again_as_from_the_start(truth, database, walk):
     fresh = solve_sketch(moved, truth.skeleton, database)
     hand = next(control for control in moved.controls if control.joint == "lhand")
     at = truth.skeleton.index("lhand")
-    assert np.linalg.norm(positions_of(picture)[0, at] - hand.positions_m[2]) < MET_M
+    assert np.linalg.norm(positions_of(picture)[0, at] - hand.positions_m[2]) < LIMITS.met_m
     np.testing.assert_allclose(last.rotations[0], before.motion.rotations[-1], atol=1e-9)
     for name in ("rotations", "root_positions_m"):
         np.testing.assert_allclose(getattr(again.motion, name), getattr(fresh.motion, name), atol=0.02)
@@ -236,7 +236,7 @@ def test_small_edits_do_not_add_up(truth, database, walk):
     for _ in range(100):
         walk = changed(walk, "lhand", lambda positions: positions + np.array([0.0, 0.00009, 0.0]))
         solution = kept.solve(walk)
-    assert solution.key_distances_m.max() < MET_M
+    assert solution.key_distances_m.max() < LIMITS.met_m
 
 
 def test_a_first_picture_needs_a_last_solution(truth, database, walk):
