@@ -6,11 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..api.retargeting import RetargetRequest, retarget
 from ..system.files import atomic_path
 from ..system.progress import Progress
 from .main import jsonable
 from .options import add_number, add_text, check_range
-from .retarget_command import run_blender
 
 
 def add_parser(subparsers: Any) -> None:
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     report = run_demo(out, args.seconds, progress)
     if importlib.util.find_spec("bpy") is not None:
         progress(0.97, "writing the character")
-        report["outputs"]["blend"] = run_blender([str(out / "demo.bvh"), str(out / "demo.blend")])["out"]
+        report["outputs"]["blend"] = retarget(out / "demo.bvh", out / "demo.blend", RetargetRequest())["out"]
     write_report(out / "report.md", report)
     with atomic_path(out / "report.json") as temporary:
         temporary.write_text(json.dumps(jsonable(report), indent=1), encoding="utf-8")

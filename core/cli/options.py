@@ -95,16 +95,6 @@ def check_height(height_m: float) -> None:
     check_range("--height", height_m, 1.0, 2.5, "give metres, 1 to 2.5")
 
 
-def add_names_option(parser: Any) -> None:
-    """Add --names, a file of the markers' labels."""
-    parser.add_argument(
-        "--names",
-        metavar="FILE",
-        help='TOML file with a table [names] from label to marker ("Knee 1" = "LKNE"); other labels match '
-        "markers of the same spelling, whatever the case, separators and the subject before them",
-    )
-
-
 def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
     """Add how a motion goes onto a character, with the default of --root-motion."""
     add_text(parser, "--map", "PRESET_OR_FILE", "bone map: rigify-controls or a TOML file (default: detected)")

@@ -16,10 +16,10 @@ from ..markers.subject import load_subject, skeleton_from
 from ..sketch.sketch_file import LIMITS, Sketch, read_sketch
 from ..sketch.sketch_messages import sketch_from
 from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
+from ..system.blender_process import check_blender, run_in_blender
 from ..system.progress import Progress
 from .options import add_motion_options, add_number, add_repeated, add_switch, add_text
 from .partial_result import PartialResult
-from .retarget_command import check_blender, run_blender
 
 
 def add_parser(subparsers: Any) -> None:
@@ -127,7 +127,7 @@ def _is_blend(keys: Path) -> bool:
 
 def _read_blend(path: Path, blender: str | None) -> tuple[Sketch, Skeleton]:
     """Return the sketch of a .blend's only character with controls, and its bones."""
-    found = run_blender([str(path)], blender, "perfanim.perfanim_addon.sketch.read_blend:main")
+    found = run_in_blender("perfanim.perfanim_addon.sketch.read_blend:main", [str(path)], blender)
     return sketch_from(found["sketch"]), skeleton_from(found["skeleton"])
 
 

@@ -1,28 +1,28 @@
 """`perfanim solve`: a marker take to full-body motion."""
 
 import argparse
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..api.solving import RecordingChanges, SolveRequest, solve_markers, solve_recording
+from ..api.take_reading import fit_take, read_labelled, wearing
 from ..body.foot_lock import FEET
-from ..database.store import Database
 from ..errors import FormatError
 from ..formats.markers.marker_files import READABLE, is_recorded
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion
-from ..formats.take_file.take_reader import ENDING
+from ..formats.take_file.take_reader import ENDING, read_take_file
+from ..geometry.rig_file import load_rig
 from ..labelling.take_import import UPS
-from ..markers.label_matching import AUTO
-from ..markers.marker_take import MarkerTake
-from ..markers.subject import Subject
+from ..markers.label_matching import AUTO, choose_marker_set
+from ..markers.prop import load_prop
+from ..markers.subject import load_subject
 from ..session.session_cache import SessionCache
-from ..session.solve_request import BodyFiles, MotionOutput, SolveMarkers, SolveRecorded
-from ..session.solve_take import SolvedTake
+from ..session.solved_take import SolvedTake
 from ..solver.settings import METHODS
-from ..subjects.refine_body import refine_body
-from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress
-from .options import add_choice, add_motion_options, add_names_option, add_repeated, add_switch, add_text
+from .options import add_choice, add_motion_options, add_repeated, add_switch, add_text
+from .performer_options import add_body_options, add_names_option, chosen_marker_set, chosen_subject
 
 
 def add_parser(subparsers: Any) -> None:
@@ -65,9 +65,11 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _add_performer_options(parser: argparse.ArgumentParser) -> None:
-    body = parser.add_mutually_exclusive_group()
-    add_text(body, "--subject", "FILE", "calibrated subject, skeleton and marker offsets (default: a .perftake's own)")
-    add_text(body, "--skeleton", "FILE", ".asf or .bvh with the bones to use; needs --marker-set")
+    add_body_options(
+        parser,
+        "calibrated subject, skeleton and marker offsets (default: a .perftake's own)",
+        ".asf or .bvh with the bones to use; needs --marker-set",
+    )
     parser.add_argument(
         "--marker-set",
         metavar="NAME",
@@ -117,9 +119,16 @@ def _add_recorded_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check(args)
     progress(0.0, "reading")
-    solved, facts = solve(args, progress, SessionCache())
-    facts = {"fps": solved.motion.fps, "expected_joint_errors_deg": solved.joint_errors_deg()} | facts
-    return solved.summary() | facts | {"out": str(Path(args.out))}
+    solved = solve(args, progress, SessionCache())
+    is_take = is_recorded(args.out)
+    report: dict[str, Any] = {
+        "fps": solved.motion.fps if is_take else args.rate or solved.motion.fps,
+        "expected_joint_errors_deg": solved.joint_errors_deg(),
+        **solved.report,
+    }
+    for performer, out in zip(report.get("performers", []), solved.motion_paths(args.out)[1:], strict=True):
+        performer |= {} if is_take else {"out": str(out)}
+    return solved.summary() | report | {"out": str(Path(args.out))}
 
 
 def check(args: argparse.Namespace) -> None:
@@ -154,39 +163,47 @@ def check(args: argparse.Namespace) -> None:
         raise FormatError("cannot be written (no motion has this ending)", where=str(args.out), advice=advice)
 
 
-def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> tuple[SolvedTake, dict[str, Any]]:
-    """Solve the take of checked options and write the output; return poses and facts.
+def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> SolvedTake:
+    """Solve the take of checked options and write the output.
 
     Takes that are solved one after another share the cache.
     """
-    body = BodyFiles(args.subject, args.skeleton, args.marker_set)
-    refine = _refine if args.refine_body else None
-    output = MotionOutput(str(args.out), args.units, args.naming, args.rate, args.smooth, args.feet)
-    request: SolveMarkers | SolveRecorded
-    if is_recorded(args.take):
-        request = SolveRecorded(
-            str(args.take),
-            body,
-            output,
-            args.database,
-            args.cameras,
-            props=args.prop or (),
-            performers=args.performer,
-            method=args.method,
-            causal=args.causal,
-            refine=refine,
-        )
-        if args.cameras is not None:
-            from ..vision.synchronise import retriangulate  # images' libraries are slow to load
-
-            request = replace(request, retriangulate=retriangulate)
-    else:
-        request = SolveMarkers(
-            str(args.take), args.database, body, output, args.names, args.use, args.up, args.method, args.causal, refine
-        )
-    return request.run(progress, cache)
+    request = SolveRequest(args.method, args.causal, args.refine_body, args.smooth, args.feet, _used_markers(args.use))
+    make = _solve_recorded if is_recorded(args.take) else _solve_markers
+    solved = make(args, request, progress, cache)
+    solved.save(args.out, args.units, args.naming, args.rate)
+    return solved
 
 
-def _refine(take: MarkerTake, subject: Subject, database: Database, progress: Progress) -> tuple[Subject, list[str]]:
-    """Return the subject corrected by the take where it is off, and the changes."""
-    return worthwhile(subject, refine_body(take, subject, database, progress))
+def _used_markers(text: str | None) -> int | Sequence[str] | None:
+    """Return the markers of --use: their number or names."""
+    if text is None:
+        return None
+    return int(text.strip()[:9]) if text.strip().isdecimal() else [n.strip() for n in text.split(",") if n.strip()]
+
+
+def _solve_markers(
+    args: argparse.Namespace, request: SolveRequest, progress: Progress, cache: SessionCache
+) -> SolvedTake:
+    take = read_labelled(args.take, args.names)
+    worn = choose_marker_set(args.marker_set, take.names, str(args.take)) if args.marker_set is not None else None
+    subject = chosen_subject(args, worn)
+    assert subject is not None  # noqa: S101 - checked with the options
+    take = fit_take(take, subject.marker_set, args.up)
+    return solve_markers(take, subject, args.database, request, progress, cache)
+
+
+def _solve_recorded(
+    args: argparse.Namespace, request: SolveRequest, progress: Progress, cache: SessionCache
+) -> SolvedTake:
+    take, worn = read_take_file(args.take), chosen_marker_set(args)
+    subject, recorded = chosen_subject(args, worn), take.setup.subjects()
+    if subject is None and recorded:
+        subject = wearing(recorded[0], worn, str(args.take))
+    changes = RecordingChanges(
+        subject,
+        [load_subject(path) for path in args.performer],
+        [load_prop(path) for path in args.prop or ()],
+        load_rig(args.cameras) if args.cameras is not None else None,
+    )
+    return solve_recording(take, request, changes, args.database, progress, cache)

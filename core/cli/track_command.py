@@ -80,21 +80,36 @@ def _add_body_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from ..api.tracking import TrackRequest, track  # OpenCV is slow to load
     from ..database.store import open_database
     from ..geometry.rig_file import load_rig
-    from ..session.solve_request import BodyFiles
-    from .track_images import TrackImages
+    from .performer_options import chosen_marker_set, chosen_subject
 
     _check(args)
-    body, has_body = BodyFiles(args.subject, args.skeleton, args.marker_set), args.subject or args.skeleton
-    marker_set = body.load_marker_set()
-    subject = body.load_subject(marker_set, "") if has_body else None
+    marker_set = chosen_marker_set(args)
+    subject = chosen_subject(args, marker_set)
     database = open_database(args.database) if args.database else None
     rig, sources = _cameras_and_sources(args, load_rig(args.cameras))
     if args.ignore_distortion:
         rig = replace(rig, cameras=tuple(replace(camera, distortion=np.zeros(5)) for camera in rig.cameras))
-    worn = subject.marker_set if subject else marker_set
-    return TrackImages(args, rig, sources, worn, subject, database).run(progress)
+    request = TrackRequest(
+        rig,
+        sources,
+        args.out,
+        subject.marker_set if subject else marker_set,
+        subject,
+        database,
+        background=args.background or (),
+        threshold=args.threshold,
+        fps=args.fps,
+        seconds=args.seconds,
+        markers=args.markers,
+        time_offsets=not args.no_time_offset,
+        floor=args.floor,
+        level_rig=args.floor_cameras,
+        truth=args.truth,
+    )
+    return track(request, progress)
 
 
 def _check(args: argparse.Namespace) -> None:

@@ -2,18 +2,16 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..body.motion import Motion
 from ..body.scene_pose import PerformerPose, ScenePose
-from ..body.standard_skeleton import JOINT_NAMES
 from ..database.store import Database
 from ..errors import TakeError
 from ..formats.take_file.take_reader import TakeFile
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, Mask
 from ..markers.filtering import smooth_on_body
 from ..markers.frame_rate import frame_rate
 from ..markers.gap_filling import fill_gaps, widen_gaps
@@ -27,54 +25,11 @@ from .capture_setup import CaptureSetup, SessionMaker
 from .multi_target_session import MultiTargetSession
 from .recorded_frames import relabel
 from .session import Session
+from .solved_take import SolvedTake
 
 _LIVE_SHARE = 0.7  # of finding labels, roughly, as live
 _LABELS_SHARE = 0.25  # of the whole, for takes that are solved in both directions
 _REPORT_EVERY = 30  # frames between two signs of progress
-
-
-@dataclass(frozen=True)
-class SolvedTake:
-    """Poses and motions of a take.
-
-    Args:
-        seconds: (F,) time that each frame took, without the time to go back.
-        relabelled: (F,) frames with labels that later frames have proven.
-    """
-
-    poses: tuple[ScenePose, ...]
-    motions: tuple[Motion, ...]
-    seconds: Array
-    relabelled: Mask
-
-    @property
-    def motion(self) -> Motion:
-        """Motion of the only, or the first, performer."""
-        return self.motions[0]
-
-    def poses_of(self, performer: int = 0) -> list[PerformerPose]:
-        """Return the poses of one performer, counted from 0."""
-        return [pose.performers[performer] for pose in self.poses]
-
-    def summary(self) -> dict[str, float | int]:
-        """Return the `solve` command's figures; errors, confidence of the first performer."""
-        first = self.poses_of()
-        rms = np.array([pose.marker_rms_m for pose in first])
-        return {
-            "frames": len(self.poses),
-            "marker_rms_mm": 1e3 * float(np.sqrt(np.nanmean(rms**2))) if np.isfinite(rms).any() else float("nan"),
-            "ms_per_frame_median": 1e3 * float(np.median(self.seconds)),
-            "ms_per_frame_p99": 1e3 * float(np.percentile(self.seconds, 99)),
-            "confidence": float(np.mean([pose.confidence for pose in first])),
-        }
-
-    def joint_errors_deg(self) -> dict[str, float]:
-        """Return the mean expected error of each joint but the root, {} if unknown.
-
-        Of the first performer; 95 % of the errors are within twice the expected.
-        """
-        known = [pose.joint_errors_deg for pose in self.poses_of() if len(pose.joint_errors_deg)]
-        return dict(zip(JOINT_NAMES[1:], np.mean(known, axis=0).tolist(), strict=True)) if known else {}
 
 
 def solve_take(
@@ -90,10 +45,11 @@ def solve_take(
 
     In both directions (see `two_way_solve`); each pose by earlier frames alone, as live, if `causal`.
     """
-    session = MultiTargetSession([sessions(subject, database, take.single.rig if take.single else None, settings)])
+    setup = CaptureSetup(take.single.rig if take.single else None, (subject,), (), database, settings)
     frames = list(take_frames(take, subject.marker_set))
-    solved = _solve_whole(frames, session, f"solving {take.name}", progress, causal)
-    return replace(solved, motions=(motion_of(solved.poses_of(), subject, take.name, take.fps),))
+    solved = _solve_whole(frames, setup.make_session(sessions), f"solving {take.name}", progress, causal)
+    motion = motion_of(solved.poses_of(), subject, take.name, take.fps)
+    return replace(solved, motions=(motion,), setup=setup, frames=[(0.0, frame) for frame in frames])
 
 
 def fill_take(
@@ -135,7 +91,8 @@ def solve_recorded(
         resample_uniform([pose.performers[index] for pose in recorded], subject, name, str(take.path))
         for index, subject in enumerate(setup.performers)
     )
-    return replace(solved, motions=motions)
+    stamped = [(stamp_s, frame) for (stamp_s, _), frame in zip(take.stamped_frames, frames, strict=True)]
+    return replace(solved, motions=motions, setup=setup, frames=stamped, recording=take)
 
 
 def _solve_whole(

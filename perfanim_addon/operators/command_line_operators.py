@@ -27,8 +27,8 @@ def run(arguments: Sequence[str]) -> int:
         arguments: without the command's name.
     """
     from ...core.cli import in_blender
-    from ...core.cli.retarget_command import BLENDER_VARIABLE
     from ...core.system import helper_process
+    from ...core.system.blender_process import BLENDER_VARIABLE
     from ...core.worker.child_process import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable

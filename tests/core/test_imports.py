@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import perfanim
 import perfanim.core
 
 CORE = Path(perfanim.core.__file__).parent
@@ -46,6 +47,24 @@ def test_every_module_imports_without_blender() -> None:
     assert int(done.stdout) >= len([path for path in FILES if path.name not in ("__init__.py", "__main__.py")])
 
 
+def test_package_offers_the_api_and_loads_it_late() -> None:
+    code = (
+        "import sys, perfanim\n"
+        "print('numpy' in sys.modules, 'perfanim.core' in sys.modules)\n"
+        "from perfanim.core import api\n"
+        "print(perfanim.__all__ == api.__all__, all(getattr(perfanim, x) is getattr(api, x) for x in api.__all__))\n"
+        "print('cv2' in sys.modules, hasattr(perfanim, 'bl_info'), set(api.__all__) <= set(dir(perfanim)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=True)
+    assert done.stdout.split("\n") == ["False False", "True True", "False False True", ""]
+
+
+def test_api_page_names_what_is_public() -> None:
+    page = (CORE.parent / "docs" / "api.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    assert sorted([*re.findall(r"`(\w+)`", " ".join(rows)), "SolvedTake"]) == perfanim.__all__
+
+
 def test_a_capture_starts_the_cameras_process_before_it_loads_what_is_slow() -> None:
     code = "import sys, perfanim.core.worker.jobs.run_capture; print(*{'scipy', 'cv2'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd="/", check=True)
@@ -61,7 +80,9 @@ def test_core_imports_neither_blender_nor_itself_by_name() -> None:
 
 def test_library_names_no_command_line_option() -> None:
     """Its messages appear in Blender and in scripts, too."""
-    for path in (path for path in FILES if "cli" not in path.relative_to(CORE).parts):
+    for path in FILES:
+        if "cli" in path.relative_to(CORE).parts or path.name == "blender_process.py":  # options of Blender's
+            continue
         texts = [node.value for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Constant)]
         found = [text for text in texts if isinstance(text, str) and re.search(r"(?<![-\w`])--[a-z]", text)]
         assert not found, path

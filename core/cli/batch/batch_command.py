@@ -19,19 +19,19 @@ from ...markers.label_matching import AUTO, load_names
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import load_subject
 from ...solver.settings import METHODS
+from ...system.blender_process import check_blender
 from ...system.files import is_file
 from ...system.progress import Progress
 from ..options import (
     add_character_options,
     add_choice,
     add_motion_options,
-    add_names_option,
     add_number,
     add_text,
     check_range,
 )
 from ..partial_result import PartialResult
-from ..retarget_command import check_blender
+from ..performer_options import add_names_option
 from . import take_server
 from .plan import ALSO, KEYS, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
 from .processes import in_processes

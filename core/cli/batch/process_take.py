@@ -10,7 +10,7 @@ from ...errors import PerfanimError
 from ...formats.markers.marker_files import declared_frames
 from ...formats.motion.write_motion import write_motion
 from ...retarget.joint_naming import OWN
-from ...session.solve_take import SolvedTake
+from ...session.solved_take import SolvedTake
 from .content_hash import file_digest
 from .plan import ALSO, TakePlan
 from .quality import quality_figures, why_bad, why_doubtful

@@ -12,7 +12,7 @@ from ...body.skeleton import forward_kinematics
 from ...geometry.arrays import Mask, runs
 
 if TYPE_CHECKING:
-    from ...session.solve_take import SolvedTake
+    from ...session.solved_take import SolvedTake
 
 _DIGITS = 4  # of figures in files: their last bits may differ from machine to machine
 _TOES = ("ltoes", "rtoes")

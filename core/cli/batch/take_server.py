@@ -14,7 +14,7 @@ from ...system.progress import no_progress
 if TYPE_CHECKING:
     import argparse
 
-    from ...session.solve_take import SolvedTake
+    from ...session.solved_take import SolvedTake
 
 _local = threading.local()
 
@@ -56,7 +56,8 @@ class CommandLine:
 
         args = parse_options("solve", options)
         with _usage_as_settings_error():
-            return solve(args, no_progress, self._store)
+            solved = solve(args, no_progress, self._store)
+        return solved, solved.report
 
 
 def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":

@@ -8,7 +8,7 @@ import numpy as np
 from ...body.skeleton import forward_kinematics
 from ...errors import FormatError
 from ...geometry.arrays import Image
-from ...session.solve_take import SolvedTake
+from ...session.solved_take import SolvedTake
 from ...simulate.preview import CharacterPainter, floor_image, preview_camera
 from .quality import is_unsolved
 

@@ -4,7 +4,6 @@ import argparse
 from typing import Any
 
 from ...errors import SettingsError
-from ...system.files import is_file
 from ...system.progress import Progress
 from ..options import add_repeated, add_text
 
@@ -32,41 +31,23 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from ...api.calibration import calibrate_cameras  # OpenCV is slow to load
     from ...geometry.rig_file import save_rig
+    from ...vision.calibration.board_points import load_board_points
     from ...vision.calibration.calibrate import calibrate_from_points, calibration_summary
+    from ...vision.calibration.calibration_board import parse_board
 
     if args.points:
-        from ...vision.calibration.board_points import load_board_points
-
-        points_m, cameras = load_board_points(args.points)
         square_m = 0.0
-        result = calibrate_from_points(points_m, cameras)
+        result = calibrate_from_points(*load_board_points(args.points))
     else:
-        from ...vision.calibration.calibration_board import parse_board
-
         patterns = _patterns(args)
         if not args.board:
             raise SettingsError("--board is missing", advice="name the board, e.g. --board chessboard:9x6:24.23mm")
-        board = parse_board(args.board)
-        square_m = board.square_m
-        result = _from_files(patterns, board, progress, left_right=bool(args.left))
+        square_m = parse_board(args.board).square_m
+        result = calibrate_cameras(patterns, args.board, progress, left_right=bool(args.left))
     save_rig(result.rig, args.out)
     return {**calibration_summary(result, square_m), "out": str(args.out)}
-
-
-def _from_files(patterns: dict[str, str], board: Any, progress: Progress, *, left_right: bool) -> Any:
-    from ...vision.calibration.calibrate_images import calibrate_images
-    from ...vision.calibration.calibrate_videos import calibrate_videos
-    from ...vision.sources.image_file_source import is_image_pattern
-
-    videos = [name for name, pattern in patterns.items() if is_file(pattern) and not is_image_pattern(pattern)]
-    if videos and len(videos) < len(patterns):
-        still = next(name for name in patterns if name not in videos)
-        raise SettingsError(
-            f"{videos[0]} is a video and {still} is not", advice="give videos of all cameras, or pictures of all"
-        )
-    calibrate = calibrate_videos if videos else calibrate_images
-    return calibrate(patterns, board, progress, left_right=left_right)
 
 
 def _patterns(args: argparse.Namespace) -> dict[str, str]:

@@ -51,11 +51,11 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _watch(args: argparse.Namespace, rig: Any, progress: Progress) -> Any:
+    from ...api.tracking import make_pipeline
     from ...vision.calibration.floor_watch import FloorWatch
     from ...vision.sources.source_kinds import open_image_source
-    from ..track_images import make_pipeline
 
-    pipeline = make_pipeline(args, rig, progress)
+    pipeline = make_pipeline(rig, args.threshold, args.background or (), progress)
     watch = FloorWatch()
     with closing(open_image_source(args.left, args.right, *args.camera)) as source:
         total = max(int(getattr(source, "frames", 0)), 1)

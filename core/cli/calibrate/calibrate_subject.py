@@ -7,31 +7,24 @@ from typing import Any
 
 import numpy as np
 
+from ...api.calibration import calibrate_subject, fit_subject
+from ...api.take_reading import fit_take, read_labelled
 from ...body.calibration_poses import CALIBRATION, POSES
-from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
 from ...errors import SettingsError, SubjectError
-from ...formats.markers.marker_files import is_recorded, read_take
+from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.take_reader import read_take_file
-from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
+from ...markers.label_matching import AUTO, choose_marker_set
 from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
-from ...subjects.from_motion import frames_of, subject_from_motion
-from ...subjects.pose_calibration import (
-    SubjectCalibration,
-    calibrate_markers,
-    calibrate_subject,
-    calibration_points,
-    pose_points,
-)
-from ...subjects.prototype_bodies import load_bodies
+from ...subjects.from_motion import frames_of
+from ...subjects.pose_calibration import SubjectCalibration
 from ...subjects.refine_body import Refinement, refine_body
 from ...subjects.refinement_text import worthwhile
 from ...system.progress import Progress
-from ..options import add_choice, add_names_option, add_number, add_text, check_height
-
-_DOUBTFUL_M = 0.015  # a body that explains the motion's markers no better is not to be trusted
+from ..options import add_choice, add_number, add_text, check_height
+from ..performer_options import add_names_option
 
 
 def add_parser(subparsers: Any) -> None:
@@ -81,9 +74,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if not 0.0 < args.seconds <= 60.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
     progress(0.0, "reading")
-    take = part(read_take(args.take), args.frames)
-    if args.names is not None:
-        take = rename_labels(take, load_names(args.names))
+    take = part(read_labelled(args.take, args.names), args.frames)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None
@@ -94,14 +85,14 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         marker_set = before.marker_set
     else:
         marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
-    take = match_labels(take.names, marker_set).rename(take)
     name = args.name or (before.name if before else Path(args.out).stem)
     if args.database:
         if known:
             raise SettingsError("--skeleton-from and --database exclude each other", advice="leave one of them out")
         subject, facts = _from_motion(args, take, marker_set, before, name, progress)
     else:
-        result = _from_poses(args, take, marker_set, known, name)
+        poses = args.poses.split(",") if args.poses else args.pose
+        result = calibrate_subject(take, marker_set, poses, name, args.seconds, known)
         subject, facts = result.subject, _trust(result)
     save_subject(subject, args.out)
     lengths = np.linalg.norm(subject.skeleton.tips_m, axis=1)
@@ -115,19 +106,6 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         **facts,
         "out": str(args.out),
     }
-
-
-def _from_poses(
-    args: argparse.Namespace, take: MarkerTake, marker_set: MarkerSet, known: Subject | None, name: str
-) -> SubjectCalibration:
-    poses = tuple(args.poses.split(",")) if args.poses else (args.pose,)
-    if args.poses:
-        points = pose_points(take, marker_set, poses, args.seconds)
-    else:
-        points = calibration_points(take, marker_set, args.seconds)
-    if known:
-        return calibrate_markers(points, marker_set, known, name, *poses)
-    return calibrate_subject(points, marker_set, load_bodies(), name, *poses)
 
 
 def _trust(result: SubjectCalibration) -> dict[str, Any]:
@@ -151,13 +129,13 @@ def _from_motion(
     database = open_database(args.database)
     if before:
         worn = replace(before.wearing(marker_set), name=name)
-        result = refine_body(take, worn, database, progress)
+        result = refine_body(fit_take(take, marker_set, None), worn, database, progress)
         subject, changes = worthwhile(worn, result)
         return subject, {"changes": changes} | _changes(result)
     height_m = 1.7 if args.height is None else args.height
     check_height(height_m)
-    subject = subject_from_motion(take, Subject(name, default_skeleton(height_m), marker_set), database, progress)
-    doubtful = subject.residual_m > _DOUBTFUL_M
+    subject = fit_subject(take, database, marker_set, height_m, name, progress)
+    doubtful = subject.residual_m > 0.015  # RMS distance, m: such a body does not explain the motion
     return subject, {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
 
 

@@ -17,7 +17,8 @@ from ...markers.take_frames import is_unnamed
 from ...session.solve_take import fill_take
 from ...subjects.from_motion import subject_from_motion
 from ...system.progress import Progress
-from ..options import add_names_option, add_number, add_text, check_height
+from ..options import add_number, add_text, check_height
+from ..performer_options import add_names_option
 
 
 def add_parser(group: Any) -> None:

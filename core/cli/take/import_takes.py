@@ -6,24 +6,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ...api.solving import SolveRequest, solve_markers
+from ...api.take_reading import fit_take, read_labelled
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
 from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, TakeError
-from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
+from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded
 from ...formats.take_file.take_edits import recover
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
-from ...labelling.take_import import UPS, import_take
-from ...markers.label_matching import AUTO, load_names, match_best_set, rename_labels
+from ...labelling.take_import import UPS
+from ...markers.label_matching import AUTO, load_names, match_best_set
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
-from ...session.save_solved_take import save_imported_take
-from ...solver.marker_selection import worn_in
-from ...solver.settings import METHODS, SolveSettings
+from ...solver.settings import METHODS
 from ...system.progress import Progress
-from ..options import add_choice, add_names_option, add_number, add_text, check_height
-
-_DOUBTFUL_MM = 100.0  # live, solved markers so far off mean that labels or pose are wrong
+from ..options import add_choice, add_number, add_text, check_height
+from ..performer_options import add_names_option
 
 
 def add_parser(group: Any) -> None:
@@ -62,13 +61,13 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     chosen = load_marker_set(args.marker_set) if args.marker_set not in (None, AUTO) else None
     by_take = args.marker_set == AUTO or (args.marker_set is None and args.subject is None)
     subject = None if by_take else _subject(args, chosen)
-    names = load_names(args.names) if args.names is not None else {}
+    names = load_names(args.names) if args.names is not None else None
     kept: list[dict[str, Any]] = []
     failed: list[PerfanimError] = []
+    share = 1.0 / len(args.takes)
     for number, path in enumerate(args.takes):
-        share = 1.0 / len(args.takes)
 
-        def part(fraction: float, text: str, done: float = number * share, share: float = share) -> None:
+        def part(fraction: float, text: str, done: float = number * share) -> None:
             progress(done + share * fraction, text)
 
         try:
@@ -86,52 +85,50 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _subject(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
-    """Return the subject with the markers of the set, or else with its own."""
-    if args.subject is None:
-        assert marker_set is not None  # noqa: S101 - without a subject the labels choose a set
-        return Subject("average body", default_skeleton(args.height), marker_set)
-    subject = load_subject(args.subject)
-    return subject if marker_set is None else subject.wearing(marker_set)
+    """Return the subject with the markers of the set, or with its own; an average body where none is named."""
+    if args.subject is not None:
+        subject = load_subject(args.subject)
+        return subject if marker_set is None else subject.wearing(marker_set)
+    assert marker_set is not None  # noqa: S101 - without a subject the labels choose a set
+    return Subject("average body", default_skeleton(args.height), marker_set)
 
 
 def _import_one(
     args: argparse.Namespace,
     path: Path,
     subject: Subject | None,
-    names: Mapping[str, str],
+    names: Mapping[str, str] | None,
     database: Database,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Write one take and return its facts.
-
-    Without a subject the take's labels choose the marker set.
-    """
+    """Write one take and return its facts; without a subject its labels choose the marker set."""
     progress(0.0, f"reading {path.name}")
     if is_recorded(path):
-        recorded = read_take_file(path)
-        out = unused_path(Path(args.out), recorded.notes.name)
-        recover(recorded, out)
-        warnings = [*recorded.problems, *([] if recorded.poses else [f"{out.stem} has no poses yet: solve it again"])]
-        return {"take": path.name, "frames": recorded.frame_count, "warnings": warnings, "out": str(out)}
-    take = read_take(path)
-    declared = declared_frames(path)
-    warnings = [f"{path.name} holds {take.frames} of {declared} frames"] * (take.frames < declared)
-    take = rename_labels(take, names) if names else take
+        return _copy_recorded(path, Path(args.out))
+    take, declared = read_labelled(path, names), declared_frames(path)
+    warnings = [f"{path.name} holds {take.frames} of {declared} frames"] if take.frames < declared else []
     subject = subject or _subject(args, match_best_set(take.names, str(path)).marker_set)
-    take = import_take(replace(take, name=_stem(path)), subject.marker_set, args.up)
+    take = fit_take(replace(take, name=_stem(path)), subject.marker_set, args.up)
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
-    warnings += [f"not in {path.name}: {', '.join(lacking)}"] * bool(lacking)
+    warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
     out = unused_path(Path(args.out), take.name)
     take = replace(take, name=take_name(out))  # takes of one name differ in a list, too
-    capture = {"imported": str(path), "up": args.up}
-    worn, settings = worn_in(take, subject), SolveSettings(method=args.method)
-    solved = save_imported_take(out, take, worn, database, settings, capture, progress)
+    solved = solve_markers(take, subject, database, SolveRequest(args.method), progress)
+    solved.save(out, capture={"imported": str(path), "up": args.up})
     figures = solved.summary()
-    if not figures["marker_rms_mm"] <= _DOUBTFUL_MM:
+    if not solved.explains_markers():
         off = f"{figures['marker_rms_mm']:.0f} mm off"
         warnings.append(f"no body explains the markers of {path.name} ({off}): check marker set and performer")
     matched = {"marker_set": subject.marker_set.name, "markers": len(subject.marker_set) - len(lacking)}
     return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | figures
+
+
+def _copy_recorded(path: Path, folder: Path) -> dict[str, Any]:
+    recorded = read_take_file(path)
+    out = unused_path(folder, recorded.notes.name)
+    recover(recorded, out)
+    warnings = [*recorded.problems, *([] if recorded.poses else [f"{out.stem} has no poses yet: solve it again"])]
+    return {"take": path.name, "frames": recorded.frame_count, "warnings": warnings, "out": str(out)}
 
 
 def _stem(path: Path) -> str:

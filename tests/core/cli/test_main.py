@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core import __version__
+from perfanim.core.api import solving
 from perfanim.core.cli import main as cli
 from perfanim.core.cli.main import COMMANDS, build_parser, main, summary_text
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import save_subject
-from perfanim.core.session import solve_request
 from perfanim.core.simulate.simulated_markers import simulate_markers
 
 
@@ -65,14 +65,14 @@ def test_summary_for_a_person(inputs, capsys):
 
 def test_a_database_that_is_cut_off_while_it_is_used_gives_no_motion(inputs, tmp_path, capsys, monkeypatch):
     (tmp_path / "some.db").write_bytes((inputs / "good.db").read_bytes())
-    solve_take = solve_request.solve_take
+    solve_take = solving.solve_take
 
     def solve_and_cut(*args):
         solved = solve_take(*args)
         os.truncate(tmp_path / "some.db", (tmp_path / "some.db").stat().st_size - 10)
         return solved
 
-    monkeypatch.setattr(solve_request, "solve_take", solve_and_cut)
+    monkeypatch.setattr(solving, "solve_take", solve_and_cut)
     assert main(solve_line(inputs, tmp_path / "walk.bvh", database=tmp_path / "some.db")) == 1
     assert "is cut off" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["some.db"]
@@ -209,7 +209,7 @@ def test_an_interrupt_exits_with_130(monkeypatch, inputs, tmp_path, capsys):
     def interrupted(*args, **settings):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("perfanim.core.session.solve_request.solve_take", interrupted)
+    monkeypatch.setattr("perfanim.core.api.solving.solve_take", interrupted)
     assert main(solve_line(inputs, tmp_path / "walk.bvh")) == 130
     assert capsys.readouterr().err == "perfanim: interrupted\n"
     assert not any(tmp_path.iterdir())

@@ -176,17 +176,15 @@ def test_trajectories_have_the_labels_of_the_body(film, database_file, run, tmp_
 def test_labels_without_a_body_are_guessed_and_said_to_be(film, run, tmp_path):
     told = run(*film.command("--marker-set", "boxing", "--out", tmp_path / "take.trc"))
     assert told["labels"] == "guessed without a body"
-    assert told["warnings"] == ["labels are guessed without a body; give --subject and --database"]
+    assert told["warnings"] == ["labels are guessed without a body; name the performer and a motion database"]
     assert right_share(read_take(tmp_path / "take.trc"), film.truth) < 0.9  # 0.99 with a body
 
 
 def test_a_take_without_a_performer_is_coped_with(film, bare, run, refused, tmp_path):
     part = tmp_path / "part.perftake"
     told = run(*film.command("--marker-set", "boxing", "--seconds", 0.1, "--out", part))
-    assert (told["frames"], told["labels"]) == (3, "none: perfanim solve gives them by the body")
-    assert told["warnings"] == [
-        "a .perftake without a body holds no marker set: give it to perfanim solve with --skeleton"
-    ]
+    assert (told["frames"], told["labels"]) == (3, "none: solving the take gives them by the body")
+    assert told["warnings"] == ["a .perftake without a body holds no marker set: name it when the take is solved"]
     info = run("take", "info", bare)
     assert (info["frames"], info["complete"], info["poses"], info["subject"], info["markers"]) == (
         64,

@@ -6,7 +6,7 @@ from dataclasses import replace
 from perfanim.core.cli.batch.content_hash import ContentDigests, take_digest
 from perfanim.core.cli.batch.plan import TakePlan
 from perfanim.core.database.store import open_database
-from perfanim.core.session.save_solved_take import save_imported_take
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
@@ -55,7 +55,7 @@ def test_the_database_of_a_recorded_take_counts(truth, subject, database, tmp_pa
     shutil.copyfile(database.path, other)
     take = tmp_path / "walk.perftake"
     settings = SolveSettings(method="nearest")
-    save_imported_take(take, markers, subject, open_database(other), settings, {}, lambda fraction, text: None)
+    solve_take(markers, subject, open_database(other), settings, lambda fraction, text: None).save(take)
     plan = TakePlan("walk", "walk.perftake", str(take))
     before = digest(plan)
     with other.open("ab") as stream:

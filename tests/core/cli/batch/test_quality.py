@@ -7,7 +7,7 @@ import pytest
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.cli.batch.quality import foot_skate_cm_s, quality_figures, why_bad, why_doubtful
-from perfanim.core.session.solve_take import SolvedTake
+from perfanim.core.session.solved_take import SolvedTake
 
 FPS = 50.0
 

@@ -15,7 +15,7 @@ from perfanim.core.cli.batch.take_record import BAD, DOUBTFUL, GOOD, failed_reco
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.session.save_solved_take import save_imported_take
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.lock import lock
 from perfanim.tests.core.cli.batch.conftest import FRAMES, do_here, files, in_others, run
@@ -214,7 +214,7 @@ def test_a_recorded_take_needs_nothing_else(inputs, subject, database, tmp_path)
     """It holds its subject and tells its database and method."""
     markers = read_take(inputs.takes / "a.c3d")
     settings = SolveSettings(method="nearest")
-    save_imported_take(tmp_path / "a.perftake", markers, subject, database, settings, {}, lambda fraction, text: None)
+    solve_take(markers, subject, database, settings, lambda fraction, text: None).save(tmp_path / "a.perftake")
     recorded = plan_of([str(tmp_path / "a.perftake")], {}).takes
     record = run(recorded, tmp_path / "out").records[0]
     assert record.status in (GOOD, DOUBTFUL)

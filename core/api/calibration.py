@@ -1,0 +1,117 @@
+"""Calibration of cameras and performers, as commands and scripts ask for it."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..body.standard_skeleton import default_skeleton
+from ..database.store import Database
+from ..errors import SettingsError
+from ..markers.label_matching import AUTO, match_labels
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+from ..subjects import pose_calibration
+from ..subjects.from_motion import subject_from_motion
+from ..subjects.pose_calibration import SubjectCalibration, calibrate_markers, calibration_points, pose_points
+from ..subjects.prototype_bodies import load_bodies
+from ..system.files import is_file
+from ..system.progress import Progress, no_progress
+from .take_reading import choose_worn
+
+if TYPE_CHECKING:
+    from ..vision.calibration.calibrate import CalibrationResult
+
+
+def calibrate_cameras(
+    sources: Mapping[str, Path | str],
+    board: str,
+    progress: Progress = no_progress,
+    *,
+    left_right: bool = False,
+) -> "CalibrationResult":
+    """Return the cameras that see a board: lenses, poses, and how far to trust them.
+
+    Args:
+        sources: Pictures of the board by camera name: folders or patterns of images, or videos.
+        board: `chessboard:9x6:24.23mm` (inner corners, edge of a square) or `charuco:7x5:40mm:30mm:DICT_4X4_50`.
+        progress: Called with the fraction done and the activity.
+        left_right: Refuse pictures whose first camera stands to the right of the second.
+
+    Raises:
+        SettingsError: Some sources are videos and some are pictures, or the board is not described like that.
+        CalibrationError: The board was found too rarely, or the pictures do not determine the cameras.
+    """
+    from ..vision.calibration.calibrate_images import calibrate_images  # OpenCV is slow to load
+    from ..vision.calibration.calibrate_videos import calibrate_videos
+    from ..vision.calibration.calibration_board import parse_board
+    from ..vision.sources.image_file_source import is_image_pattern
+
+    patterns = {name: str(source) for name, source in sources.items()}
+    videos = [name for name, pattern in patterns.items() if is_file(pattern) and not is_image_pattern(pattern)]
+    if videos and len(videos) < len(patterns):
+        still = next(name for name in patterns if name not in videos)
+        advice = "give videos of all cameras, or pictures of all"
+        raise SettingsError(f"{videos[0]} is a video and {still} is not", advice=advice)
+    calibrate = calibrate_videos if videos else calibrate_images
+    return calibrate(patterns, parse_board(board), progress, left_right=left_right)
+
+
+def calibrate_subject(
+    take: MarkerTake,
+    marker_set: MarkerSet | Path | str = AUTO,
+    poses: str | Sequence[str] = "t",
+    name: str = "performer",
+    seconds: float = 1.0,
+    known: Subject | None = None,
+) -> SubjectCalibration:
+    """Return the skeleton and marker offsets of a performer who holds calibration poses.
+
+    Args:
+        take: Take that shows the poses, with y up.
+        marker_set: Marker set that is worn, see `load_take`.
+        poses: The pose held at the first moment of standing still; or several, each found wherever it is held.
+        name: Name of the performer.
+        seconds: Time for which each pose is held, s, above 0.
+        known: Performer whose bones are kept, so that the markers alone are measured.
+
+    Raises:
+        SubjectError: A pose is not held, or too few markers are seen.
+    """
+    worn = choose_worn(marker_set, take)
+    take = match_labels(take.names, worn).rename(take)
+    held = (poses,) if isinstance(poses, str) else tuple(poses)
+    if isinstance(poses, str):
+        points_m = calibration_points(take, worn, seconds)
+    else:
+        points_m = pose_points(take, worn, held, seconds)
+    if known is not None:
+        return calibrate_markers(points_m, worn, known, name, *held)
+    return pose_calibration.calibrate_subject(points_m, worn, load_bodies(), name, *held)
+
+
+def fit_subject(
+    take: MarkerTake,
+    database: Database,
+    marker_set: MarkerSet | Path | str = AUTO,
+    height_m: float = 1.75,
+    name: str = "performer",
+    progress: Progress = no_progress,
+) -> Subject:
+    """Return the skeleton and marker offsets of a performer from motion alone: no pose need be held.
+
+    Args:
+        take: Take with y up; at most its first 300 frames are used.
+        database: Motion database with motion like the take's.
+        marker_set: Marker set that is worn, see `load_take`; its usual offsets guide the fit.
+        height_m: Rough body height, 1 to 2.5 m.
+        name: Name of the performer.
+        progress: Called with the fraction done and the activity.
+
+    Raises:
+        SubjectError: Too few frames could be explained.
+        TakeError: The take lacks torso markers.
+    """
+    worn = choose_worn(marker_set, take)
+    start = Subject(name, default_skeleton(height_m), worn)
+    return subject_from_motion(match_labels(take.names, worn).rename(take), start, database, progress)

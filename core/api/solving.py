@@ -1,0 +1,280 @@
+"""Solving of takes, as commands and scripts ask for it."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..body.foot_lock import floor_of, hold_feet
+from ..body.motion import Motion
+from ..body.scene_pose import doubtful_stretches
+from ..body.skeleton import marker_positions
+from ..database.store import Database, check_file, identity
+from ..errors import DatabaseError, SubjectError, TakeError
+from ..formats.markers.recorded_take import marker_take
+from ..formats.take_file.take_reader import TakeFile
+from ..geometry.arrays import runs
+from ..geometry.camera import CameraRig
+from ..markers.filtering import smooth_motion, smooth_take
+from ..markers.marker_take import MarkerTake
+from ..markers.prop import Prop
+from ..markers.subject import Subject
+from ..markers.take_frames import is_unnamed
+from ..session.capture_setup import CaptureSetup
+from ..session.session_cache import SessionCache
+from ..session.solve_take import solve_recorded, solve_take
+from ..session.solved_take import SolvedTake
+from ..solver.marker_selection import choose_markers, with_markers, worn_in
+from ..solver.settings import SolveSettings
+from ..subjects.refine_body import refine_body
+from ..subjects.refinement_text import worthwhile
+from ..system.progress import Progress, no_progress
+from .take_reading import fit_take
+
+Facts = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class SolveRequest:
+    """How a take is solved.
+
+    Args:
+        method: Solver method, one of `METHODS`; None for "best", or for the method a recorded take was solved with.
+        causal: Solve each frame by earlier frames alone, as live; by default in both directions.
+        refine_body: First correct the performer's bones and marker offsets by this take.
+        smooth_hz: Cut-off frequency of a low-pass without lag, Hz, of a marker take's trajectories and of the motion;
+            walking keeps its shape from 6 Hz up. None for no low-pass.
+        feet: Feet to hold in place, one of `FEET`: "auto" for those that stand, "always" for the lower one.
+        markers: Markers of a marker take to solve with, or the number to choose; None for all. The others then measure
+            the error.
+    """
+
+    method: str | None = None
+    causal: bool = False
+    refine_body: bool = False
+    smooth_hz: float | None = None
+    feet: str = "off"
+    markers: int | Sequence[str] | None = None
+
+
+AS_USUAL = SolveRequest()
+
+
+def solve(
+    take: MarkerTake | TakeFile,
+    subject: Subject | None = None,
+    database: Database | Path | str | None = None,
+    request: SolveRequest = AS_USUAL,
+    progress: Progress = no_progress,
+) -> SolvedTake:
+    """Return the full-body poses and motion of a take.
+
+    Args:
+        take: Marker take as `load_take` returns it, or recorded take.
+        subject: Performer; None for the one that a recorded take names.
+        database: Motion database or its file; None for the one that a recorded take names.
+        request: How to solve.
+        progress: Called with the fraction done and the activity.
+
+    Raises:
+        SubjectError: No performer is known.
+        TakeError: The take has too few markers of the performer.
+        DatabaseError: The database is missing, damaged or changed while it was used.
+    """
+    if isinstance(take, TakeFile):
+        return solve_recording(take, request, RecordingChanges(subject), database, progress)
+    if subject is None or database is None:
+        error, lacking = (SubjectError, "performer") if subject is None else (DatabaseError, "motion database")
+        raise error(f"names no {lacking}", where=take.name, advice="give one with the take")
+    return solve_markers(fit_take(take, subject.marker_set, None), subject, database, request, progress)
+
+
+def solve_markers(
+    take: MarkerTake,
+    subject: Subject,
+    database: Database | Path | str,
+    request: SolveRequest = AS_USUAL,
+    progress: Progress = no_progress,
+    cache: SessionCache | None = None,
+) -> SolvedTake:
+    """Solve a take with y up and the names of the subject's marker set; arguments and errors are those of `solve`.
+
+    Args:
+        cache: Shared by takes that are solved one after another.
+    """
+    cache = cache or SessionCache()
+    opened, settings = _opened(database, cache), SolveSettings(method=request.method or "best")
+    if request.smooth_hz is not None:
+        take = smooth_take(take, request.smooth_hz)
+    subject, changes = _refined(take, subject, opened, request, progress)
+    worn, choice = _choose_worn(take, subject, opened, request.markers)
+    solved = solve_take(take, worn, opened, settings, progress, cache.session, request.causal)
+    check_file(opened)
+    if request.markers is not None:
+        choice["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)
+    report = {
+        "method": settings.method,
+        "marker_set": subject.marker_set.name,
+        "markers": sum(name in take.names for name in subject.marker_set.names),
+        "warnings": _label_differences(take, subject),
+    }
+    return _finished(solved, request, None, report | changes | choice)
+
+
+@dataclass(frozen=True)
+class RecordingChanges:
+    """What replaces the set-up of a recorded take; empty values keep it.
+
+    Args:
+        subject: First, or only, performer.
+        performers: Further performers.
+        rig: Calibrated cameras, with which the 2D detections are triangulated again.
+    """
+
+    subject: Subject | None = None
+    performers: Sequence[Subject] = ()
+    props: Sequence[Prop] = ()
+    rig: CameraRig | None = None
+
+
+def solve_recording(
+    take: TakeFile,
+    request: SolveRequest = AS_USUAL,
+    changes: RecordingChanges = RecordingChanges(),
+    database: Database | Path | str | None = None,
+    progress: Progress = no_progress,
+    cache: SessionCache | None = None,
+) -> SolvedTake:
+    """Solve a recorded take again; arguments and errors are those of `solve`.
+
+    Args:
+        cache: Shared by takes that are solved one after another.
+    """
+    cache, where, recorded = cache or SessionCache(), str(take.path), take.setup.subjects()
+    rig, frames = take.setup.camera_rig(), take.frames
+    if changes.rig is not None:
+        from ..vision.synchronise import retriangulate  # OpenCV is slow to load
+
+        progress(0.0, "triangulating the markers again")
+        rig = changes.rig
+        frames = tuple(retriangulate(rig, frames))
+    subject = changes.subject or (recorded[0] if recorded else None)
+    if subject is None:
+        raise SubjectError("names no performer", where=where, advice="name a subject, or a skeleton and a marker set")
+    settings, named = _settings(take, request.method), take.setup.database.get("path", "")
+    if database is None and not named:
+        raise TakeError("names no motion database", where=where, advice="name one")
+    opened = _opened(named if database is None else database, cache)
+    subject, refined = _refined(take, subject, opened, request, progress)
+    setup = CaptureSetup(
+        rig,
+        (subject, *(changes.performers or recorded[1:])),
+        tuple(changes.props or take.setup.carried_props()),
+        opened,
+        settings,
+    )
+    solved = solve_recorded(take, frames, setup, progress, cache.session, request.causal)
+    check_file(opened)
+    has_changed = database is None and identity(opened)["sha256"] != take.setup.database.get("sha256")
+    report = {
+        "method": settings.method,
+        "warnings": [*take.problems, *([f"{named} has changed since the take was recorded"] if has_changed else [])],
+        "complete": take.complete,
+    }
+    return _finished(solved, request, floor_of(rig), report | refined | _recorded_figures(solved, setup))
+
+
+def _opened(database: Database | Path | str, cache: SessionCache) -> Database:
+    return database if isinstance(database, Database) else cache.database(database)
+
+
+def _refined(
+    take: MarkerTake | TakeFile, subject: Subject, database: Database, request: SolveRequest, progress: Progress
+) -> tuple[Subject, Facts]:
+    """Return the subject corrected by the take, if asked for, and the changes in words."""
+    if not request.refine_body:
+        return subject, {}
+    labelled = marker_take(take) if isinstance(take, TakeFile) else take
+    found = refine_body(labelled, subject, database, lambda share, text: progress(0.2 * share, text))
+    subject, changes = worthwhile(subject, found)
+    return subject, {"changes": changes}
+
+
+def _choose_worn(
+    take: MarkerTake, subject: Subject, database: Database, markers: int | Sequence[str] | None
+) -> tuple[Subject, Facts]:
+    """Return the subject with the markers to solve with, and facts about their choice."""
+    if markers is None:
+        return worn_in(take, subject), {}
+    if not isinstance(markers, int):
+        worn = with_markers(subject, list(markers))
+        return worn, {"used": list(worn.marker_set.names)}
+    seen = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
+    choice = choose_markers(subject, database, markers, seen)
+    expected_mm = (1e3 * choice.expected_m).round(1).tolist()
+    return with_markers(subject, choice.names), {"used": list(choice.names), "expected_mm": expected_mm}
+
+
+def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: Motion) -> float:
+    """Return the RMS distance of the markers that were not solved with, NaN without any."""
+    left_out = [n for n in subject.marker_set.names if n in take.names and n not in worn.marker_set.names]
+    if not left_out:
+        return float("nan")
+    rest = subject.marker_set.subset(left_out)
+    joints = rest.joint_indices(motion.skeleton)
+    solved = marker_positions(motion.skeleton, joints, rest.offsets_m, motion.rotations, motion.root_positions_m)
+    measured = take.positions_m[:, [take.names.index(name) for name in rest.names]]
+    return float(np.sqrt(np.nanmean(np.sum((solved - measured) ** 2, axis=-1))))
+
+
+def _label_differences(take: MarkerTake, subject: Subject) -> list[str]:
+    """Return warnings about labels that only the take or only the subject has."""
+    if is_unnamed(take):
+        return []
+    worn = subject.marker_set.names
+    lacking = ", ".join(name for name in worn if name not in take.names)
+    unused = ", ".join(name for name in take.names if name not in worn)
+    warnings = [f"not in the take: {lacking}"] if lacking else []
+    return [*warnings, f"not in the marker set, left out: {unused}"] if unused else warnings
+
+
+def _settings(take: TakeFile, method: str | None) -> SolveSettings:
+    """Return the recorded settings, with another method if one is named."""
+    given = dict(take.setup.settings) | ({"method": method} if method else {})
+    try:
+        return SolveSettings.of_table(given)
+    except TypeError as error:
+        raise TakeError(f"was solved with settings that are unknown here ({error})", where=str(take.path)) from error
+
+
+def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
+    """Return the stretches of interest, in seconds from the start, and figures of props and further performers."""
+    times_s = [pose.time_s - solved.poses[0].time_s for pose in solved.poses]
+    figures: Facts = {
+        "relabelled": [
+            {"start_s": times_s[start], "stop_s": times_s[stop - 1]} for start, stop in runs(solved.relabelled)
+        ],
+        "doubtful": [asdict(stretch) for stretch in doubtful_stretches(solved.poses_of())],
+    }
+    poses = solved.recorded_poses()
+    if setup.props:
+        found = ([pose.props[index].found for pose in poses] for index in range(len(setup.props)))
+        figures["props"] = {prop.name: sum(row) / len(poses) for prop, row in zip(setup.props, found, strict=True)}
+    if setup.performers[1:]:
+        figures["performers"] = [
+            {"name": subject.name, "confidence": float(np.mean([pose.performers[index].confidence for pose in poses]))}
+            for index, subject in enumerate(setup.performers[1:], 1)
+        ]
+    return figures
+
+
+def _finished(solved: SolvedTake, request: SolveRequest, floor_m: float | None, report: Facts) -> SolvedTake:
+    """Return the take with smoothed motions, feet held in place, and the report."""
+    motions = solved.motions
+    if request.smooth_hz is not None:
+        motions = tuple(smooth_motion(motion, request.smooth_hz) for motion in motions)
+    if request.feet != "off":
+        motions = tuple(hold_feet(motion, request.feet, floor_m) for motion in motions)
+    return replace(solved, motions=motions, report=report)

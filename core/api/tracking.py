@@ -1,0 +1,321 @@
+"""Tracking of markers in images of calibrated cameras: to trajectories, or to a recorded take."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..database.store import Database, identity
+from ..errors import SettingsError, TakeError
+from ..formats.markers.marker_files import is_recorded, read_take, write_take
+from ..formats.markers.recorded_take import take_of_poses
+from ..formats.take_file.take_reader import read_take_file
+from ..formats.take_file.take_setup import TakeSetup
+from ..formats.take_file.take_writer import record_frames
+from ..formats.take_file.whole_take import write_whole_take
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import save_rig
+from ..labelling.trajectory_linking import track_markers
+from ..labelling.trajectory_naming import match_trajectories, name_trajectories
+from ..markers.floor_from_feet import floor_points, to_rig_world
+from ..markers.marker_frame import MarkerFrame
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+from ..session.multi_target_session import MultiTargetSession
+from ..session.session import Session
+from ..session.solve_take import solve_frames
+from ..system.files import atomic_path
+from ..system.progress import Progress, no_progress
+from ..vision.calibration.rig_on_floor import rig_on_floor
+from ..vision.detection.blob_detector import DetectionSettings
+from ..vision.image_take import image_take
+from ..vision.pipeline import MarkerPipeline
+from ..vision.reprojection import labelled_rms_px
+from ..vision.sources.source_kinds import open_image_source
+from ..vision.synchronise import synchronise_frames
+
+Facts = dict[str, Any]
+
+_LATER = "none: solving the take gives them by the body"
+
+
+@dataclass(frozen=True)
+class _Settings:
+    background_samples: int = 31  # images of the take from which its background is learned
+    empty_samples: int = 240  # images without the performer from which the background is learned, at most
+    worn_share: float = 0.25  # share of the frames that show all markers worn: single ones are hidden more often
+
+
+_SETTINGS = _Settings()
+
+
+@dataclass(frozen=True)
+class TrackRequest:
+    """Images to track, and the take to write.
+
+    Args:
+        rig: Calibrated cameras, one for each source.
+        sources: Videos, folders or patterns of images, device numbers, addresses of streams.
+        out: Marker take to write (`.take.npz`, `.trc`, `.csv`, `.c3d`), or recorded take (`.perftake`) with all that
+            the cameras saw, without labels.
+        marker_set: Names the trajectories; None for M01, M02, ...
+        subject: Performer with this marker set, if known.
+        database: Motion database, by which the subject labels the trajectories; a recorded take only names it.
+        background: Images without the performer, one source per camera; empty to learn it from the take itself.
+        threshold: Grey levels by which a marker is brighter than the background; None for automatic.
+        fps: Frames per second, where the sources do not tell.
+        seconds: Time to stop after, s; cameras need it.
+        markers: Number of markers worn, 1 to 200; None for the set's, or for as many as are seen most of the time.
+        time_offsets: Bring the markers of a camera that is found to be late to the time of the others.
+        floor: World of the take: "camera" for the left camera's level, "feet" for the floor under the feet, y = 0.
+        level_rig: File for the calibration in the world of the feet.
+        truth: Marker take to compare with, frame by frame.
+    """
+
+    rig: CameraRig
+    sources: Sequence[str]
+    out: str
+    marker_set: MarkerSet | None = None
+    subject: Subject | None = None
+    database: Database | None = None
+    background: Sequence[str] = ()
+    threshold: float | None = None
+    fps: float | None = None
+    seconds: float | None = None
+    markers: int | None = None
+    time_offsets: bool = True
+    floor: str = "camera"
+    level_rig: str | None = None
+    truth: str | None = None
+
+    @property
+    def worn(self) -> int | None:
+        """Number of markers worn; None where it is not known."""
+        return len(self.marker_set) if self.marker_set else self.markers
+
+    @property
+    def name(self) -> str:
+        """Name of the take."""
+        return Path(self.out).name.removesuffix(".npz").removesuffix(".take").split(".")[0] or "take"
+
+
+def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
+    """Track the markers, write the take, and return figures and warnings.
+
+    Raises:
+        CaptureError: A source cannot be opened.
+        SettingsError: A camera is tracked without an end.
+        TakeError: No markers were found, or not those of the performer.
+        FormatError: The output cannot be written.
+    """
+    spent_s: list[float] = []
+    with closing(
+        open_image_source(*request.sources, fps=request.fps, size=request.rig.cameras[0].image_size)
+    ) as source:
+        pipeline = _pipeline(request, source, progress)
+        frames = _detect(request, pipeline, source, spent_s, progress)
+        if is_recorded(request.out):
+            facts = _record(request, frames, keep_cut=_is_endless(source))
+        else:
+            facts = _write_trajectories(request, tuple(frames), source.fps, progress)
+    return facts | {
+        "frames_per_s": len(spent_s) / max(sum(spent_s), 1e-9),
+        "warnings": [*getattr(source, "warnings", ()), *facts["warnings"]],
+        "out": request.out,
+    }
+
+
+def _pipeline(request: TrackRequest, source: Any, progress: Progress) -> MarkerPipeline:
+    pipeline = make_pipeline(request.rig, request.threshold, request.background, progress)
+    if not request.background and not _is_endless(source):
+        samples = list(source.samples(_SETTINGS.background_samples))
+        if len(samples) > 1:
+            pipeline.learn_from_take(samples)
+    return pipeline
+
+
+def _detect(
+    request: TrackRequest, pipeline: MarkerPipeline, source: Any, spent_s: list[float], progress: Progress
+) -> Iterator[MarkerFrame]:
+    """Yield the marker frames; add the time that each took."""
+    if request.seconds is None and _is_endless(source):
+        raise SettingsError("a camera has no end", advice="say how many seconds to record")
+    total = int(getattr(source, "frames", 0)) or round((request.seconds or 0.0) * source.fps)
+    for done, images in enumerate(source):
+        if request.seconds is not None and max(images.times_s) >= request.seconds:
+            return
+        if done % 10 == 0:
+            progress(0.6 * min(1.0, done / max(total, 1)), f"frame {done} of {total}")
+        start = time.perf_counter()
+        frame = pipeline.process(images)
+        spent_s.append(time.perf_counter() - start)
+        yield frame
+
+
+def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: bool) -> Facts:
+    """Write a recorded take while its frames come, and return its figures."""
+    performers = (request.subject,) if request.subject is not None else ()
+    known = identity(request.database) if request.database is not None else {}
+    capture = {"tracked": list(request.sources), "threshold": request.threshold}
+    setup = TakeSetup.of(request.rig, performers, {}, known, capture)
+    written = record_frames(Path(request.out), setup, frames, keep_cut=keep_cut)
+    try:
+        take = read_take_file(written)
+        moved, facts = _synchronise(request, take.frames)
+        if facts.get("time_offsets_applied"):
+            stamps_s = [stamp_s for stamp_s, _ in take.stamped_frames]
+            write_whole_take(written, setup, take.notes, list(zip(stamps_s, moved, strict=True)), [])
+        with atomic_path(request.out) as temporary:
+            written.replace(temporary)
+    finally:
+        written.unlink(missing_ok=True)
+    if request.marker_set is not None and request.subject is None:
+        facts["warnings"].append("a .perftake without a body holds no marker set: name it when the take is solved")
+    return facts | {"names": [], "labels": _LATER}
+
+
+def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
+    """Return the frames at one time of all cameras, and their figures."""
+    aligned: Facts = {}
+    if len(request.rig) > 1 and request.time_offsets:
+        frames, offsets = synchronise_frames(request.rig, frames)
+        aligned = {
+            "time_offsets_ms": [1e3 * offset.offset_s if offset.is_found else None for offset in offsets],
+            "time_offset_sigmas_ms": [1e3 * offset.sigma_s if offset.is_found else None for offset in offsets],
+            "time_offsets_applied": any(offset.is_certain for offset in offsets),
+        }
+    return frames, _frame_facts(request.rig, frames, request.worn) | aligned
+
+
+def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps: float, progress: Progress) -> Facts:
+    frames, facts = _synchronise(request, seen)
+    found: Facts = {"labels": _LATER, "warnings": []}
+    progress(0.6, "labelling")
+    if len(request.rig) == 1 and request.database is None:
+        take = image_take(frames, request.rig, request.name, fps)
+    else:
+        labelled = request.database is not None
+        take, found = _label(request, frames, fps, progress) if labelled else _guess(request, frames, fps)
+        found |= {
+            "markers": len(take.names),
+            "visible_fraction": float(take.visible.mean()),
+            "all_visible_fraction": float(take.visible.all(axis=1).mean()),
+        }
+    if request.truth:
+        found |= _compare_takes(take, read_take(request.truth))
+    if request.floor == "feet" and request.marker_set is not None:
+        take = _moved_to_floor(request, take, request.marker_set)
+    write_take(take, request.out)
+    return facts | found | {"names": list(take.names), "warnings": facts["warnings"] + found["warnings"]}
+
+
+def _label(
+    request: TrackRequest, frames: Sequence[MarkerFrame], fps: float, progress: Progress
+) -> tuple[MarkerTake, Facts]:
+    """Return the take with the labels of a session, and figures of the fit."""
+    assert request.subject is not None and request.database is not None  # noqa: S101 - checked with the options
+    session = Session(request.subject, request.database, request.rig)
+
+    def after_detection(fraction: float, text: str) -> None:
+        progress(0.6 + 0.4 * fraction, text)
+
+    solved = solve_frames(frames, MultiTargetSession([session]), "labelling", after_detection)
+    name = request.subject.name
+    take = take_of_poses(solved.poses_of(), request.subject.marker_set.names, request.name, fps, request.rig)
+    measured, advice = solved.summary(), "check the subject and the marker set"
+    if not any(np.isfinite(pose.marker_rms_m) for pose in solved.poses_of()):
+        raise TakeError(f"no frame shows the body of {name}", advice=advice)
+    off_mm = measured["marker_rms_mm"]
+    wrong = f"the body of {name} does not explain the markers ({off_mm:.0f} mm off): {advice}"
+    return take, {
+        "labels": f"by the body of {name}",
+        "one_camera_fraction": float(np.mean([pose.single_cameras >= 0 for pose in solved.poses_of()])),
+        "marker_rms_mm": off_mm,
+        "confidence": measured["confidence"],
+        "warnings": [wrong] * (not solved.explains_markers()),
+    }
+
+
+def _guess(request: TrackRequest, frames: Sequence[MarkerFrame], fps: float) -> tuple[MarkerTake, Facts]:
+    """Return the take of two or more cameras with labels by votes, and its figures."""
+    tracking = track_markers(frames, request.name, fps, request.worn)
+    take = name_trajectories(tracking.take, request.marker_set) if request.marker_set else tracking.take
+    return take, {
+        "labels": "guessed without a body",
+        "reprojection_rms_px": labelled_rms_px(request.rig, frames, tracking.labels),
+        "false_pieces": tracking.dropped_tracklets,
+        "warnings": ["labels are guessed without a body; name the performer and a motion database"],
+    }
+
+
+def _moved_to_floor(request: TrackRequest, take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
+    """Return the take with its floor at y = 0; write that calibration if requested."""
+    level = rig_on_floor(request.rig, floor_points(take, marker_set))
+    if request.level_rig:
+        save_rig(level, request.level_rig)
+    return to_rig_world(take, request.rig, level)
+
+
+def make_pipeline(
+    rig: CameraRig, threshold: float | None, background: Sequence[str], progress: Progress
+) -> MarkerPipeline:
+    """Return a pipeline that has learned the background from sources without the performer, if there are any."""
+    pipeline = MarkerPipeline(rig, DetectionSettings(threshold=threshold))
+    progress(0.0, "learning the background")
+    if background:
+        with closing(open_image_source(*background)) as empty:
+            pipeline.learn_empty(empty.samples(_SETTINGS.empty_samples))
+    return pipeline
+
+
+def _is_endless(source: Any) -> bool:
+    return int(getattr(source, "frames", 0)) <= 0
+
+
+def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None) -> Facts:
+    """Return the figures of markers without labels; without `worn`, as many are worn as a quarter of the frames show.
+
+    Raises:
+        TakeError: No frame shows any markers.
+    """
+    points = np.array([len(frame.points_m) for frame in frames])
+    rays = np.array([len(frame.single_points) for frame in frames])
+    shown = np.sort(rays if len(rig) == 1 else points)[::-1]
+    if not shown.any():
+        advice = "check the threshold, the cameras' order and the calibration"
+        raise TakeError("hardly any markers were found", advice=advice)
+    worn = worn or max(int(shown[int(_SETTINGS.worn_share * len(shown))]), 1)
+    located = np.minimum(points, worn)
+    return {
+        "frames": len(frames),
+        "lost_frames": frames[-1].number - frames[0].number + 1 - len(frames),
+        "markers": worn,
+        "visible_fraction": float(np.mean(located / worn)),
+        "all_visible_fraction": float(np.mean(points >= worn)),
+        "one_camera_fraction": float(np.mean(np.minimum(rays, worn - located) / worn)),
+        "reprojection_rms_px": labelled_rms_px(rig, frames, [np.arange(n) for n in points]) if points.any() else None,
+        "warnings": list(dict.fromkeys(note for frame in frames for note in frame.notes)),
+    }
+
+
+def _compare_takes(take: MarkerTake, truth: MarkerTake) -> Facts:
+    """Return the distances to true trajectories, paired to fit best over the take."""
+    frames = min(take.frames, truth.frames)
+    own, other = take.positions_m[:frames], truth.positions_m[:frames]
+    # a truth in the left camera's frame (x right, y down, z forward) is turned into the world
+    turned = other * np.array([1.0, -1.0, -1.0])
+    if np.nanmedian(np.abs(own[..., 2] - turned[..., 2])) < np.nanmedian(np.abs(own[..., 2] - other[..., 2])):
+        other = turned
+    rows, columns = match_trajectories(own, other)
+    distance = np.linalg.norm(own[:, rows] - other[:, columns], axis=2)
+    return {
+        "truth_frames": frames,
+        "truth_pairs": {take.names[r]: truth.names[c] for r, c in zip(rows, columns, strict=True)},
+        "distance_median_mm": 1000.0 * float(np.nanmedian(distance)),
+        "distance_p95_mm": 1000.0 * float(np.nanpercentile(distance, 95)),
+    }

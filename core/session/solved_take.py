@@ -1,0 +1,159 @@
+"""A solved take: its poses and motions, and the files that it becomes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..body.motion import Motion
+from ..body.scene_pose import PerformerPose, ScenePose
+from ..body.standard_skeleton import JOINT_NAMES
+from ..errors import FormatError
+from ..formats.markers.marker_files import is_recorded
+from ..formats.markers.prop_csv import write_prop_csv
+from ..formats.motion.write_motion import MOTION_ENDINGS, write_motion
+from ..formats.take_file.chunks import ChunkKind
+from ..formats.take_file.pose_codec import TimedPose
+from ..formats.take_file.take_reader import TakeFile
+from ..formats.take_file.take_setup import TakeNotes
+from ..formats.take_file.whole_take import write_whole_take
+from ..geometry.arrays import Array, Mask
+from ..markers.marker_frame import MarkerFrame
+from ..retarget.joint_naming import OWN
+from ..solver.settings import SolveSettings
+from ..system.outputs import check_no_input
+from .capture_setup import CaptureSetup
+
+
+@dataclass(frozen=True)
+class SolvedTake:
+    """Poses and motions of a take.
+
+    Args:
+        poses: Poses of all performers and props, one for each frame.
+        motions: Motion of each performer at a steady rate, the first one first.
+        seconds: Computing time of each frame (F,), without the second pass of a solve in both directions.
+        relabelled: Frames (F,) whose labels were proven by later frames.
+        setup: Cameras, performers, props, database and settings of this solve; None for poses alone.
+        frames: Marker frames, each with the time at which it arrived, s.
+        recording: Recorded take that was solved again; None for a marker take.
+        report: Warnings and figures of this solve, by their names in the `solve` command's JSON object.
+    """
+
+    poses: tuple[ScenePose, ...]
+    motions: tuple[Motion, ...]
+    seconds: Array
+    relabelled: Mask
+    setup: CaptureSetup | None = None
+    frames: Sequence[tuple[float, MarkerFrame]] = ()
+    recording: TakeFile | None = None
+    report: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def motion(self) -> Motion:
+        """Motion of the only, or the first, performer."""
+        return self.motions[0]
+
+    def poses_of(self, performer: int = 0) -> list[PerformerPose]:
+        """Return the poses of one performer, counted from 0."""
+        return [pose.performers[performer] for pose in self.poses]
+
+    def recorded_poses(self) -> list[ScenePose]:
+        """Return the poses between the countdown and the automatic end of a recording."""
+        return [pose for pose in self.poses if self.recording is None or self.recording.is_recorded(pose.number)]
+
+    def summary(self) -> dict[str, float | int]:
+        """Return the `solve` command's figures; errors and confidence are the first performer's."""
+        first = self.poses_of()
+        rms = np.array([pose.marker_rms_m for pose in first])
+        return {
+            "frames": len(self.poses),
+            "marker_rms_mm": 1e3 * float(np.sqrt(np.nanmean(rms**2))) if np.isfinite(rms).any() else float("nan"),
+            "ms_per_frame_median": 1e3 * float(np.median(self.seconds)),
+            "ms_per_frame_p99": 1e3 * float(np.percentile(self.seconds, 99)),
+            "confidence": float(np.mean([pose.confidence for pose in first])),
+        }
+
+    def explains_markers(self) -> bool:
+        """Return whether solved and measured markers agree within 100 mm RMS; with wrong labels they do not."""
+        return self.summary()["marker_rms_mm"] <= 100.0
+
+    def joint_errors_deg(self) -> dict[str, float]:
+        """Return the mean expected error of each joint but the root, {} if unknown.
+
+        The errors are the first performer's; 95 % of the actual errors are within twice the expected.
+        """
+        known = [pose.joint_errors_deg for pose in self.poses_of() if len(pose.joint_errors_deg)]
+        return dict(zip(JOINT_NAMES[1:], np.mean(known, axis=0).tolist(), strict=True)) if known else {}
+
+    def save(
+        self,
+        path: Path | str,
+        units: str = "m",
+        naming: str = OWN,
+        rate_hz: float | None = None,
+        capture: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Write the motion, or the whole take; the ending of the file's name chooses.
+
+        Motions of further performers and poses of props are written beside the motion, see `motion_paths`.
+
+        Args:
+            path: Motion (`.bvh`, `.angles.csv`, `.vrma`) or recorded take (`.perftake`); an existing file is replaced.
+            units: Unit of lengths in BVH files, "m" or "cm".
+            naming: Names of the joints in BVH and CSV files, one of `NAMINGS`.
+            rate_hz: Frames per second of the motion; None for the take's own.
+            capture: Origin of the markers, kept in a recorded take that is made of a marker take.
+
+        Raises:
+            FormatError: Nothing with this ending can be written, or the path cannot be, or is the take itself.
+        """
+        if is_recorded(path):
+            self._save_take(path, capture or {})
+            return
+        for motion, out in zip(self.motions, self.motion_paths(path), strict=True):
+            write_motion(motion, out, units, naming, rate_hz)
+        for index, prop in enumerate(self.setup.props if self.setup else ()):
+            out = Path(path).with_name(f"{Path(path).stem}.{_plain(prop.name)}.csv")
+            write_prop_csv(self.recorded_poses(), index, prop.name, self.motion.fps, out)
+
+    def motion_paths(self, path: Path | str) -> list[Path]:
+        """Return the motion file of each performer: `path`, then files named after the further performers."""
+        first = Path(path)
+        ending = next((ending for ending in MOTION_ENDINGS if first.name.lower().endswith(ending)), first.suffix)
+        stem = first.name[: len(first.name) - len(ending)]
+        names = [subject.name for subject in self.setup.performers[1:]] if self.setup else []
+        unlike = [name if names.count(name) == 1 else f"{name}-{number}" for number, name in enumerate(names, 2)]
+        return [first, *(first.with_name(f"{stem}.{_plain(name)}{ending}") for name in unlike)]
+
+    def _save_take(self, path: Path | str, capture: Mapping[str, Any]) -> None:
+        """Write a recorded take; of one that was solved again the notes and events are kept."""
+        if self.setup is None:
+            raise FormatError("cannot be written: the markers of these poses are unknown", where=str(path))
+        take, stamps_s = self.recording, [stamp_s for stamp_s, _ in self.frames]
+        poses = [
+            TimedPose(pose, stamp_s, float(seconds))
+            for pose, stamp_s, seconds in zip(self.poses, stamps_s, self.seconds, strict=True)
+        ]
+        if take is None:
+            write_whole_take(path, self.setup.tables(capture), TakeNotes(self.motion.name), list(self.frames), poses)
+            return
+        check_no_input(path, [take.path])
+        before, tables = take.setup, self.setup.tables(take.setup.capture)
+        name = take.notes.name.removesuffix(f" ({before.settings.get('method', SolveSettings().method)})")
+        notes = TakeNotes(
+            f"{name} ({self.setup.settings.method})",
+            take.notes.notes,
+            take.notes.rating,
+            recorded=take.notes.recorded,
+        )
+        events = [bytes(chunk.payload) for chunk in take.chunks if chunk.kind == ChunkKind.EVENT]
+        tables = replace(tables, created=before.created, software=before.software)
+        write_whole_take(path, tables, notes, list(self.frames), poses, events)
+
+
+def _plain(name: str) -> str:
+    """Return a name with nothing but letters, digits, - and _."""
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
