@@ -219,13 +219,13 @@ def _choose_worn(
 
 def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: Motion) -> float:
     """Return the RMS distance of the markers that were not solved with, NaN without any."""
-    left_out = [n for n in subject.marker_set.names if n in take.names and n not in worn.marker_set.names]
+    suit = subject.marker_set
+    left_out = [i for i, name in enumerate(suit.names) if name in take.names and name not in worn.marker_set.names]
     if not left_out:
         return float("nan")
-    rest = subject.marker_set.subset(left_out)
-    joints = rest.joint_indices(motion.skeleton)
-    solved = marker_positions(motion.skeleton, joints, rest.offsets_m, motion.rotations, motion.root_positions_m)
-    measured = take.positions_m[:, [take.names.index(name) for name in rest.names]]
+    joints, offsets_m = suit.joint_indices(motion.skeleton)[left_out], suit.offsets_m[left_out]
+    solved = marker_positions(motion.skeleton, joints, offsets_m, motion.rotations, motion.root_positions_m)
+    measured = take.positions_m[:, [take.names.index(suit.names[i]) for i in left_out]]
     return float(np.sqrt(np.nanmean(np.sum((solved - measured) ** 2, axis=-1))))
 
 

@@ -1,42 +1,34 @@
-"""`perfanim check cameras|board`: faults of light, cameras and markers."""
+"""`perfanim check cameras` and `board`: faults of light, cameras and markers."""
 
 import argparse
 from contextlib import closing
 from typing import Any
 
 from ..system.progress import Progress
-from .options import add_number, add_source_options, add_text, check_height
-
-_EMPTY_SAMPLES = 60
-_BOARD_SAMPLES = 30
-_LONGEST_S = 20.0
+from .options import add_choice, add_command, add_group, add_number, add_source_options, add_text, check_height
 
 
 def add_parser(subparsers: Any) -> None:
-    group = subparsers.add_parser("check", help="find faults of light, cameras and markers before a capture")
-    commands = group.add_subparsers(metavar="WHAT", required=True)
-    cameras = commands.add_parser("cameras", help="pictures of the empty room and of a performer")
+    group = add_group(subparsers, "check", "find faults of light, cameras and markers before a capture")
+    cameras = add_command(group, "cameras", _check_cameras, "pictures of the empty room and of a performer")
     add_source_options(
         cameras,
         "a video, or a folder or pattern of images: the performer in a T pose for two seconds, then walking about",
     )
-    cameras.add_argument(
-        "--background", metavar="SRC", nargs="+", required=True, help="the empty room, one source per camera"
-    )
+    add_text(cameras, "--background", "SRC", "the empty room, one source per camera", nargs="+", required=True)
     add_text(cameras, "--marker-set", "NAME", "shipped marker set or TOML file (default boxing)", default="boxing")
-    add_number(cameras, "--height", "M", "of the performer in metres: shows a wrong scale more surely")
-    cameras.add_argument(
+    add_number(cameras, "--height", "M", "height of the performer in metres: shows a wrong scale more surely")
+    add_choice(
+        cameras,
         "--ignore",
-        choices=("reflections", "none"),
-        help="reflections: note in the calibration, for track and captures, that those found are no markers (nor is a "
-        "marker seen there); none: ignore no place any more",
+        ("reflections", "none"),
+        "reflections: store those found in the calibration, so that track and captures ignore these places (and "
+        "markers there); none: forget the stored places",
     )
-    cameras.set_defaults(run=_check_cameras)
-    board = commands.add_parser("board", help="pictures of the calibration board")
+    board = add_command(group, "board", _check_board, "pictures of the calibration board")
     add_text(board, "--left", "SRC", "a video, or a folder or pattern of images of the board", required=True)
     add_text(board, "--right", "SRC", "the same for the right camera", required=True)
     add_text(board, "--board", "SPEC", "as for calibrate cameras, such as chessboard:9x6:24.23mm", required=True)
-    board.set_defaults(run=_check_board)
 
 
 def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -47,16 +39,15 @@ def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, An
     from ..vision.detection.background import learn_backgrounds
     from ..vision.sources.source_kinds import open_image_source
 
-    if args.height is not None:
-        check_height(args.height)
+    check_height(args.height)
     rig, marker_set = load_rig(args.cameras), load_marker_set(args.marker_set)
     if args.ignore == "none":
         rig = rig.ignoring(())
     progress(0.0, "learning the empty room")
     with closing(open_image_source(*args.background)) as empty:
-        backgrounds = learn_backgrounds(empty.samples(_EMPTY_SAMPLES))
+        backgrounds = learn_backgrounds(empty.samples(60))
     with closing(open_image_source(args.left, args.right, *args.camera, size=rig.cameras[0].image_size)) as source:
-        most = max(int(_LONGEST_S * source.fps), 1)
+        most = max(int(20.0 * source.fps), 1)  # 20 s
         moments = _first(source, most, progress)
         findings = check_setup(rig, backgrounds, moments, marker_set, args.height)
     places = rig.ignored.tolist()
@@ -74,9 +65,10 @@ def _check_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]
 
     board = parse_board(args.board)
     views: dict[str, list[BoardView]] = {"the left camera": [], "the right camera": []}
+    moments = 30
     with closing(open_image_source(args.left, args.right)) as source:
-        for number, images in enumerate(source.samples(_BOARD_SAMPLES)):
-            progress(number / _BOARD_SAMPLES, "looking for the board")
+        for number, images in enumerate(source.samples(moments)):
+            progress(number / moments, "looking for the board")
             for seen, image in zip(views.values(), images, strict=True):
                 view = find_board(image, board)
                 seen += [view] if view is not None else []

@@ -15,26 +15,30 @@ from ..database.reference_poses import reference_pose_report
 from ..database.store import open_database
 from ..errors import SettingsError
 from ..system.progress import Progress
-from .options import add_repeated, add_switch, add_text, check_fps, check_range
+from .options import (
+    add_command,
+    add_group,
+    add_number,
+    add_repeated,
+    add_switch,
+    add_text,
+    check_fps,
+    check_range,
+)
 
 
 def add_parser(subparsers: Any) -> None:
-    group = subparsers.add_parser("database", help="build, get or inspect a motion database")
-    commands = group.add_subparsers(metavar="COMMAND", required=True)
-    build = commands.add_parser("build", help="motion files to a database")
+    group = add_group(subparsers, "database", "build, get or inspect a motion database")
+    build = add_command(group, "build", _build, "motion files to a database")
     build.add_argument("sources", nargs="+", metavar="SRC", help="BVH or AMC file, folder, .zip or .tar archive")
     _add_build_options(build, out_required=True)
-    build.set_defaults(run=_build)
-    get = commands.add_parser("get", help="a public collection of motion from the network, and a database of it")
-    get.add_argument(
-        "collection", nargs="?", metavar="NAME|URL", help="of the list, or the address of an archive; none: the list"
-    )
+    get = add_command(group, "get", _get, "a public collection of motion from the network, and a database of it")
+    listed = "collection of the list, or the address of an archive (default: print the list)"
+    get.add_argument("collection", nargs="?", metavar="NAME|URL", help=listed)
     add_text(get, "--to", "DIR", "folder of the archives (default: this one)", type=Path, default=Path())
     _add_build_options(get, out_required=False)
-    get.set_defaults(run=_get)
-    info = commands.add_parser("info", help="contents of a database")
+    info = add_command(group, "info", _info, "contents of a database")
     info.add_argument("database", metavar="DB")
-    info.set_defaults(run=_info)
 
 
 def _add_build_options(parser: Any, out_required: bool) -> None:
@@ -43,16 +47,12 @@ def _add_build_options(parser: Any, out_required: bool) -> None:
     add_repeated(parser, "--include", "GLOB", "take only files of this name or behaviour; repeatable")
     add_repeated(parser, "--exclude", "GLOB", "leave out files of this name or behaviour; repeatable")
     add_switch(parser, "--mirror", "add the mirror image of every clip")
-    parser.add_argument(
-        "--cull",
-        type=float,
-        nargs="?",
-        const=SETTINGS.distance_deg,
-        default=0.0,
-        metavar="DEG",
-        help="leave out passages that an earlier clip holds within DEG degrees, root mean square over the joint "
-        f"angles (default {SETTINGS.distance_deg:g} when given without a number; else none are)",
+    usual = SETTINGS.distance_deg
+    cull = (
+        "leave out passages that an earlier clip holds within DEG degrees, root mean square over the joint "
+        f"angles (default {usual:g} when given without a number; else none are)"
     )
+    add_number(parser, "--cull", "DEG", cull, nargs="?", const=usual, default=0.0)
     add_text(parser, "--workers", "N", "processes that read (default: one a core where it is worth it)", type=int)
 
 
@@ -83,19 +83,8 @@ def _check_build_options(args: argparse.Namespace) -> None:
 
 
 def _built(args: argparse.Namespace, sources: Sequence[str], progress: Progress) -> dict[str, Any]:
-    return build_database(
-        sources,
-        args.out,
-        BuildSettings(
-            fps=args.fps,
-            include=args.include,
-            exclude=args.exclude,
-            mirror=args.mirror,
-            cull_deg=args.cull,
-            workers=args.workers,
-        ),
-        progress=progress,
-    )
+    settings = BuildSettings(args.fps, args.include, args.exclude, args.mirror, args.cull, args.workers)
+    return build_database(sources, args.out, settings, progress)
 
 
 def _info(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

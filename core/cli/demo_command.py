@@ -9,17 +9,15 @@ from typing import Any
 from ..api.retargeting import RetargetRequest, retarget
 from ..system.files import atomic_path
 from ..system.progress import Progress
-from .main import jsonable
-from .options import add_number, add_text, check_range
+from .command_summary import jsonable
+from .options import add_command, add_number, add_text, check_range
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser(
-        "demo", help="the whole chain on the embedded default: performer, cameras, tracking, solve, character"
-    )
+    about = "the whole chain on the embedded default: performer, cameras, tracking, solve, character"
+    parser = add_command(subparsers, "demo", run, about)
     add_text(parser, "--out", "DIR", "folder for the results (default out/demo)", default="out/demo")
-    add_number(parser, "--seconds", "S", "of performance (default 21)", default=21.0)
-    parser.set_defaults(run=run)
+    add_number(parser, "--seconds", "S", "length of the performance (default 21)", default=21.0)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -9,11 +9,11 @@ from typing import Any
 
 from ..system.libraries import LIBRARIES
 from ..system.progress import Progress
+from .options import add_command
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("diagnose", help="installed versions and the cameras found")
-    parser.set_defaults(run=_run)
+    add_command(subparsers, "diagnose", _run, "installed versions and the cameras found")
 
 
 def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -32,7 +32,7 @@ def library_facts(name: str) -> str:
     """Return a library's version, or why it cannot be loaded."""
     try:
         library = importlib.import_module(name)
-    except Exception as error:  # a broken library may raise anything
+    except Exception as error:  # broken libraries raise anything
         return f"cannot be loaded: {type(error).__name__}: {error}"
     if hasattr(library, "__version__"):
         return str(library.__version__)
@@ -45,6 +45,6 @@ def library_facts(name: str) -> str:
 def _cameras() -> list[dict[str, Any]]:
     try:
         from ..vision.sources.camera_source import find_cameras
-    except ImportError:  # the libraries' lines say why
+    except ImportError:  # the report on the libraries says why
         return []
     return [{"device": camera.device, "size": camera.size} for camera in find_cameras()]

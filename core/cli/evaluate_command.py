@@ -7,15 +7,14 @@ from typing import Any
 from ..body.motion_metrics import evaluate
 from ..formats.motion.read_motion import read_motion, read_skeleton
 from ..system.progress import Progress
-from .options import add_text
+from .options import add_command, add_text
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("evaluate", help="compare a motion with its truth")
+    parser = add_command(subparsers, "evaluate", _run, "compare a motion with its truth")
     parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
     add_text(parser, "--truth", "TRUTH", ".bvh or .amc", required=True)
     add_text(parser, "--skeleton", "FILE.asf", "skeleton of AMC files; its axes are those of the joint angles")
-    parser.set_defaults(run=_run)
 
 
 def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

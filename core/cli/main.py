@@ -1,25 +1,24 @@
 """The `perfanim` command: parse, run one command, print its summary.
 
-Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted; 141 nobody
-reads the output, as of any program in a pipe.
+Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted; 141 the reader of
+the output has gone, as of any program in a pipe.
 """
 
 import argparse
 import io
 import json
-import math
 import os
 import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from .. import __version__
 from ..errors import MOST_TEXT, PerfanimError, shorten
+from .command_summary import PartialResult, jsonable, summary_text
 from .guarded_run import guarded_run
-from .partial_result import PartialResult
 
 # The module NAME_command has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
 COMMANDS = (
@@ -28,21 +27,17 @@ COMMANDS = (
 )  # fmt: skip
 _PACKAGES = ("calibrate", "take", "batch")  # commands with a package of their own
 
-# The solver's matrices are small: threads cost more than they gain, most of all beside other processes.
-# Read by numpy's libraries when they are loaded, which is not before a command is chosen.
+# The solver's matrices are small: threads cost more than they gain, most of all beside other processes. NumPy's
+# libraries read this when they are loaded, which is after a command is chosen.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # OpenCV and its video reader would write their own lines beside ours.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
-_NOBODY_READS = 128 + 13  # as shells tell the end by SIGPIPE
-_MOST_PARTS = 12
-_MOST_ROWS = 60  # of a report that are printed
-
 
 class Progress:
-    """Shows how far long work is, on stderr and only on a terminal."""
+    """Progress of long work, shown on stderr and only on a terminal."""
 
     def __init__(self) -> None:
         self._shown = sys.stderr.isatty()
@@ -72,12 +67,11 @@ class _Parser(argparse.ArgumentParser):
 
 
 def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
-    """Return the parser of the named commands, without importing the others."""
+    """Return the parser of the named commands; the others, which take a second to load, are not imported."""
     parser = _Parser(prog="perfanim", description="Full-body performance animation from a few markers and two cameras.")
     parser.add_argument("--version", action="version", version=f"perfanim {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for name in commands:
-        # one command's module: the others' take a second to load
         folder = f".{name}" if name in _PACKAGES else ""
         import_module(f"{folder}.{name}_command", __package__).add_parser(subparsers)
     _add_json_option(parser)
@@ -96,18 +90,18 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    # a stream that the caller closed; else the next file that is opened would be it for libraries in C
+    # C libraries would write into the next file that takes the number of a closed stream
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     try:
         try:
             return _run(argv)
         finally:
-            sys.stdout.flush()  # what --help printed, too, so that no error is left for Python's own end
+            sys.stdout.flush()  # also what --help printed: an error at Python's exit could not be handled
     except BrokenPipeError:
         _forget(sys.stdout)
         _forget(sys.stderr)
-        return _NOBODY_READS
+        return 128 + 13  # as shells report the end by SIGPIPE
     except OSError as error:
         _forget(sys.stdout)
         sys.stderr.write(f"perfanim: the output cannot be written ({error.strerror})\n")
@@ -115,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _forget(stream: TextIO) -> None:
-    """Let the unwritten rest of a stream go nowhere."""
+    """Discard the unwritten rest of a stream."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
@@ -125,9 +119,9 @@ def _run(argv: Sequence[str] | None) -> int:
     given = sys.argv[1:] if argv is None else argv
     args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()
-    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may be no text
+    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be valid text
         sys.stdout.reconfigure(errors="backslashreplace")
-    # SIGTERM ends like any error: half-written files are removed on the way out
+    # end by an exception on SIGTERM, so that half-written files are removed
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
         summary = guarded_run(args, progress)
@@ -148,75 +142,6 @@ def _run(argv: Sequence[str] | None) -> int:
         sys.stderr.write(f"perfanim: {summary.failure}\n")
         return 1
     return 0
-
-
-def jsonable(value: Any) -> Any:
-    """Return the value with numpy scalars and arrays as plain ones and NaN as null."""
-    if isinstance(value, dict):
-        return {str(key): jsonable(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [jsonable(item) for item in value]
-    if hasattr(value, "tolist"):
-        return jsonable(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    return str(value)
-
-
-def summary_text(summary: dict[str, Any]) -> str:
-    """Return the summary for a person, a line for each figure.
-
-    Long lists and tables are counted, not printed.
-
-    Rows of a report (lists or tables of dicts) get a line each, up to `_MOST_ROWS`.
-    """
-    lines = []
-    for key, value in jsonable(summary).items():
-        label = key.replace("_", " ")
-        if isinstance(value, float):
-            lines.append(f"{label}: {value:.4g}")
-        elif isinstance(value, dict | list) and not value:
-            lines.append(f"{label}: none")
-        elif isinstance(value, dict) and all(isinstance(row, dict) for row in value.values()):
-            lines.append(f"{label}:")
-            lines += _rows([f"{name}: {_short(row)}" for name, row in value.items()])
-        elif isinstance(value, dict):
-            parts = [f"{k} {_short(v)}" for k, v in list(value.items())[:_MOST_PARTS]]
-            more = [f"and {len(value) - _MOST_PARTS} more, see --json"] if len(value) > _MOST_PARTS else []
-            lines.append(f"{label}: " + ", ".join([*parts, *more]))
-        elif isinstance(value, list) and all(isinstance(row, dict) for row in value):
-            lines.append(f"{label}: {len(value)}")
-            lines += _rows([", ".join(_row_value(*item) for item in row.items() if _is_said(item[1])) for row in value])
-        elif isinstance(value, list):
-            lines.append(f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}")
-        else:
-            lines.append(f"{label}: {value}")
-    return "\n".join(lines)
-
-
-def _rows(rows: list[str]) -> list[str]:
-    shown = [f"  {row}" for row in rows[:_MOST_ROWS]]
-    return [*shown, f"  and {len(rows) - _MOST_ROWS} more, see --json"] if len(rows) > _MOST_ROWS else shown
-
-
-def _is_said(value: Any) -> bool:
-    """Return whether a value of a row says anything; a moment of zero does."""
-    return bool(value) or isinstance(value, float)
-
-
-def _row_value(key: str, value: Any) -> str:
-    """Return a value of a row; a number with a fraction gets its name."""
-    return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float) else str(value)
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, dict):
-        return " ".join(f"{key}={_short(item)}" for key, item in value.items() if item is not None)
-    return str(value)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,6 @@ from ..errors import SettingsError
 from ..retarget.joint_naming import NAMINGS, OWN
 from ..retarget.retargeter import RootMotion
 
-_MOST_HZ = 1000.0
-
 
 def add_text(parser: Any, flag: str, metavar: str, description: str, **more: Any) -> None:
     """Add an option with a value, text unless `type` says otherwise."""
@@ -37,8 +35,20 @@ def add_switch(parser: Any, flag: str, description: str) -> None:
     parser.add_argument(flag, action="store_true", help=description)
 
 
+def add_command(group: Any, name: str, run: Any, description: str) -> argparse.ArgumentParser:
+    """Add a command, or one of a group, and return its parser; `run` takes the options and the progress."""
+    parser: argparse.ArgumentParser = group.add_parser(name, help=description)
+    parser.set_defaults(run=run, wrong_usage=parser.error)
+    return parser
+
+
+def add_group(subparsers: Any, name: str, description: str) -> Any:
+    """Add a command that has commands of its own, and return their group."""
+    return subparsers.add_parser(name, help=description).add_subparsers(metavar="WHAT", required=True)
+
+
 def seed(text: str) -> int:
-    """Return a seed: a whole number from 0."""
+    """Return a seed, a whole number from 0."""
     try:
         number = int(text)
     except ValueError:
@@ -59,24 +69,7 @@ def positive(text: str, most: float, unit: str) -> float:
     return number
 
 
-rate_hz = partial(positive, most=_MOST_HZ, unit="frames per second")
-
-
-def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
-    """Add how a motion is written (see `motion_export.write_motion`).
-
-    Args:
-        defaults: False where options that are not given must differ from given ones.
-    """
-    units, naming = ("m", OWN) if defaults else (None, None)
-    add_choice(parser, "--units", ("m", "cm"), "unit of a BVH file (default m)", default=units)
-    parser.add_argument(
-        "--naming",
-        choices=tuple(NAMINGS),
-        default=naming,
-        help=f"names of the joints in BVH and CSV files (default {OWN}: the standard skeleton's)",
-    )
-    add_text(parser, "--rate", "HZ", "frames per second of the motion (default: as it was recorded)", type=rate_hz)
+rate_hz = partial(positive, most=1000.0, unit="frames per second")
 
 
 def check_range(option: str, value: float | None, least: float, most: float, advice: str) -> None:
@@ -90,20 +83,26 @@ def check_fps(fps: float | None) -> None:
     check_range("--fps", fps, 1.0, 1000.0, "give 1 to 1000 frames per second")
 
 
-def check_height(height_m: float) -> None:
-    """Raise SettingsError for a --height that is no adult's."""
+def check_height(height_m: float | None) -> None:
+    """Raise SettingsError for a --height that no adult has."""
     check_range("--height", height_m, 1.0, 2.5, "give metres, 1 to 2.5")
+
+
+def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
+    """Add how a motion is written, see `write_motion`; without `defaults`, options that are not given are None."""
+    units, naming = ("m", OWN) if defaults else (None, None)
+    add_choice(parser, "--units", ("m", "cm"), "unit of a BVH file (default m)", default=units)
+    names = f"names of the joints in BVH and CSV files (default {OWN}: the standard skeleton's)"
+    add_choice(parser, "--naming", NAMINGS, names, default=naming)
+    add_text(parser, "--rate", "HZ", "frames per second of the motion (default: as it was recorded)", type=rate_hz)
 
 
 def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
     """Add how a motion goes onto a character, with the default of --root-motion."""
     add_text(parser, "--map", "PRESET_OR_FILE", "bone map: rigify-controls or a TOML file (default: detected)")
-    parser.add_argument(
-        "--root-motion",
-        choices=[kind.name.lower().replace("_", "-") for kind in RootMotion],
-        default=root_motion,
-        help="bone that carries the character through the scene (default hips)",
-    )
+    carriers = [kind.name.lower().replace("_", "-") for kind in RootMotion]
+    carrier = "bone that carries the character through the scene (default hips)"
+    add_choice(parser, "--root-motion", carriers, carrier, default=root_motion)
     add_text(parser, "--blender", "FILE", "Blender to do it with (default: its Python module, bpy)")
 
 
@@ -113,3 +112,8 @@ def add_source_options(parser: Any, source: str) -> None:
     add_text(parser, "--left", "SRC", source, required=True)
     add_text(parser, "--right", "SRC", "the same for the right camera", required=True)
     add_repeated(parser, "--camera", "SRC", "any further camera, in the calibration's order")
+
+
+def add_background_option(parser: Any, description: str, **more: Any) -> None:
+    """Add --background, a source per camera."""
+    add_text(parser, "--background", "SRC", description, nargs="+", **more)

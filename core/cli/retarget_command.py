@@ -8,29 +8,21 @@ from ..api.retargeting import EXPORTED, RetargetRequest, retarget
 from ..retarget.joint_naming import NAMINGS
 from ..retarget.retargeter import RootMotion
 from ..system.progress import Progress
-from .options import add_character_options, add_text
+from .options import add_character_options, add_choice, add_command, add_text
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("retarget", help="a motion onto a character (needs bpy or Blender)")
+    parser = add_command(subparsers, "retarget", run, "a motion onto a character (needs bpy or Blender)")
     parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
     add_text(parser, "--to", "CHARACTER", "humanoid of a .blend, .glb, .gltf, .vrm or .fbx file", required=True)
     add_character_options(parser)
     add_text(parser, "--skeleton", "FILE.asf", "skeleton of an .amc motion")
     add_text(parser, "--render", "FILE.png", "also render a picture")
     add_text(parser, "--frame", "N", "frame of the picture, from 1 (default: the middle one)", type=int)
-    parser.add_argument(
-        "--naming",
-        choices=tuple(NAMINGS),
-        help="names of the bones in a file for other programs (default: the character's own)",
-    )
-    parser.add_argument(
-        "--out",
-        required=True,
-        metavar="FILE.blend",
-        help=f"file to write: a scene (.blend), or the character for other programs ({', '.join(EXPORTED)})",
-    )
-    parser.set_defaults(run=run, wrong_usage=parser.error)
+    names = "names of the bones in a file for other programs (default: the character's own)"
+    add_choice(parser, "--naming", NAMINGS, names)
+    written = f"file to write: a scene (.blend), or the character for other programs ({', '.join(EXPORTED)})"
+    add_text(parser, "--out", "FILE.blend", written, required=True)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -1,52 +1,90 @@
-"""`perfanim simulate`: `markers` here, `cameras` beside it."""
+"""`perfanim simulate markers` and `cameras`: takes and videos made from motion, with all truth."""
 
 import argparse
 from pathlib import Path
 from typing import Any
 
 from ..body.motion import resampled
+from ..errors import SettingsError
 from ..formats.markers.marker_files import check_ending, write_take
 from ..formats.motion.bvh import write_bvh
 from ..formats.motion.read_motion import read_motion
 from ..markers.marker_set import load_marker_set
 from ..simulate.simulated_markers import simulate_markers
+from ..simulate.studio.export_recording import RecordingFiles, export_recording
+from ..simulate.studio.render import Renderer
+from ..simulate.studio.simulated_source import simulated_source
+from ..simulate.studio.stage_placement import on_stage, with_poses
+from ..simulate.studio.studio_rig import FPS, default_rig
+from ..simulate.studio.studio_settings import StudioSettings
+from ..simulate.studio.video import LOSSLESS
 from ..system.progress import Progress
-from . import simulate_cameras
-from .options import add_number, add_text, check_fps, seed
+from .options import add_choice, add_command, add_group, add_number, add_switch, add_text, check_fps, seed
+
+_CODECS = {"huffyuv": LOSSLESS, "ffv1": (".mkv", "FFV1"), "mjpeg": (".avi", "MJPG"), "mpeg4": (".mp4", "mp4v")}
 
 
 def add_parser(subparsers: Any) -> None:
-    group = subparsers.add_parser("simulate", help="marker takes and camera videos made from motion")
-    commands = group.add_subparsers(metavar="COMMAND", required=True)
-    _add_markers(commands)
-    simulate_cameras.add_parser(commands)
+    group = add_group(subparsers, "simulate", "marker takes and camera videos made from motion")
+    markers = add_command(group, "markers", _simulate_markers, "marker take from motion, with its truth")
+    _add_motion(markers)
+    add_text(markers, "--marker-set", "NAME", "shipped marker set or TOML file", required=True)
+    add_text(markers, "--out", "TAKE", "take to write: .take.npz, .csv or .trc", required=True)
+    add_number(markers, "--fps", "HZ", "rate of the take (default: the motion's)")
+    add_number(markers, "--noise-mm", "S", "standard deviation per coordinate, mm (default 0)", default=0.0)
+    add_number(markers, "--dropout", "P", "share of positions that are missing (default 0)", default=0.0)
+    add_text(markers, "--seed", "N", "seed of noise and gaps (default 0)", type=seed, default=0)
+    about = "videos of two or more cameras, pictures of the board, and all truth, made from motion"
+    cameras = add_command(group, "cameras", _simulate_cameras, about)
+    _add_motion(cameras)
+    add_text(cameras, "--out", "DIR", "new folder for everything", required=True)
+    add_text(cameras, "--marker-set", "NAME", "shipped marker set or TOML file (default boxing)", default="boxing")
+    add_text(cameras, "--cameras", "N", "how many cameras (default 2)", type=int, default=2)
+    add_number(cameras, "--fps", "HZ", "images per second (default 60)", default=FPS)
+    add_number(cameras, "--t-pose", "S", "T pose before the motion, seconds (default 2; 0: none)", default=2.0)
+    add_switch(cameras, "--as-recorded", "leave the motion where it is instead of bringing it before the cameras")
+    _add_studio_options(cameras)
+    add_text(cameras, "--background", "N", "images of the empty room (default 60)", type=int, default=60)
+    add_text(cameras, "--board-views", "N", "positions of the board (default 24)", type=int, default=24)
+    codec = "huffyuv (default) and ffv1 keep every grey level; others are smaller"
+    add_choice(cameras, "--codec", sorted(_CODECS), codec, default="huffyuv")
 
 
-def _add_markers(commands: Any) -> None:
-    parser = commands.add_parser("markers", help="marker take from motion, with its truth")
+def _add_motion(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("motion", metavar="MOTION", help=".bvh or .amc")
     add_text(parser, "--skeleton", "FILE.asf", "skeleton of an AMC file")
-    add_text(parser, "--marker-set", "NAME", "shipped marker set or TOML file", required=True)
-    add_text(parser, "--out", "TAKE", "take to write: .take.npz, .csv or .trc", required=True)
-    add_number(parser, "--fps", "HZ", "rate of the take (default: the motion's)")
-    add_number(parser, "--noise-mm", "S", "standard deviation per coordinate, mm (default 0)", default=0.0)
-    add_number(parser, "--dropout", "P", "share of positions that are missing (default 0)", default=0.0)
-    add_text(parser, "--seed", "N", "of noise and gaps (default 0)", type=seed, default=0)
-    parser.set_defaults(run=_markers)
 
 
-def _markers(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def _add_studio_options(parser: argparse.ArgumentParser) -> None:
+    default = StudioSettings()
+    add_number(parser, "--noise", "S", "sensor noise, grey levels (default 2)", default=default.noise_sigma)
+    add_number(parser, "--marker-radius-mm", "R", "default 12.5", default=1e3 * default.marker_radius_m)
+    add_number(parser, "--exposure-ms", "T", "time that smears moving markers (default 4)", default=4.0)
+    add_number(parser, "--rolling-shutter-ms", "T", "first to last row (default 0)", default=0.0)
+    add_number(parser, "--time-offset-ms", "T", "how late each camera is (default 0)", nargs="+", default=[])
+    add_text(parser, "--ghosts", "N", "false bright blobs per camera (default 0)", type=int, default=0)
+    add_number(parser, "--dropout", "P", "chance of a marker to be missing (default 0)", default=0.0)
+    add_number(parser, "--light-drift", "P", "change of the light, share (default 0)", default=0.0)
+    add_switch(parser, "--moved-object", "a box appears after the background was taken")
+    light = "light on room and body, share of full light (default 0.4)"
+    add_number(parser, "--light", "P", light, default=default.light)
+    add_switch(parser, "--no-clutter", "bare room")
+    add_switch(parser, "--no-occlusion", "the body hides no markers")
+    add_text(parser, "--seed", "N", "seed of noise, ghosts and dropout (default 0)", type=seed, default=0)
+
+
+def _simulate_markers(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check_fps(args.fps)
     check_ending(args.out)
     progress(0.0, "reading")
     motion = read_motion(args.motion, args.skeleton)
     if args.fps is not None:
         motion = resampled(motion, args.fps)
-    marker_set = load_marker_set(args.marker_set)
-    take, truth = simulate_markers(motion, marker_set, args.noise_mm, args.dropout, args.seed)
+    take, truth = simulate_markers(motion, load_marker_set(args.marker_set), args.noise_mm, args.dropout, args.seed)
     progress(0.5, "writing")
     out = Path(args.out)
-    truth_path = truth_path_of(out)
+    stem = out.name.removesuffix(".take.npz") if out.name.endswith(".take.npz") else out.stem
+    truth_path = out.with_name(f"{stem}.truth.bvh")
     write_take(take, out)
     write_bvh(truth, truth_path)
     return {
@@ -59,7 +97,34 @@ def _markers(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     }
 
 
-def truth_path_of(take: Path) -> Path:
-    """Return the truth's path beside a take: "walk.take.npz" -> "walk.truth.bvh"."""
-    stem = take.name.removesuffix(".take.npz") if take.name.endswith(".take.npz") else take.stem
-    return take.with_name(f"{stem}.truth.bvh")
+def _simulate_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    check_fps(args.fps)
+    if min(args.background, args.board_views) < 0 or not 0.0 <= args.t_pose <= 60.0:
+        raise SettingsError("numbers of images and the T pose's time cannot be negative")
+    progress(0.0, "reading")
+    motion = resampled(read_motion(args.motion, args.skeleton), args.fps)
+    if not args.as_recorded:
+        motion = on_stage(motion)
+    motion = with_poses(motion, ("t",), args.t_pose)
+    renderer = Renderer(default_rig(args.cameras), _studio_settings(args))
+    source = simulated_source(motion, args.marker_set, renderer, fps=args.fps)
+    files = RecordingFiles(args.background, args.board_views, *_CODECS[args.codec])
+    return export_recording(source, args.out, files, progress)
+
+
+def _studio_settings(args: argparse.Namespace) -> StudioSettings:
+    return StudioSettings(
+        marker_radius_m=1e-3 * args.marker_radius_mm,
+        exposure_s=1e-3 * args.exposure_ms,
+        noise_sigma=args.noise,
+        time_offsets_s=tuple(1e-3 * offset for offset in args.time_offset_ms),
+        rolling_shutter_s=1e-3 * args.rolling_shutter_ms,
+        light=args.light,
+        clutter=not args.no_clutter,
+        ghosts=args.ghosts,
+        moved_object=args.moved_object,
+        light_drift=args.light_drift,
+        occlusion=not args.no_occlusion,
+        dropout=args.dropout,
+        seed=args.seed,
+    )

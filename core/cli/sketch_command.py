@@ -18,35 +18,28 @@ from ..sketch.sketch_messages import sketch_from
 from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
 from ..system.blender_process import check_blender, run_in_blender
 from ..system.progress import Progress
-from .options import add_motion_options, add_number, add_repeated, add_switch, add_text
-from .partial_result import PartialResult
+from .command_summary import PartialResult
+from .options import add_command, add_motion_options, add_number, add_repeated, add_switch, add_text
+from .performer_options import add_body_options
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("sketch", help="a whole body from a few keyframed trajectories")
-    parser.add_argument(
-        "keys",
-        nargs="+",
-        metavar="KEYS.csv",
-        help="sketches: control,frame,x,y,z in metres, y up; or .blend files with controls (need bpy or Blender)",
-    )
+    parser = add_command(subparsers, "sketch", run, "a whole body from a few keyframed trajectories")
+    files = "sketches: control,frame,x,y,z in metres, y up; or .blend files with controls (need bpy or Blender)"
+    parser.add_argument("keys", nargs="+", metavar="KEYS.csv", help=files)
     add_text(parser, "--database", "DB", "motion database that fills in the body", required=True)
-    body = parser.add_mutually_exclusive_group()
-    add_text(body, "--subject", "FILE", "calibrated subject with the character's bones (a .blend has its own)")
-    add_text(body, "--skeleton", "FILE", ".asf or .bvh with the character's bones")
-    add_number(
-        parser, "--follow", "SHARE", "0: between keys the database's motion; 1: the curves (default 0.3)", default=0.3
-    )
+    subject = "calibrated subject with the character's bones (a .blend has its own)"
+    add_body_options(parser, subject, ".asf or .bvh with the character's bones")
+    follow = "0: between keys the database's motion; 1: the curves (default 0.3)"
+    add_number(parser, "--follow", "SHARE", follow, default=0.3)
     add_repeated(parser, "--behaviour", "PATTERN", "draw only from clips of this behaviour or name (repeatable)")
-    add_text(
-        parser, "--variation", "N", "0 the best explanation, 1 the next best, ... (default 0)", type=int, default=0
-    )
+    variation = "0 the best explanation, 1 the next best, ... (default 0)"
+    add_text(parser, "--variation", "N", variation, type=int, default=0)
     add_switch(parser, "--free-feet", "do not hold standing feet in place")
     ends = ", ".join(MOTION_ENDINGS)
     add_text(parser, "--blender", "FILE", "program that opens a .blend (default: Blender's Python module)")
     add_text(parser, "--out", "MOTION.bvh", f"motion to write ({ends}); of several sketches a folder", required=True)
     add_motion_options(parser)
-    parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -21,12 +21,12 @@ from ..session.session_cache import SessionCache
 from ..session.solved_take import SolvedTake
 from ..solver.settings import METHODS
 from ..system.progress import Progress
-from .options import add_choice, add_motion_options, add_repeated, add_switch, add_text
+from .options import add_choice, add_command, add_motion_options, add_number, add_repeated, add_switch, add_text
 from .performer_options import add_body_options, add_names_option, chosen_marker_set, chosen_subject
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("solve", help="full-body motion from a marker take")
+    parser = add_command(subparsers, "solve", run, "full-body motion from a marker take")
     parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}")
     add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
     _add_performer_options(parser)
@@ -40,80 +40,58 @@ def add_parser(subparsers: Any) -> None:
     add_switch(parser, "--causal", "solve each frame by earlier ones alone, as live (default: in both directions)")
     _add_marker_options(parser)
     _add_recorded_options(parser)
-    parser.add_argument(
-        "--smooth",
-        type=float,
-        metavar="HZ",
-        help="low-pass markers before and motion after, without lag; 6 suits walking; of a .perftake the motion alone "
-        "(default: off)",
+    smooth = (
+        "low-pass markers before and motion after, without lag; 6 suits walking; of a .perftake the motion alone "
+        "(default: off)"
     )
-    parser.add_argument(
-        "--feet",
-        choices=FEET,
-        default="off",
-        help="hold feet in place: auto, those that stand; always, the lower one even if it glides (default off)",
+    add_number(parser, "--smooth", "HZ", smooth)
+    feet = "hold feet in place: auto, those that stand; always, the lower one even if it glides (default off)"
+    add_choice(parser, "--feet", FEET, feet, default="off")
+    written = (
+        f"motion to write ({', '.join(MOTION_ENDINGS)}); of a {ENDING} also another {ENDING}: the recording with "
+        "the new poses"
     )
-    parser.add_argument(
-        "--out",
-        required=True,
-        metavar="MOTION.bvh",
-        help=f"motion to write ({', '.join(MOTION_ENDINGS)}); of a {ENDING} also another {ENDING}: the recording with "
-        "the new poses",
-    )
+    add_text(parser, "--out", "MOTION.bvh", written, required=True)
     add_motion_options(parser)
-    parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def _add_performer_options(parser: argparse.ArgumentParser) -> None:
-    add_body_options(
-        parser,
-        "calibrated subject, skeleton and marker offsets (default: a .perftake's own)",
-        ".asf or .bvh with the bones to use; needs --marker-set",
+    subject = "calibrated subject, skeleton and marker offsets (default: a .perftake's own)"
+    add_body_options(parser, subject, ".asf or .bvh with the bones to use; needs --marker-set")
+    worn = (
+        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of the take's labels belong "
+        "(default: the subject's)"
     )
-    parser.add_argument(
-        "--marker-set",
-        metavar="NAME",
-        help=f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of the take's labels belong "
-        "(default: the subject's)",
-    )
+    add_text(parser, "--marker-set", "NAME", worn)
 
 
 def _add_marker_options(parser: argparse.ArgumentParser) -> None:
     add_names_option(parser)
-    parser.add_argument(
-        "--use",
-        metavar="N|NAME,...",
-        help="solve with a few of a suit's markers: those named, or the N that determine the body best by "
-        "the motion database; the others then measure the error (left_out_rms_mm)",
+    use = (
+        "solve with a few of a suit's markers: those named, or the N that determine the body best by "
+        "the motion database; the others then measure the error (left_out_rms_mm)"
     )
-    parser.add_argument(
-        "--up",
-        choices=UPS,
-        help="axis of a marker file that points up: auto for the axis along the standing performer, feet for the floor "
-        "under the feet, which becomes y = 0 (default: the file is taken as it is, y up)",
+    add_text(parser, "--use", "N|NAME,...", use)
+    up = (
+        "axis of a marker file that points up: auto for the axis along the standing performer, feet for the floor "
+        "under the feet, which becomes y = 0 (default: the file is taken as it is, y up)"
     )
+    add_choice(parser, "--up", UPS, up)
 
 
 def _add_recorded_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--cameras",
-        metavar="cameras.toml",
-        help="of a .perftake: another calibration to triangulate its 2D detections with (default: as live)",
+    rig = "of a .perftake: another calibration to triangulate its 2D detections with (default: as live)"
+    add_text(parser, "--cameras", "cameras.toml", rig)
+    prop = (
+        "of a .perftake: a prop besides the performer (repeatable; default: the recorded ones); writes "
+        "MOTION.PROP.csv beside the motion"
     )
-    parser.add_argument(
-        "--prop",
-        action="append",
-        metavar="prop.toml",
-        help="of a .perftake: a prop besides the performer (repeatable; default: the recorded ones); writes "
-        "MOTION.PROP.csv beside the motion",
-    )
-    add_repeated(
-        parser,
-        "--performer",
-        "subject.toml",
+    add_repeated(parser, "--prop", "prop.toml", prop)
+    performer = (
         "of a .perftake: a further performer before the same cameras, with a motion beside MOTION "
-        "(repeatable; default: the recorded ones)",
+        "(repeatable; default: the recorded ones)"
     )
+    add_repeated(parser, "--performer", "subject.toml", performer)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -203,7 +181,7 @@ def _solve_recorded(
     changes = RecordingChanges(
         subject,
         [load_subject(path) for path in args.performer],
-        [load_prop(path) for path in args.prop or ()],
+        [load_prop(path) for path in args.prop],
         load_rig(args.cameras) if args.cameras is not None else None,
     )
     return solve_recording(take, request, changes, args.database, progress, cache)

@@ -6,13 +6,18 @@ from typing import Any
 
 import numpy as np
 
+from ..database.store import open_database
 from ..errors import SettingsError
+from ..formats.markers.marker_files import check_ending, is_recorded
+from ..geometry.camera import CameraRig
+from ..geometry.rig_file import load_rig
 from ..system.progress import Progress
-from .options import add_number, add_repeated, add_text, check_fps
+from .options import add_choice, add_command, add_number, add_repeated, add_switch, add_text, check_fps
+from .performer_options import add_body_options, chosen_marker_set, chosen_subject
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("track", help="images to marker trajectories, or to a recorded take")
+    parser = add_command(subparsers, "track", run, "images to marker trajectories, or to a recorded take")
     add_text(parser, "--cameras", "cameras.toml", "calibration (anipose-style TOML)", required=True)
     source = "a video, a folder or pattern of images, a device number, a stream address"
     add_text(parser, "--left", "SRC", source + "; alone: one camera, with more markers")
@@ -23,67 +28,46 @@ def add_parser(subparsers: Any) -> None:
         "[NAME=]SRC",
         "any further camera, in the calibration's order; or with its name there, of which others may be left out",
     )
-    parser.add_argument(
-        "--out",
-        metavar="TAKE",
-        required=True,
-        help="take to write: .take.npz, .trc, .csv or .c3d; or .perftake, all "
-        "that the cameras saw, without labels: `solve` labels and solves it as live",
+    written = (
+        "take to write: .take.npz, .trc, .csv or .c3d; or .perftake, all that the cameras saw, without labels: "
+        "`solve` labels and solves it as live"
     )
+    add_text(parser, "--out", "TAKE", written, required=True)
     _add_body_options(parser)
-    parser.add_argument(
-        "--background", metavar="SRC", nargs="+", help="frames without the performer, one source per camera "
-        "(default: learned from the take itself)"
-    )  # fmt: skip
+    empty = "frames without the performer, one source per camera (default: learned from the take itself)"
+    add_text(parser, "--background", "SRC", empty, nargs="+")
     add_number(parser, "--threshold", "LEVELS", "grey levels above the background (default: automatic)")
     add_number(parser, "--fps", "RATE", "frames per second, where the source does not tell")
     add_number(parser, "--seconds", "S", "stop after so many seconds (needed for cameras)")
-    parser.add_argument(
+    add_switch(
+        parser,
         "--no-time-offset",
-        action="store_true",
-        help="take images of one number as of one moment (default: where the motion shows that a camera is late, its "
+        "take images of one number as of one moment (default: where the motion shows that a camera is late, its "
         "markers are brought to the time of the others)",
     )
-    parser.add_argument(
-        "--ignore-distortion",
-        action="store_true",
-        help="leave the lens distortion out, to compare with results of programs that do (default: corrected)",
-    )
+    distortion = "leave the lens distortion out, to compare with results of programs that do (default: corrected)"
+    add_switch(parser, "--ignore-distortion", distortion)
     add_text(parser, "--truth", "TAKE", "trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)")
-    parser.add_argument(
-        "--floor",
-        choices=("camera", "feet"),
-        default="camera",
-        help="the take's world: the left camera's level (camera), or with the floor where the feet stand at y = 0 "
-        "(feet; needs --marker-set with markers on the feet) (default camera)",
+    floor = (
+        "the take's world: the left camera's level (camera), or with the floor where the feet stand at y = 0 "
+        "(feet; needs --marker-set with markers on the feet) (default camera)"
     )
+    add_choice(parser, "--floor", ("camera", "feet"), floor, default="camera")
     add_text(parser, "--floor-cameras", "FILE", "with --floor feet: also write the calibration in that world")
-    parser.set_defaults(run=run, wrong_usage=parser.error)
 
 
 def _add_body_options(parser: argparse.ArgumentParser) -> None:
-    body = parser.add_mutually_exclusive_group()
-    add_text(body, "--subject", "FILE", "calibrated subject: labels the markers, with --database")
-    add_text(body, "--skeleton", "FILE", ".asf or .bvh with the bones; needs --marker-set")
+    subject = "calibrated subject: labels the markers, with --database"
+    add_body_options(parser, subject, ".asf or .bvh with the bones; needs --marker-set")
     add_text(parser, "--database", "DB", "motion database, to label the markers by the body")
-    parser.add_argument(
-        "--marker-set",
-        metavar="NAME_OR_FILE",
-        help="markers worn (default: the subject's); without a body their labels are guessed (default: M01, M02, ...)",
-    )
-    parser.add_argument(
-        "--markers",
-        metavar="N",
-        type=int,
-        help="how many markers are worn (default: the set's, or as many as are seen at most times)",
-    )
+    worn = "markers worn (default: the subject's); without a body their labels are guessed (default: M01, M02, ...)"
+    add_text(parser, "--marker-set", "NAME_OR_FILE", worn)
+    count = "how many markers are worn (default: the set's, or as many as are seen at most times)"
+    add_text(parser, "--markers", "N", count, type=int)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ..api.tracking import TrackRequest, track  # OpenCV is slow to load
-    from ..database.store import open_database
-    from ..geometry.rig_file import load_rig
-    from .performer_options import chosen_marker_set, chosen_subject
 
     _check(args)
     marker_set = chosen_marker_set(args)
@@ -113,11 +97,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raise SettingsError for options that cannot be meant, before any work."""
-    from ..formats.markers.marker_files import check_ending, is_recorded
-
+    """Raise SettingsError for options that contradict each other, before any work."""
     if args.markers is not None and not 1 <= args.markers <= 200:
-        raise SettingsError(f"--markers {args.markers} cannot be", advice="use 1 to 200")
+        raise SettingsError(f"--markers {args.markers} is out of range", advice="give 1 to 200")
     if args.seconds is not None and not 0.0 < args.seconds <= 86400.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, a day at most")
     check_fps(args.fps)
@@ -135,10 +117,8 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")
 
 
-def _cameras_and_sources(args: argparse.Namespace, rig: Any) -> tuple[Any, list[str]]:
+def _cameras_and_sources(args: argparse.Namespace, rig: CameraRig) -> tuple[CameraRig, list[str]]:
     """Return the rig of the cameras with sources, and the sources."""
-    from ..geometry.camera import CameraRig
-
     names = [camera.name for camera in rig.cameras]
     given = [(index, str(source)) for index, source in enumerate((args.left, args.right)) if source is not None]
     further, named = given[-1][0] + 1 if given else 0, False
@@ -175,7 +155,7 @@ def _cameras_and_sources(args: argparse.Namespace, rig: Any) -> tuple[Any, list[
 
 
 def _check_left_out(args: argparse.Namespace, need: str) -> None:
-    """Raise SettingsError for options on trajectories where there are none."""
+    """Raise SettingsError for options that need trajectories, where there are none."""
     for option, value in (("--floor feet", args.floor == "feet"), ("--truth", args.truth)):
         if value:
             raise SettingsError(f"{option} needs {need}", advice="leave it out")

@@ -17,40 +17,28 @@ from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from ..formats.vmc.vmc_udp import Receiver, play, record
 from ..session.solve_take import resample_uniform
 from ..system.progress import Progress
-from .options import add_text, positive, rate_hz
+from .options import add_command, add_group, add_text, positive, rate_hz
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser(
-        "vmc", help="motion live to and from other programs (Virtual Motion Capture protocol)"
-    )
-    group = parser.add_subparsers(metavar="WHAT", required=True)
-    send = group.add_parser("send", help="play a motion to another program in real time")
+    group = add_group(subparsers, "vmc", "motion live to and from other programs (Virtual Motion Capture protocol)")
+    send = add_command(group, "send", run_send, "play a motion to another program in real time")
     send.add_argument("motion", metavar="MOTION", help=f"motion (.bvh, .amc) or recorded take ({ENDING})")
-    send.add_argument(
-        "--to",
-        type=_address,
-        default=("127.0.0.1", MARIONETTE_PORT),
-        metavar="HOST:PORT",
-        help=f"the other program (default 127.0.0.1:{MARIONETTE_PORT})",
-    )
+    other = f"the other program (default 127.0.0.1:{MARIONETTE_PORT})"
+    add_text(send, "--to", "HOST:PORT", other, type=_address, default=("127.0.0.1", MARIONETTE_PORT))
     add_text(send, "--rate", "HZ", "frames per second (default the motion's own)", type=rate_hz)
-    send.set_defaults(run=run_send)
-    receive = group.add_parser("receive", help="record bones or trackers that another program sends")
+    receive = add_command(group, "receive", run_receive, "record bones or trackers that another program sends")
     receive.add_argument(
         "--port", type=_port, default=PERFORMER_PORT, help=f"UDP port; 0 for a free one (default {PERFORMER_PORT})"
     )
-    sender = "the only computer that is listened to (default this one: no network is used), or any"
+    sender = "address of the only computer to listen to (default this one: no network is used), or any"
     add_text(receive, "--from", "HOST", sender, dest="sender", default="127.0.0.1")
-    receive.add_argument(
-        "--out",
-        required=True,
-        metavar="FILE",
-        help=f"bones become a motion ({', '.join(MOTION_ENDINGS)}), head set, controllers and trackers a marker take "
-        f"({', '.join(WRITABLE)})",
+    written = (
+        f"bones become a motion ({', '.join(MOTION_ENDINGS)}), head set, controllers and trackers a marker take "
+        f"({', '.join(WRITABLE)})"
     )
+    add_text(receive, "--out", "FILE", written, required=True)
     add_text(receive, "--seconds", "S", "how long", type=partial(positive, most=3600.0, unit="seconds"), required=True)
-    receive.set_defaults(run=run_receive)
 
 
 def _address(text: str) -> tuple[str, int]:

@@ -24,7 +24,17 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ("__init__.py", "core", "perfanim_addon", "assets", "pyproject.toml", "setup.py", "README.md", "LICENSE")
 LIBRARIES = ("numpy", "scipy", "cv2", "pythonosc")
 WALK = "walking-02-energetic"
-IN_DATABASE = ("walking-01-neutral", "walking-04-brisk")
+SCRIPT = """
+from pathlib import Path
+import perfanim
+
+home = Path(perfanim.__file__).parent
+motion = [home / "assets" / "motion" / f"{name}.bvh" for name in ("walking-01-neutral", "walking-04-brisk")]
+perfanim.build_database(motion, "motion.pfdb", perfanim.BuildSettings(fps=30.0, workers=1))
+take, subject = perfanim.load_take("walk.c3d"), perfanim.load_subject("truth.bvh", "cmu-41")
+perfanim.solve(take, subject, "motion.pfdb").save("p.bvh")
+print(home)
+"""
 
 
 def built(folder: Path, kind: str, out: Path) -> Path:
@@ -96,16 +106,14 @@ def test_sdist_builds_the_same_wheel(sources, wheel, tmp_path):
     assert {f"perfanim/{path.relative_to(sources).as_posix()}" for path in files} <= names
 
 
-def test_installed_command_solves_a_vicon_file(python, folder):
+def test_installed_python_and_command_solve_a_vicon_file(python, folder):
+    where = Path(ran(python, "-c", SCRIPT, folder=folder).strip())
+    assert where.is_relative_to(python.parents[1])
     perfanim = python.with_name("perfanim.exe" if os.name == "nt" else "perfanim")
-    where = ran(python, "-c", "import perfanim; print(perfanim.__file__)", folder=folder)
-    assert Path(where.strip()).is_relative_to(python.parents[1])
-    motion = Path(where.strip()).parent / "assets" / "motion"
-    sources = [str(motion / f"{name}.bvh") for name in IN_DATABASE]
-    ran(perfanim, "database", "build", *sources, "--fps", "30", "--workers", "1", "--out", "motion.pfdb", folder=folder)
     arguments = ("--database", "motion.pfdb", "--skeleton", "truth.bvh", "--marker-set", "auto", "--up", "auto")
     told = json.loads(ran(perfanim, "solve", "walk.c3d", *arguments, "--out", "c.bvh", "--json", folder=folder))
     assert (told["marker_set"], told["markers"], told["warnings"]) == ("cmu-41", 41, [])
+    assert (folder / "c.bvh").read_bytes() == (folder / "p.bvh").read_bytes()
     measures = json.loads(ran(perfanim, "evaluate", "c.bvh", "--truth", "truth.bvh", "--json", folder=folder))
     assert measures["frames"] == 30
     assert measures["mpjpe_mm"] < 20.0

@@ -22,6 +22,7 @@ from ...solver.settings import METHODS
 from ...system.blender_process import check_blender
 from ...system.files import is_file
 from ...system.progress import Progress
+from ..command_summary import PartialResult
 from ..options import (
     add_character_options,
     add_choice,
@@ -30,7 +31,6 @@ from ..options import (
     add_text,
     check_range,
 )
-from ..partial_result import PartialResult
 from ..performer_options import add_names_option
 from . import take_server
 from .plan import ALSO, KEYS, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan

@@ -1,15 +1,16 @@
-"""`perfanim calibrate cameras`: intrinsics, distortion and poses from a board."""
+"""`perfanim calibrate cameras` and `board`: cameras from pictures of a board, and the board to print."""
 
 import argparse
 from typing import Any
 
 from ...errors import SettingsError
 from ...system.progress import Progress
-from ..options import add_repeated, add_text
+from ..options import add_command, add_repeated, add_text
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser("cameras", help="intrinsics, distortion and relative pose from pictures of a board")
+    about = "intrinsics, distortion and relative pose from pictures of a board"
+    parser = add_command(group, "cameras", calibrate, about)
     add_text(parser, "--left", "GLOB", "pictures of the left camera: a folder or a pattern in quotes; or a video")
     add_text(parser, "--right", "GLOB", "pictures of the right camera, paired by their numbers; or a video")
     add_repeated(
@@ -18,19 +19,29 @@ def add_parser(group: Any) -> None:
         "NAME=GLOB",
         "any further camera, or all of them (repeatable); each must see the board together with another",
     )
-    parser.add_argument(
+    add_text(
+        parser,
         "--board",
-        metavar="SPEC",
-        help="chessboard:9x6:24.23mm (inner corners and a square's edge; mm when no unit is given) or "
+        "SPEC",
+        "chessboard:9x6:24.23mm (inner corners and a square's edge; mm when no unit is given) or "
         "charuco:7x5:40mm:30mm:DICT_4X4_50 (squares, a square's and a marker's edge, dictionary; "
         "append :inverted for a white-on-black board)",
     )
     add_text(parser, "--points", "FILE", "instead of pictures: JSON of board points already found (mm and pixels)")
     add_text(parser, "--out", "cameras.toml", "the calibration to write", required=True)
-    parser.set_defaults(run=run)
+    board = add_command(group, "board", write_board, "write the board as a PDF to print")
+    board.add_argument("--spec", "--board", metavar="SPEC", required=True, help="as for `calibrate cameras`")
+    add_text(board, "--out", "board.pdf", "the PDF to write", required=True)
 
 
-def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+def write_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    from ...vision.calibration.board_pdf import write_board_pdf
+    from ...vision.calibration.calibration_board import parse_board
+
+    return {"out": str(args.out), "paper": write_board_pdf(parse_board(args.spec), args.spec, args.out)}
+
+
+def calibrate(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     from ...api.calibration import calibrate_cameras  # OpenCV is slow to load
     from ...geometry.rig_file import save_rig
     from ...vision.calibration.board_points import load_board_points

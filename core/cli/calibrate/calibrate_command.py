@@ -2,25 +2,11 @@
 
 from typing import Any
 
-from . import (
-    calibrate_board,
-    calibrate_cameras,
-    calibrate_floor,
-    calibrate_prop,
-    calibrate_refine,
-    calibrate_subject,
-)
+from ..options import add_group
+from . import calibrate_cameras, calibrate_floor, calibrate_prop, calibrate_subject, refine_cameras
 
 
 def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("calibrate", help="calibrate cameras, a subject or a prop, print a board")
-    group = parser.add_subparsers(metavar="WHAT", required=True)
-    for subcommand in (
-        calibrate_cameras,
-        calibrate_board,
-        calibrate_subject,
-        calibrate_prop,
-        calibrate_floor,
-        calibrate_refine,
-    ):
+    group = add_group(subparsers, "calibrate", "calibrate cameras, a subject or a prop, print a board")
+    for subcommand in (calibrate_cameras, calibrate_subject, calibrate_prop, calibrate_floor, refine_cameras):
         subcommand.add_parser(group)

@@ -4,34 +4,26 @@ import argparse
 from contextlib import closing
 from typing import Any
 
+from ...errors import CalibrationError
+from ...geometry.rig_file import load_rig, save_rig
 from ...system.progress import Progress
-from ..options import add_number, add_source_options, add_text
+from ..options import add_command, add_number, add_source_options, add_text
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser("floor", help="floor, origin and scale from three or more markers lying on the floor")
+    parser = add_command(group, "floor", run, "floor, origin and scale from three or more markers lying on the floor")
     add_source_options(parser, "a video, or a folder or pattern of images, in which the markers lie still for a second")
-    parser.add_argument(
-        "--background", metavar="SRC", nargs="+", help="the same room without the markers, one source per camera "
-        "(default: all else is taken for dark)"
-    )  # fmt: skip
+    dark = "the same room without the markers, one source per camera (default: all else is taken for dark)"
+    add_text(parser, "--background", "SRC", dark, nargs="+")
     add_number(parser, "--threshold", "LEVELS", "grey levels above the background (default: automatic)")
-    parser.add_argument(
-        "--height-mm", metavar="MM", type=float, default=0.0,
-        help="of the markers' middles above the floor, such as the radius of balls (default 0)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--longest-mm", metavar="MM", type=float,
-        help="distance between the two markers farthest apart, as measured, which the calibration is scaled to "
-        "(default: its scale is kept)",
-    )  # fmt: skip
+    height = "height of the markers' middles above the floor, such as the radius of balls (default 0)"
+    add_number(parser, "--height-mm", "MM", height, default=0.0)
+    longest = "measured distance between the two markers farthest apart: sets the scale (default: the scale is kept)"
+    add_number(parser, "--longest-mm", "MM", longest)
     add_text(parser, "--out", "level.toml", "the calibration to write", required=True)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ...errors import CalibrationError
-    from ...geometry.rig_file import load_rig, save_rig
     from ...vision.calibration.floor_watch import scaled_to
     from ...vision.calibration.rig_on_floor import rig_on_floor
 

@@ -15,12 +15,12 @@ from ...markers.marker_take import MarkerTake
 from ...markers.prop import save_prop
 from ...subjects.prop_calibration import calibrate_prop
 from ...system.progress import Progress
-from ..options import add_text
+from ..options import add_command, add_text
 from .calibrate_subject import part
 
 
-def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("prop", help="a sword, stick or camera with markers of its own")
+def add_parser(group: Any) -> None:
+    parser = add_command(group, "prop", run, "a sword, stick or camera with markers of its own")
     parser.add_argument(
         "take",
         metavar="TAKE",
@@ -28,10 +28,9 @@ def add_parser(subparsers: Any) -> None:
         "--marker-set, a .perftake, or another system's",
     )
     add_text(parser, "--out", "prop.toml", "definition to write", required=True)
-    add_text(parser, "--name", "NAME", "of the prop (default: the file's)")
+    add_text(parser, "--name", "NAME", "name of the prop (default: the file's)")
     add_text(parser, "--frames", "A:B", "look only at these frames of the take")
     add_text(parser, "--markers", "M,M,...", "its markers (default: the largest group that keeps its distances)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -23,51 +23,46 @@ from ...subjects.pose_calibration import SubjectCalibration
 from ...subjects.refine_body import Refinement, refine_body
 from ...subjects.refinement_text import worthwhile
 from ...system.progress import Progress
-from ..options import add_choice, add_number, add_text, check_height
+from ..options import add_choice, add_command, add_number, add_text, check_height
 from ..performer_options import add_names_option
 
 
-def add_parser(subparsers: Any) -> None:
-    parser = subparsers.add_parser("subject", help="skeleton and marker offsets from held poses")
+def add_parser(group: Any) -> None:
+    parser = add_command(group, "subject", run, "skeleton and marker offsets from held poses")
     parser.add_argument("take", metavar="TAKE", help="take that shows the calibration pose, held still for a second")
-    parser.add_argument(
-        "--marker-set",
-        metavar="NAME",
-        help=f"shipped marker set or TOML file, or {AUTO}: by the labels (default with --refine: the subject's)",
-    )
+    worn = f"shipped marker set or TOML file, or {AUTO}: by the labels (default with --refine: the subject's)"
+    add_text(parser, "--marker-set", "NAME", worn)
     add_names_option(parser)
     add_text(parser, "--out", "subject.toml", "subject to write", required=True)
-    add_text(parser, "--name", "NAME", "of the person (default: --skeleton-from's, or the file's)")
+    add_text(parser, "--name", "NAME", "name of the person (default: --skeleton-from's, or the file's)")
     held = parser.add_mutually_exclusive_group()
     add_choice(held, "--pose", POSES, "the one pose that is held (default t)", default="t")
-    held.add_argument(
+    add_text(
+        held,
         "--poses",
-        metavar="P,P,...",
-        help="several poses, each held in the take for --seconds and found there, the first one upright: best "
-        + ",".join(CALIBRATION)
-        + ", which tell where the arms begin",
+        "P,P,...",
+        "several poses, each held in the take for --seconds and found there, the first one upright: best "
+        f"{','.join(CALIBRATION)}, which tell where the arms begin",
     )
     add_number(parser, "--seconds", "S", "how long each is held (default 1)", default=1.0)
     add_text(parser, "--frames", "A:B", "look only at these frames of the take")
-    parser.add_argument(
-        "--skeleton-from",
-        metavar="subject.toml",
-        help="keep this subject's bones and measure the markers only: after one was added, taken off or moved",
-    )
-    parser.add_argument(
+    bones = "keep this subject's bones and measure the markers only: after one was added, taken off or moved"
+    add_text(parser, "--skeleton-from", "subject.toml", bones)
+    add_text(
+        parser,
         "--database",
-        metavar="DB",
-        help="nobody holds a pose: fit bones and offsets to the take's motion (at most its first 300 frames) with "
+        "DB",
+        "nobody holds a pose: fit bones and offsets to the take's motion (at most its first 300 frames) with "
         "poses from this motion database, drawn to the marker set's usual offsets",
     )
-    parser.add_argument(
+    add_text(
+        parser,
         "--refine",
-        metavar="subject.toml",
-        help="with --database: begin with this subject, or the first of a .perftake, and let the motion correct bones "
+        "subject.toml",
+        "with --database: begin with this subject, or the first of a .perftake, and let the motion correct bones "
         "and offsets a little",
     )
-    add_number(parser, "--height", "M", "with --database: of the person, metres (default 1.7)")
-    parser.set_defaults(run=run)
+    add_number(parser, "--height", "M", "with --database: height of the person, metres (default 1.7)")
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -162,10 +157,7 @@ def _changes(result: Refinement) -> dict[str, Any]:
 
 
 def part(take: MarkerTake, text: str | None) -> MarkerTake:
-    """Return the frames "A:B" of a take, all of it for None.
-
-    Raises SettingsError when there are none.
-    """
+    """Return the frames "A:B" of a take, or all of it for None; SettingsError where there are none."""
     if text is None:
         return take
     start, colon, stop = text.partition(":")

@@ -15,24 +15,18 @@ from ...formats.take_file.take_reader import ENDING, TakeFile, read_take_file
 from ...markers.frame_rate import frame_rate
 from ...session.solve_take import resample_uniform
 from ...system.progress import Progress
-from ..options import add_motion_options, add_text
+from ..options import add_command, add_motion_options, add_text
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser("export", help="motion or markers of a recorded take as they were solved live")
-    parser.add_argument(
-        "take", metavar="TAKE", help=f"recorded take ({ENDING}); one that was cut off gives what it has"
-    )
-    parser.add_argument(
-        "--out",
-        required=True,
-        metavar="FILE",
-        help=f"motion ({', '.join(MOTION_ENDINGS)}) or markers ({', '.join(WRITABLE)})",
-    )
+    parser = add_command(group, "export", run, "motion or markers of a recorded take as they were solved live")
+    cut = f"recorded take ({ENDING}); one that was cut off gives what it has"
+    parser.add_argument("take", metavar="TAKE", help=cut)
+    written = f"motion ({', '.join(MOTION_ENDINGS)}) or markers ({', '.join(WRITABLE)})"
+    add_text(parser, "--out", "FILE", written, required=True)
     add_motion_options(parser)
     add_text(parser, "--prop", "NAME", "instead: where this prop was, as a table (.csv: metres, quaternion w first)")
     add_text(parser, "--performer", "NAME", "motion of this further performer (default: of the first performer)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -4,50 +4,41 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from ...body.standard_skeleton import default_skeleton
+from ...api.calibration import fit_subject
+from ...api.take_reading import fit_take
 from ...database.store import Database, open_database
 from ...errors import TakeError
 from ...formats.markers.marker_files import READABLE, WRITABLE, check_ending, is_recorded, read_take
 from ...formats.markers.rewrite_take import rewrite_take
 from ...markers.gap_filling import find_gaps
-from ...markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
+from ...markers.label_matching import AUTO, choose_marker_set, load_names, rename_labels
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
 from ...session.solve_take import fill_take
-from ...subjects.from_motion import subject_from_motion
 from ...system.progress import Progress
-from ..options import add_number, add_text, check_height
+from ..options import add_command, add_number, add_text, check_height
 from ..performer_options import add_names_option
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser("fill", help="fill gaps of a marker take, and remove noise, by the body it shows")
+    parser = add_command(group, "fill", run, "fill gaps of a marker take, and remove noise, by the body it shows")
     parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}; it is left alone")
-    parser.add_argument(
-        "--out",
-        required=True,
-        metavar="FILE",
-        help=f"take to write ({', '.join(WRITABLE)}); in the take's own format all else that it holds is kept",
-    )
+    written = f"take to write ({', '.join(WRITABLE)}); in the take's own format all else that it holds is kept"
+    add_text(parser, "--out", "FILE", written, required=True)
     add_text(parser, "--database", "DB", "motion database", required=True)
     add_text(parser, "--subject", "FILE", "calibrated subject (default: fitted to the take's motion)")
-    add_number(parser, "--height", "M", "of the performer, roughly, without --subject", default=1.75)
-    parser.add_argument(
-        "--marker-set",
-        default=AUTO,
-        metavar="NAME",
-        help=f"without --subject: shipped marker set or TOML file, or {AUTO}: by the take's labels (default {AUTO})",
-    )
+    add_number(parser, "--height", "M", "rough height of the performer, without --subject", default=1.75)
+    worn = f"without --subject: shipped marker set or TOML file, or {AUTO}: by the take's labels (default {AUTO})"
+    add_text(parser, "--marker-set", "NAME", worn, default=AUTO)
     add_names_option(parser)
-    parser.add_argument(
+    add_number(
+        parser,
         "--filter",
-        type=float,
-        metavar="HZ",
-        help="remove noise from the measured positions, too: low-pass their offsets from the body without lag; 10 "
+        "HZ",
+        "remove noise from the measured positions, too: low-pass their offsets from the body without lag; 10 "
         "suits most motion (default: measured positions stay as they are)",
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -84,8 +75,7 @@ def _subject_and_take(
     """Return the subject, and the take under the markers' names."""
     if args.subject is not None:
         subject = load_subject(args.subject)
-        return subject, match_labels(take.names, subject.marker_set).rename(take)
+        return subject, fit_take(take, subject.marker_set, None)
     marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
-    named = match_labels(take.names, marker_set).rename(take)
-    start = Subject("performer", default_skeleton(args.height), marker_set)
-    return subject_from_motion(named, start, database, progress), named
+    named = fit_take(take, marker_set, None)
+    return fit_subject(named, database, marker_set, args.height, progress=progress), named

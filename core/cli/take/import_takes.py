@@ -21,35 +21,35 @@ from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
 from ...solver.settings import METHODS
 from ...system.progress import Progress
-from ..options import add_choice, add_number, add_text, check_height
+from ..options import add_choice, add_command, add_number, add_text, check_height
 from ..performer_options import add_names_option
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser("import", help="solve marker takes of other systems and keep them as recorded takes")
+    parser = add_command(group, "import", run, "solve marker takes of other systems and keep them as recorded takes")
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=f"{', '.join(READABLE)}; a {ENDING} is copied")
     add_text(parser, "--out", "DIR", f"folder for NAME{ENDING}; none is replaced", required=True)
     add_text(parser, "--database", "DB", "motion database", required=True)
-    parser.add_argument(
-        "--subject", metavar="FILE", help="calibrated subject (default: an average body, markers at their usual places)"
-    )
-    add_number(parser, "--height", "M", "of the average body (default 1.75)", default=1.75)
-    parser.add_argument(
+    body = "calibrated subject (default: an average body, markers at their usual places)"
+    add_text(parser, "--subject", "FILE", body)
+    add_number(parser, "--height", "M", "height of the average body (default 1.75)", default=1.75)
+    add_text(
+        parser,
         "--marker-set",
-        metavar="NAME",
-        help=f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong "
+        "NAME",
+        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong "
         f"(default: the subject's, {AUTO} without a subject)",
     )
     add_names_option(parser)
     add_choice(parser, "--method", METHODS, "how poses are found (default best)", default="best")
-    parser.add_argument(
+    add_choice(
+        parser,
         "--up",
-        choices=UPS,
-        default="auto",
-        help="axis of the file that points up: auto for that which the performer stands along (default), feet for the "
+        UPS,
+        "axis of the file that points up: auto for that which the performer stands along (default), feet for the "
         "floor on which the feet stand, which becomes y = 0",
+        default="auto",
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -10,14 +10,13 @@ from ...formats.take_file.take_edits import recover
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name
 from ...system.files import exists
 from ...system.progress import Progress
-from ..options import add_text
+from ..options import add_command, add_text
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser("recover", help="write the intact part of a cut-off or damaged take as a whole take")
+    parser = add_command(group, "recover", run, "write the intact part of a cut-off or damaged take as a whole take")
     parser.add_argument("take", metavar="TAKE", help=f"recorded take ({ENDING}); it stays as it is")
     add_text(parser, "--out", "TAKE", f"take to write (default: NAME-recovered{ENDING} beside it)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

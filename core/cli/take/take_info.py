@@ -15,6 +15,7 @@ from ...markers.frame_rate import frame_rate
 from ...markers.subject import Subject
 from ...system.lock import is_locked
 from ...system.progress import Progress
+from ..options import add_command
 
 _MAIN = ("frames", "fps", "markers", "visible_fraction", "problems")  # of many takes
 _UNSOLVED = "has no labels and poses yet: perfanim solve finds them"
@@ -22,11 +23,9 @@ _NOBODY = ", with --subject, or --skeleton and --marker-set"
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser(
-        "info", help="facts about a take, and whether it is complete; of several takes the main ones"
-    )
+    about = "facts about a take, and whether it is complete; of several takes the main ones"
+    parser = add_command(group, "info", run, about)
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=", ".join(READABLE))
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from perfanim.core import __version__
 from perfanim.core.api import solving
-from perfanim.core.cli import main as cli
-from perfanim.core.cli.main import COMMANDS, build_parser, main, summary_text
+from perfanim.core.cli.command_summary import jsonable, summary_text
+from perfanim.core.cli.main import COMMANDS, build_parser, main
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import save_subject
@@ -263,9 +263,7 @@ def test_an_output_on_a_full_disk_is_one_line(inputs):
 
 
 def test_figures_without_a_value_are_null_in_json():
-    value = cli.jsonable(
-        {"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": (np.int64(3), Path("/x")), 4: None}
-    )
+    value = jsonable({"a": np.float64("nan"), "b": np.array([1.0, np.inf]), "c": (np.int64(3), Path("/x")), 4: None})
     assert json.loads(json.dumps(value, allow_nan=False)) == {
         "a": None,
         "b": [1.0, None],

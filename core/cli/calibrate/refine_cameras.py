@@ -7,42 +7,25 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import CalibrationError
+from ...geometry.rig_file import load_rig, save_rig
 from ...system.progress import Progress
-from ..options import add_source_options, add_text
-
-_LOOKED_AT = 300  # moments of a take
-_BACKGROUND_SAMPLES = 31
+from ..options import add_command, add_source_options, add_text
 
 
 def add_parser(group: Any) -> None:
-    parser = group.add_parser(
-        "refine", help="find out whether a camera was bumped, and where it is now, from any moving markers"
-    )
+    about = "find out whether a camera was bumped, and where it is now, from any moving markers"
+    parser = add_command(group, "refine", run, about)
     source = "a video, or a folder or pattern of images, in which markers (or a single one) move through the space"
     add_source_options(parser, source)
     add_text(parser, "--out", "refined.toml", "the calibration to write", required=True)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ...errors import CalibrationError
-    from ...geometry.rig_file import load_rig, save_rig
     from ...vision.calibration.rig_refinement import refine_rig
-    from ...vision.pipeline import MarkerPipeline
-    from ...vision.sources.source_kinds import open_image_source
 
     rig = load_rig(args.cameras)
-    with closing(open_image_source(args.left, args.right, *args.camera)) as source:
-        pipeline = MarkerPipeline(rig)
-        progress(0.0, "learning the background")
-        samples = list(source.samples(_BACKGROUND_SAMPLES))
-        if len(samples) > 1:
-            pipeline.learn_from_take(samples)
-        frames = []
-        for number, images in enumerate(source.samples(_LOOKED_AT)):
-            _check(rig, images)
-            progress(0.8 * number / _LOOKED_AT, f"looking for markers: moment {number + 1}")
-            frames.append([d.detect(image) for d, image in zip(pipeline.detectors, images, strict=True)])
+    frames = _detected(args, rig, progress)
     progress(0.8, "placing the cameras")
     result = refine_rig(rig, frames)
     names = [camera.name for camera in rig.cameras]
@@ -54,12 +37,11 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             where=str(args.cameras),
             advice="calibrate again with the board",
         )
+    advice = []
     if result.bumped:
         advice = [f"{moved} was bumped against {names[0]}: use the refined calibration, or calibrate again"]
     elif not result.sure:
         advice = ["the cameras stand as calibrated; the markers do not tell it more closely, so nothing was changed"]
-    else:
-        advice = []
     save_rig(replace(rig, cameras=result.rig.cameras) if result.sure else rig, args.out)
     return {
         "bumped": result.bumped,
@@ -75,12 +57,24 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     }
 
 
-def _check(rig: Any, images: tuple[Any, ...]) -> None:
-    from ...errors import CalibrationError
+def _detected(args: argparse.Namespace, rig: Any, progress: Progress) -> list[list[Any]]:
+    """Return the blobs of each camera at up to 300 moments of the take."""
+    from ...vision.pipeline import MarkerPipeline
+    from ...vision.sources.source_kinds import open_image_source
 
-    sizes = [(image.shape[1], image.shape[0]) for image in images]
-    expected = [camera.image_size for camera in rig.cameras]
-    if sizes != expected:
-        raise CalibrationError(
-            f"images are {sizes}, the calibration is for {expected}", advice="use the calibration of these cameras"
-        )
+    most, frames = 300, []
+    with closing(open_image_source(args.left, args.right, *args.camera)) as source:
+        pipeline = MarkerPipeline(rig)
+        progress(0.0, "learning the background")
+        samples = list(source.samples(31))
+        if len(samples) > 1:
+            pipeline.learn_from_take(samples)
+        for number, images in enumerate(source.samples(most)):
+            sizes = [(image.shape[1], image.shape[0]) for image in images]
+            expected = [camera.image_size for camera in rig.cameras]
+            if sizes != expected:
+                advice = "use the calibration of these cameras"
+                raise CalibrationError(f"images are {sizes}, the calibration is for {expected}", advice=advice)
+            progress(0.8 * number / most, f"looking for markers: moment {number + 1}")
+            frames.append([d.detect(image) for d, image in zip(pipeline.detectors, images, strict=True)])
+    return frames

@@ -1,0 +1,74 @@
+"""Summaries that commands return: as JSON, and as lines for a person."""
+
+import math
+from typing import Any
+
+
+class PartialResult(dict[str, Any]):
+    """Summary of work that may have failed in part.
+
+    Args:
+        summary: Figures, for JSON.
+        text: Lines for a person.
+        failure: One line for stderr, which makes the exit status 1; "" for none.
+    """
+
+    def __init__(self, summary: dict[str, Any], text: str, failure: str = "") -> None:
+        super().__init__(summary)
+        self.text = text
+        self.failure = failure
+
+
+def jsonable(value: Any) -> Any:
+    """Return the value with numpy scalars and arrays as plain ones and NaN as null."""
+    if isinstance(value, dict):
+        return {str(key): jsonable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [jsonable(item) for item in value]
+    if hasattr(value, "tolist"):
+        return jsonable(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
+
+
+def summary_text(summary: dict[str, Any]) -> str:
+    """Return the summary for a person, a line for each figure and row of a report; long ones are cut."""
+    return "\n".join(
+        line for key, value in jsonable(summary).items() for line in _figure_lines(key.replace("_", " "), value)
+    )
+
+
+def _figure_lines(label: str, value: Any) -> list[str]:
+    if isinstance(value, dict | list) and not value:
+        return [f"{label}: none"]
+    if isinstance(value, dict) and all(isinstance(row, dict) for row in value.values()):
+        return [f"{label}:", *_cut_rows([f"{name}: {_short(row)}" for name, row in value.items()])]
+    if isinstance(value, dict):
+        parts = [f"{name} {_short(item)}" for name, item in value.items()]
+        return [f"{label}: " + ", ".join(parts[:12] + [f"and {len(parts) - 12} more, see --json"] * (len(parts) > 12))]
+    if isinstance(value, list) and all(isinstance(row, dict) for row in value):
+        # an empty value of a row says nothing, a moment of 0.0 does
+        rows = [[_row_value(*item) for item in row.items() if item[1] or isinstance(item[1], float)] for row in value]
+        return [f"{label}: {len(value)}", *_cut_rows([", ".join(row) for row in rows])]
+    if isinstance(value, list):
+        return [f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}"]
+    return [f"{label}: {_short(value)}"]
+
+
+def _cut_rows(rows: list[str]) -> list[str]:
+    shown = [f"  {row}" for row in rows[:60]]
+    return [*shown, f"  and {len(rows) - 60} more, see --json"] if len(rows) > 60 else shown
+
+
+def _row_value(key: str, value: Any) -> str:
+    """Return a value of a row; a number with a fraction gets its name."""
+    return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float) else str(value)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, dict):
+        return " ".join(f"{key}={_short(item)}" for key, item in value.items() if item is not None)
+    return str(value)
