@@ -15,7 +15,7 @@ from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Mask, runs
 from ...retarget.to_standard_skeleton import to_standard_skeleton
-from ...system.files import is_folder, read_bytes
+from ...system.files import is_file, is_folder, read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
 from .asf import AsfFile, read_asf
 from .bvh import read_bvh
@@ -113,7 +113,7 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
                 "has no skeleton: no .asf file beside it fits", where=str(path), advice="name its .asf file"
             )
         skeleton = Path(found)
-    asf = _asf_file(skeleton, skeleton.stat().st_mtime_ns if skeleton.is_file() else 0)
+    asf = _asf_file(skeleton, skeleton.stat().st_mtime_ns if is_file(skeleton) else 0)
     table = parse_amc_values(read_bytes(path), str(path), asf)
     ranges, gaps = _finite_ranges(np.all(np.isfinite(table.values), axis=1), str(path))
     jumps = table.angle_jumps

@@ -6,7 +6,7 @@ from perfanim.core.errors import PropError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.point_patterns import match_rigid_pattern
 from perfanim.core.geometry.rigid_transform import transform
-from perfanim.core.markers.prop import Prop, check_distinct, load_prop, prop_from, prop_names, prop_tables, save_prop
+from perfanim.core.markers.prop import Prop, check_distinct, load_prop, prop_names, prop_tables, save_prop
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [0.30, 0.0, 0.0], [0.05, 0.20, 0.0]])
 
@@ -50,20 +50,6 @@ def test_patterns_that_tell_nothing_are_refused_with_the_reason(points, reason):
 def test_a_mirror_image_is_no_other_position():
     """A prop that is its own mirror image cannot be mirrored by a turn: it is usable."""
     assert named([[-0.1, 0, 0], [0.1, 0, 0], [0, 0.3, 0], [0, 0.1, 0.2]]).names == ("A", "B", "C", "D")
-
-
-@pytest.mark.parametrize(
-    "table",
-    [
-        {},
-        {"kind": "perfanim prop", "version": 2},
-        {"kind": "perfanim prop", "version": 1, "name": "x"},
-        {"kind": "perfanim prop", "version": 1, "name": "x", "marker": [{"name": "A", "position_m": [1, 2]}] * 3},
-    ],
-)
-def test_files_that_are_none_are_refused(table):
-    with pytest.raises(PropError, match=r"x\.toml|needs"):
-        prop_from(table, "x.toml")
 
 
 def test_what_is_not_there_is_told_with_what_is():

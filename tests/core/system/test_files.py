@@ -2,13 +2,26 @@ import errno
 import math
 import os
 import stat
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
-from perfanim.core.system.files import atomic_path, clean_folder, read_bytes, read_toml, write_toml
+from perfanim.core.system.files import (
+    atomic_path,
+    clean_folder,
+    exists,
+    is_file,
+    is_folder,
+    open_foreign,
+    read_bytes,
+    read_toml,
+    reading,
+    write_toml,
+)  # fmt: skip
 
 
 def test_a_file_appears_whole_in_a_new_folder(tmp_path: Path) -> None:
@@ -167,3 +180,37 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
         (tmp_path / "a.toml").write_bytes(content)
         with pytest.raises(FormatError, match=r"a\.toml: is not valid TOML"):
             read_toml(tmp_path / "a.toml")
+
+
+def test_only_regular_files_and_folders_count(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"12345")
+    assert is_file(tmp_path / "file")
+    assert not is_folder(tmp_path / "file")
+    assert is_folder(tmp_path)
+    assert exists(tmp_path) and exists(tmp_path / "file") and not exists(tmp_path / "gone")
+    assert not any(check(name) for check in (exists, is_file, is_folder) for name in ("a\0b", "\ud800", "x" * 300))
+    with open_foreign(tmp_path / "file") as file:
+        assert file.read() == b"12345"
+    assert read_bytes(tmp_path / "file", most=5) == b"12345"
+    with pytest.raises(FormatError, match="has 5 bytes, 4 at most"):
+        read_bytes(tmp_path / "file", most=4)
+
+
+def test_any_exception_of_a_parser_becomes_one_error() -> None:
+    for error in (KeyError("a"), OverflowError(), RecursionError("deep"), MemoryError(), ZeroDivisionError("x")):
+        with pytest.raises(FormatError, match="f: is damaged"), reading("f"):
+            raise error
+    with pytest.raises(KeyboardInterrupt), reading("f"):
+        raise KeyboardInterrupt
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems allow no such names")
+def test_undecodable_file_name_is_refused_in_one_line(tmp_path: Path) -> None:
+    folder = os.fsencode(tmp_path)
+    path = os.path.join(folder, b"gone\xff.c3d")  # noqa: PTH118 - bytes
+    for extra in ([], [b"--json"]):
+        line = [os.fsencode(sys.executable), b"-m", b"perfanim.core.cli.main", b"take", b"info", path, *extra]
+        done = subprocess.run(line, capture_output=True, check=False)
+        assert done.returncode == 1
+        assert done.stderr.count(b"\n") == 1
+        assert b"Traceback" not in done.stderr
