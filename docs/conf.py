@@ -13,7 +13,6 @@ from perfanim.core.markers.marker_set import MARKER_SET
 from perfanim.core.markers.prop import PROP
 from perfanim.core.markers.subject import SUBJECT
 from perfanim.core.retarget.bone_map_files import BONE_MAP
-from perfanim.core.system.schema import manual_lines
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
@@ -58,7 +57,7 @@ def write_schemas_page(app: Any) -> None:
     )
     lines = ["# TOML files", "", about, ""]
     for schema in (CAMERA, METADATA, MARKER_SET, SUBJECT, PROP, NAMES, BONE_MAP, PLAN, TAKE, SETTINGS, COLLECTION):
-        lines += manual_lines(schema)
+        lines += schema.manual_lines()
     (DOCS / "toml-files.md").write_text("\n".join(lines), encoding="utf-8")
 
 

@@ -121,7 +121,7 @@ def _is_blend(keys: Path) -> bool:
 def _read_blend(path: Path, blender: str | None) -> tuple[Sketch, Skeleton]:
     """Return the sketch of a .blend's only character with controls, and its bones."""
     found = run_in_blender("perfanim.perfanim_addon.sketch.read_blend:main", [str(path)], blender)
-    return sketch_from(found["sketch"]), skeleton_from(found["skeleton"])
+    return sketch_from(found["sketch"]), skeleton_from(found["skeleton"], str(path))
 
 
 def _facts(solution: SketchSolution) -> dict[str, Any]:

@@ -23,8 +23,9 @@ from .clip_reader import ReadClip, read_files
 from .culling import clips_after_culling, near_duplicates
 from .file_selection import behaviour_of, select_files, subject_of
 from .frame_file import FrameFile
+from .header_facts import Clip
 from .reference_poses import reference_pose_report, relative_poses
-from .store import Clip, Database, same_bones, save_database
+from .store import Database, same_bones, save_database
 
 _READ, _CULLED = 0.6, 0.7  # shares of the progress bar
 

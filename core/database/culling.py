@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from ..body.joint_angle_frames import angle_frame
 from ..body.standard_skeleton import JOINT_NAMES
 from ..geometry.arrays import FloatArray, IntArray, Mask, runs
-from .store import Clip
+from .header_facts import Clip
 
 JOINT_ANGLES = sum(len(angle_frame(name)[1]) for name in JOINT_NAMES[1:])
 

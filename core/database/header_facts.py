@@ -1,66 +1,89 @@
-"""Schema of the facts in a database's header."""
+"""Facts in a database's header, JSON."""
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 from ..errors import DatabaseError
-from ..system.schema import Key, Schema
-from .skeleton_facts import BODY
+from ..system.schema import About, Schema
+from .skeleton_facts import REBUILD, BodyTable
 
-REBUILD = "build it again with `perfanim database build`, or import the motion again"
 SLOWEST, FASTEST = 1.0, 2000.0  # frames per second
 _MOST = 1e15  # bytes, rows
-CLIP = (
-    Key("name", "of the file", str),
-    Key("behaviour", "action", str),
-    Key("subject", "recorded person", str),
-    Key("source_fps", "rate of the file", float, (), "frames per second", 1e-3, 1e6),
-    Key("start", "first frame", int, (), "", 0, _MOST),
-    Key("stop", "frame after the last one", int, (), "", 0, _MOST),
-    Key("skeleton", "body", int, (), "", 0, _MOST),
-    Key("first_frame", "of the file", int, (), "", 0, _MOST, optional=True),
-    Key("mirrored", "whether it is a mirror image", bool, optional=True),
-)
-REFERENCE_POSE = (
-    Key("subject", "recorded person", str),
-    Key("skeleton", "body", int, (), "", 0, _MOST),
-    Key("mirrored", "whether it is of mirror images", bool),
-)
-_ARRAY = (
-    Key("dtype", "numpy's name of the type", str),
-    Key("shape", "rows and columns", int, (None,), "", 0, _MOST),
-    Key("offset", "from the first array", int, (), "bytes", 0, _MOST),
-    Key("crc32", "checksum", int, (), "", 0, 2**32 - 1, optional=True),
-)
-FACTS = Schema(
-    "Header of a database",
-    "JSON at the beginning of the file.",
-    (
-        Key("fps", "rate of all frames", float, (), "frames per second", SLOWEST, FASTEST),
-        Key("joints", "names", str, (None,)),
-        Key("clips", "clips, in the order of their frames", CLIP, (None,)),
-        Key("skeletons", "bodies", BODY, (None,)),
-        Key("arrays", "places of the arrays", _ARRAY, named=True),
-        Key("culled_frames", "left out when it was built", int, (), "", 0, _MOST, optional=True),
-        Key("zeros", "subjects with a reference pose of their own", REFERENCE_POSE, (None,), optional=True),
-    ),
-    DatabaseError,
-    REBUILD,
-)
 
 
-def read_facts(path: Path, header: bytes) -> dict[str, Any]:
-    """Return the facts of a header; rows of reference poses become tables.
+@dataclass(frozen=True)
+class Clip:
+    """One clip of the database: frames `start` up to `stop`.
+
+    A file with gaps or jumps gives several clips of its name.
+    """
+
+    name: Annotated[str, About("name of the file")]
+    behaviour: Annotated[str, About('action, such as "walk"; empty if unknown')]
+    subject: Annotated[str, About("recorded person; empty if unknown")]
+    source_fps: Annotated[float, About("rate of the file", "frames per second", 1e-3, 1e6)]
+    start: Annotated[int, About("first frame", "", 0, _MOST)]
+    stop: Annotated[int, About("frame after the last one", "", 0, _MOST)]
+    skeleton: Annotated[int, About("index of the body", "", 0, _MOST)]
+    first_frame: Annotated[int, About("first frame in the file, counted from 0", "", 0, _MOST)] = 0
+    mirrored: Annotated[bool, About("whether it is a mirror image of the recording")] = False
+
+    def part(self, first: int, stop: int, start: int, fps: float) -> "Clip":
+        """Return frames `first` up to `stop` of the clip as one that begins at `start`."""
+        before = round(first * self.source_fps / fps)
+        return replace(self, start=start, stop=start + stop - first, first_frame=self.first_frame + before)
+
+
+@dataclass(frozen=True)
+class ReferenceOwner:
+    """Clips with a reference pose of their own."""
+
+    subject: Annotated[str, About("recorded person")]
+    skeleton: Annotated[int, About("index of the body", "", 0, _MOST)]
+    mirrored: Annotated[bool, About("whether it is of mirror images")]
+
+
+@dataclass(frozen=True)
+class ArrayPlace:
+    """Place of an array in the file."""
+
+    dtype: Annotated[str, About("numpy's name of the type")]
+    shape: Annotated[tuple[int, ...], About("rows and columns", "", 0, _MOST)]
+    offset: Annotated[int, About("distance from the first array", "bytes", 0, _MOST)]
+    crc32: Annotated[int | None, About("checksum", "", 0, 2**32 - 1)] = None
+
+
+@dataclass(frozen=True)
+class Header:
+    """All facts of a database."""
+
+    fps: Annotated[float, About("rate of all frames", "frames per second", SLOWEST, FASTEST)]
+    joints: Annotated[tuple[str, ...], About("names of the joints")]
+    clips: Annotated[tuple[Clip, ...], About("clips, in the order of their frames")]
+    skeletons: Annotated[tuple[BodyTable, ...], About("bodies")]
+    arrays: Annotated[Mapping[str, ArrayPlace], About("places of the arrays")]
+    culled_frames: Annotated[int, About("near-duplicates left out when it was built", "", 0, _MOST)] = 0
+    reference_owners: Annotated[
+        tuple[ReferenceOwner, ...], About("subjects with a reference pose of their own", key="zeros")
+    ] = ()
+
+
+FACTS = Schema(Header, "Header of a database", "JSON at the beginning of the file.", DatabaseError, REBUILD)
+
+
+def read_header(path: Path, header: bytes) -> Header:
+    """Return the facts of a header.
 
     Raises:
-        DatabaseError: they do not fit the schema.
+        DatabaseError: They do not fit the schema.
     """
     facts = json.loads(header)
     if not isinstance(facts, dict):
         raise ValueError("its header is not a table")
-    rows, names = facts.get("zeros"), [key.name for key in REFERENCE_POSE]
+    rows, names = facts.get("zeros"), [each.name for each in fields(ReferenceOwner)]
     if isinstance(rows, list):
         facts["zeros"] = [dict(zip(names, row, strict=False)) if isinstance(row, list) else row for row in rows]
-    FACTS.check(facts, str(path))
-    return facts
+    return FACTS.read(facts, str(path))

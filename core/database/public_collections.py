@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path, PurePosixPath
+from typing import Annotated
 from urllib.parse import unquote, urlsplit
 
 from ..errors import DownloadError, FormatError, PerfanimError, SettingsError, shorten
@@ -16,57 +17,38 @@ from ..system.assets import COLLECTIONS
 from ..system.download import check_address, download
 from ..system.files import read_toml, reading
 from ..system.progress import Progress
-from ..system.schema import Key, Schema
+from ..system.schema import About, Schema
 
 _ENDINGS = (".zip", ".tar.gz", ".tgz", ".tar", ".bvh")
 _DAMAGED_ADVICE = "download it again; if that does not help, the archive itself is damaged"
 
 
+@dataclass(frozen=True)
+class Collection:
+    """A public collection of recorded motion."""
+
+    name: Annotated[str, About("short name; by default the table's", optional=True)]
+    title: Annotated[str, About("its name in full", least=1)]
+    page: Annotated[str, About("address to read about it", least=1)]
+    address: Annotated[str, About("address of the archive", least=1)]
+    megabytes: Annotated[int, About("about the size of the archive", "MB", 1, 1e6)]
+    licence: Annotated[str, About("what may be done with the motion", least=1)]
+    good_for: Annotated[str, About("kinds of motion in it", least=1)]
+
+
 COLLECTION = Schema(
+    Collection,
     "Public collection of motion",
     "A table for each collection, under the name that `perfanim database get` takes.",
-    (
-        Key("title", "its name in full", str, least=1),
-        Key("page", "address to read about it", str, least=1),
-        Key("address", "of the archive", str, least=1),
-        Key("megabytes", "about the size of the archive", int, (), "MB", 1, 1e6),
-        Key("licence", "what may be done with the motion", str, least=1),
-        Key("good_for", "kinds of motion in it", str, least=1),
-    ),
     FormatError,
     "install the add-on again",
 )
 
 
-@dataclass(frozen=True)
-class Collection:
-    """A public collection of recorded motion.
-
-    Args:
-        name: Short name, the argument of `get_collection`.
-        page: Web address of its description.
-        address: Web address of the archive.
-        megabytes: Approximate size of the archive.
-        licence: Permitted use of the motion, in plain words.
-        good_for: Kinds of motion in it.
-    """
-
-    name: str
-    title: str
-    page: str
-    address: str
-    megabytes: int
-    licence: str
-    good_for: str
-
-
 @cache
 def public_collections() -> dict[str, Collection]:
     """Return the known collections by name."""
-    tables = read_toml(COLLECTIONS)
-    COLLECTION.check_each(tables, str(COLLECTIONS))
-    keys = [key.name for key in COLLECTION.keys]
-    return {name: Collection(name, **{key: row[key] for key in keys}) for name, row in tables.items()}
+    return COLLECTION.read_each(read_toml(COLLECTIONS), str(COLLECTIONS))
 
 
 def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Path:

@@ -20,7 +20,8 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, Mask
 from .frame_file import FrameFile
-from .store import Clip, Database, ReferencePose, pose_from_rotations
+from .header_facts import Clip
+from .store import Database, ReferencePose, pose_from_rotations
 
 
 @dataclass(frozen=True)

@@ -1,42 +1,48 @@
 """Skeletons in a database's header."""
 
-from collections.abc import Mapping
-from typing import Any
-
-import numpy as np
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeAlias
 
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import JOINT_NAMES
-from ..system.schema import Key
+from ..errors import DatabaseError
+from ..geometry.arrays import Array, IntArray
+from ..system.schema import About, Schema, Table, Via, table_of
 
+REBUILD = "build it again with `perfanim database build`, or import the motion again"
 _J = len(JOINT_NAMES)
-BODY = (
-    Key("offsets_m", "joints from their parents", float, (_J, 3), "m", -10.0, 10.0),
-    Key("tips_m", "ends of bones from their joints", float, (_J, 3), "m", -10.0, 10.0),
-    Key("angle_axes", "frames of the angles", float, (_J, 4), "", -1.1, 1.1),
-    Key("angle_orders", "axes that turn, in their order", str, (_J,)),
-    Key("parents", "parents of joints", int, (_J,), "", -1, _J - 1),
-)
+
+
+@dataclass(frozen=True)
+class _Body:
+    """A standard skeleton in a header."""
+
+    offsets_m: Annotated[Array, About("joints from their parents", "m", -10.0, 10.0, shape=(_J, 3))]
+    tips_m: Annotated[Array, About("ends of bones from their joints", "m", -10.0, 10.0, shape=(_J, 3))]
+    angle_axes: Annotated[Array, About("frames of the angles", "", -1.1, 1.1, shape=(_J, 4))]
+    angle_orders: Annotated[tuple[str, ...], About("axes that turn, in their order")]
+    parents: Annotated[IntArray, About("parents of joints", "", -1, _J - 1, shape=(_J,))]
+
+
+BODY = Schema(_Body, "Skeleton", "A standard skeleton in a database.", DatabaseError, REBUILD)
 
 
 def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
     """Return a standard skeleton for JSON."""
-    return {
-        "offsets_m": skeleton.offsets_m.tolist(),
-        "tips_m": skeleton.tips_m.tolist(),
-        "angle_axes": skeleton.angle_axes.tolist(),
-        "angle_orders": list(skeleton.angle_orders),
-        "parents": skeleton.parents.tolist(),
-    }
+    return table_of(_body(skeleton))
 
 
-def skeleton_from_facts(row: Mapping[str, Any]) -> Skeleton:
+def skeleton_from_facts(row: Table) -> Skeleton:
     """Return the skeleton of `skeleton_facts`."""
-    return Skeleton(
-        JOINT_NAMES,
-        np.array(row["parents"]),
-        np.array(row["offsets_m"]),
-        np.array(row["tips_m"]),
-        np.array(row["angle_axes"]),
-        tuple(row["angle_orders"]),
-    )
+    return _skeleton(BODY.read(row, "skeleton"), "")
+
+
+def _body(skeleton: Skeleton) -> _Body:
+    return _Body(skeleton.offsets_m, skeleton.tips_m, skeleton.angle_axes, skeleton.angle_orders, skeleton.parents)
+
+
+def _skeleton(body: _Body, _where: str) -> Skeleton:
+    return Skeleton(JOINT_NAMES, body.parents, body.offsets_m, body.tips_m, body.angle_axes, body.angle_orders)
+
+
+BodyTable: TypeAlias = Annotated[Skeleton, Via(_Body, _skeleton, _body)]

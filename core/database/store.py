@@ -10,7 +10,7 @@ import json
 import struct
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -25,8 +25,8 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
 from ..system.files import atomic_path, is_file, open_foreign, reading
 from .cells import SETTINGS, build_cells
-from .header_facts import CLIP, FASTEST, REBUILD, REFERENCE_POSE, SLOWEST, read_facts
-from .skeleton_facts import skeleton_facts, skeleton_from_facts
+from .header_facts import FASTEST, SLOWEST, ArrayPlace, Clip, Header, read_header
+from .skeleton_facts import REBUILD, skeleton_facts
 
 DATABASE_SUFFIX = ".pfdb"
 OLD_DATABASE_SUFFIX = ".perfdb"  # of versions up to 0.1, for the same format
@@ -36,35 +36,6 @@ _VERSION, _CELLS_VERSION = 2, 3  # without and with cells of the search
 _VERSIONS = (1, _VERSION, _CELLS_VERSION)  # version 1 lacks the subjects' reference poses
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64  # bytes
-
-
-@dataclass(frozen=True)
-class Clip:
-    """One clip of the database.
-
-    Args:
-        behaviour: Action ("walk"), "" if unknown.
-        subject: Recorded person, "" if unknown.
-        start, stop: First frame in the database, and the one after the last.
-        skeleton: Index of its body.
-        first_frame: First frame in the source file, counted from 0; a file with gaps gives several clips.
-        mirrored: The clip is a mirror image of the recording.
-    """
-
-    name: str
-    behaviour: str
-    subject: str
-    source_fps: float
-    start: int
-    stop: int
-    skeleton: int
-    first_frame: int = 0
-    mirrored: bool = False
-
-    def part(self, first: int, stop: int, start: int, fps: float) -> "Clip":
-        """Return frames `first` to `stop` of the clip as one that begins at `start`."""
-        before = round(first * self.source_fps / fps)
-        return replace(self, start=start, stop=start + stop - first, first_frame=self.first_frame + before)
 
 
 @dataclass(frozen=True)
@@ -261,10 +232,10 @@ def open_database(path: str | Path) -> Database:
     """
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
-        facts, arrays = _map_arrays(path, stream)
-        if tuple(facts["joints"]) != JOINT_NAMES:
+        header, arrays = _map_arrays(path, stream)
+        if header.joints != JOINT_NAMES:
             raise DatabaseError("was made for other joints", where=str(path), advice=REBUILD)
-        return _database_from(path, facts, arrays)
+        return _database_from(path, header, arrays)
 
 
 def check_file(database: Database) -> None:
@@ -277,12 +248,12 @@ def check_file(database: Database) -> None:
             _read_header(database.path, stream)
 
 
-def _map_arrays(path: Path, stream: BinaryIO) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return a file's facts and mapped arrays; raises anything for a damaged file."""
-    header = _read_header(path, stream)
-    facts, start = read_facts(path, header), _PREAMBLE.size + len(header)
+def _map_arrays(path: Path, stream: BinaryIO) -> tuple[Header, dict[str, NDArray[Any]]]:
+    """Return a file's header and mapped arrays; raises anything for a damaged file."""
+    data = _read_header(path, stream)
+    header, start = read_header(path, data), _PREAMBLE.size + len(data)
     start += -start % _ALIGNMENT
-    return facts, {name: _map_array(path, start, row) for name, row in facts["arrays"].items()}
+    return header, {name: _map_array(path, start, place) for name, place in header.arrays.items()}
 
 
 def _crc32(array: NDArray[Any]) -> int:
@@ -307,15 +278,15 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
     return header
 
 
-def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Database:
+def _database_from(path: Path, header: Header, arrays: Mapping[str, NDArray[Any]]) -> Database:
     """Return the database of a header and mapped arrays; raises anything for a damaged file."""
-    frames, joints, references = len(arrays["poses"]), len(JOINT_NAMES), facts.get("zeros") or ()
+    frames, joints, owners = len(arrays["poses"]), len(JOINT_NAMES), header.reference_owners
     expected = {
         "mean_rotations": ("<f8", (joints, 4)),
         "poses": ("<f4", (frames, joints - 1, 3)),
         "root_rotations": ("<f4", (frames, 4)),
         "root_positions_m": ("<f4", (frames, 3)),
-        "zeros": ("<f8", (len(references), joints, 4)),
+        "zeros": ("<f8", (len(owners), joints, 4)),
         "neighbours": ("<i4", (frames, arrays["neighbours"].shape[-1] if "neighbours" in arrays else 0)),
         "clusters": ("<i4", (frames,)),
         "cells": ("<i4", (frames,)),
@@ -324,22 +295,20 @@ def _database_from(path: Path, facts: Mapping[str, Any], arrays: Mapping[str, ND
         if (array.dtype.str, array.shape) != expected[name]:
             raise ValueError(f"{name} has the shape {array.shape} and the type {array.dtype.str}")
     own = [
-        ReferencePose(rotations=np.array(rotations), **{key.name: row[key.name] for key in REFERENCE_POSE})
-        for row, rotations in zip(references, arrays.get("zeros", ()), strict=True)
+        ReferencePose(owner.subject, owner.skeleton, owner.mirrored, np.array(rotations))
+        for owner, rotations in zip(owners, arrays.get("zeros", ()), strict=True)
     ]
     database = Database(
         path=path,
-        fps=float(facts["fps"]),
-        clips=tuple(
-            Clip(**{key.name: row[key.name] for key in CLIP if row.get(key.name) is not None}) for row in facts["clips"]
-        ),
-        skeletons=tuple(skeleton_from_facts(row) for row in facts["skeletons"]),
+        fps=header.fps,
+        clips=header.clips,
+        skeletons=header.skeletons,
         mean_rotations=np.array(arrays["mean_rotations"]),
         poses=arrays["poses"],
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
         cells=arrays.get("cells", arrays.get("clusters")),  # clusters of a neighbour graph in earlier versions
-        culled_frames=facts.get("culled_frames") or 0,
+        culled_frames=header.culled_frames,
         reference_poses=tuple(own),
     )
     _check_parts(database)
@@ -362,9 +331,9 @@ def check_arrays(database: Database, chunk: int = 1 << 14, largest: float = 1e5)
     """
     if is_file(database.path):
         with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, REBUILD):
-            facts, arrays = _map_arrays(database.path, stream)
-            for name, row in facts["arrays"].items():
-                if "crc32" in row and row["crc32"] != _crc32(arrays[name]):
+            header, arrays = _map_arrays(database.path, stream)
+            for name, place in header.arrays.items():
+                if place.crc32 is not None and place.crc32 != _crc32(arrays[name]):
                     what = f"is damaged: its {name} have changed"
                     raise DatabaseError(what, where=str(database.path), advice=REBUILD)
     for start in range(0, database.frames, chunk):
@@ -386,6 +355,5 @@ def identity(database: Database) -> dict[str, Any]:
     return {"path": path, "frames": database.frames, "fps": database.fps, "sha256": digest}
 
 
-def _map_array(path: Path, start: int, row: Mapping[str, Any]) -> NDArray[Any]:
-    offset, shape = int(row["offset"]), tuple(map(int, row["shape"]))
-    return np.memmap(path, dtype=row["dtype"], mode="r", offset=start + offset, shape=shape)
+def _map_array(path: Path, start: int, place: ArrayPlace) -> NDArray[Any]:
+    return np.memmap(path, dtype=place.dtype, mode="r", offset=start + place.offset, shape=place.shape)

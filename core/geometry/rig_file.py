@@ -1,42 +1,72 @@
 """Camera rigs as files: anipose layout, caliscope TOML and Qualisys XML."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import CalibrationError
 from ..system.files import read_bytes, read_toml, write_toml
-from ..system.schema import Key, Schema
+from ..system.schema import About, Schema, Table, table_of
 from . import rotations as rot
+from .arrays import Array
 from .camera import Camera, CameraRig
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
 from .rigid_transform import nearest_rotation
 
+_FARTHEST = 1e6  # pixels, and lengths in the file's unit
+
+
+@dataclass(frozen=True)
+class _CameraTable:
+    """A camera in a file."""
+
+    size: Annotated[tuple[int, int], About("width and height of its images", "pixels", 1, 100_000)]
+    matrix: Annotated[
+        Array, About("focal lengths and centre, as OpenCV's", "pixels", -_FARTHEST, _FARTHEST, shape=(3, 3))
+    ]
+    rotation: Annotated[
+        Array, About("camera from world: rotation vector, or matrix", "", -1e3, 1e3, shape=(3,), or_shape=(3, 3))
+    ]
+    translation: Annotated[Array, About("camera from world, in the file's unit", "", -_FARTHEST, _FARTHEST, shape=(3,))]
+    name: Annotated[str, About("name of the camera; by default the table's")] = "camera"
+    distortions: Annotated[
+        Array, About("k1, k2, p1, p2, k3, as OpenCV's", "", -_FARTHEST, _FARTHEST, shape=(None,))
+    ] = field(default_factory=lambda: np.zeros(5))
+    ignored_px: Annotated[Array, About("places of reflections", "pixels", -_FARTHEST, _FARTHEST, shape=(None, 2))] = (
+        field(default_factory=lambda: np.zeros((0, 2)))
+    )
+    fisheye: Annotated[bool, About("true is refused: another lens model")] = False
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    """The key of `[metadata]` that is read."""
+
+    length_unit: Annotated[str, About("unit of all lengths", choices=("m", "mm", "unknown"))] = "unknown"
+
+
+@dataclass(frozen=True)
+class _Calibration:
+    """What a file says about all cameras."""
+
+    metadata: Annotated[_Metadata, About("about all cameras")] = _Metadata()
+
+
 CAMERA = Schema(
+    _CameraTable,
     "Camera of a calibration",
     "A table `[cam_0]`, `[cam_1]`, ... for each camera, in anipose's layout.",
-    (
-        Key("name", "of the camera", str, optional=True),
-        Key("size", "width and height of its images", int, (2,), "pixels", 1, 100_000),
-        Key("matrix", "focal lengths and centre, as OpenCV's", float, (3, 3), "pixels", -1e6, 1e6),
-        Key("distortions", "k1, k2, p1, p2, k3, as OpenCV's", float, (None,), "", -1e6, 1e6, optional=True),
-        Key("rotation", "camera from world: rotation vector, or matrix", float, (3,), "", -1e3, 1e3, or_shape=(3, 3)),
-        Key("translation", "camera from world, in the file's unit", float, (3,), "", -1e6, 1e6),
-        Key("ignored_px", "places of reflections", float, (None, 2), "pixels", -1e6, 1e6, optional=True),
-        Key("fisheye", "true is refused: another lens model", bool, optional=True),
-    ),
     CalibrationError,
     "calibrate the cameras again",
 )
-_UNIT = Key("length_unit", "unit of all lengths", str, choices=("m", "mm", "unknown"), optional=True)
 METADATA = Schema(
+    _Calibration,
     "Calibration as a whole",
     "Beside the cameras' tables; other keys of `[metadata]` are kept as they are.",
-    (Key("metadata", "about all cameras", (_UNIT,), optional=True),),
     CalibrationError,
     'length_unit is "m" or "mm"',
 )
@@ -49,19 +79,20 @@ def save_rig(rig: CameraRig, path: str | Path) -> None:
 
 def rig_tables(rig: CameraRig) -> dict[str, Any]:
     """Return the tables that `save_rig` writes."""
-    tables: dict[str, Any] = {}
-    for i, camera in enumerate(rig.cameras):
-        tables[f"cam_{i}"] = {
-            "name": camera.name,
-            "size": list(camera.image_size),
-            "matrix": camera.matrix,
-            "distortions": camera.distortion,
-            "rotation": rot.to_rotation_vector(rot.from_matrix(camera.rotation)),
-            "translation": camera.translation_m,
-        }
-        if len(camera.ignored_px):
-            tables[f"cam_{i}"]["ignored_px"] = camera.ignored_px
+    tables: dict[str, Any] = {f"cam_{index}": table_of(_table(camera)) for index, camera in enumerate(rig.cameras)}
     return tables | {"metadata": dict(rig.metadata) | {"length_unit": "m"}}
+
+
+def _table(camera: Camera) -> _CameraTable:
+    return _CameraTable(
+        size=camera.image_size,
+        matrix=camera.matrix,
+        rotation=rot.to_rotation_vector(rot.from_matrix(camera.rotation)),
+        translation=camera.translation_m,
+        name=camera.name,
+        distortions=camera.distortion,
+        ignored_px=camera.ignored_px,
+    )
 
 
 def load_rig(path: str | Path) -> CameraRig:
@@ -77,22 +108,18 @@ def load_rig(path: str | Path) -> CameraRig:
     """
     raw = read_bytes(path)
     if raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return _levelled(_cameras_from(qualisys_rows(raw, str(path)), str(path)), {})
+        return _levelled(_read_cameras(qualisys_rows(raw, str(path)), str(path)), {})
     tables = read_toml(path)
     if "cameras" in tables:
-        return _levelled(_cameras_from(caliscope_rows(tables, str(path)), str(path)), {})
+        return _levelled(_read_cameras(caliscope_rows(tables, str(path)), str(path)), {})
     return rig_from(tables, str(path))
 
 
-def rig_from(tables: Mapping[str, Any], where: str) -> CameraRig:
+def rig_from(tables: Table, where: str) -> CameraRig:
     """Return the rig of anipose tables; inverse of `rig_tables`."""
-    keys = _camera_keys(tables)
-    CAMERA.check_each({key: tables[key] for key in keys}, where)
-    METADATA.check(tables, where)
-    rows = [{"name": key, **tables[key]} for key in keys]
-    cameras = _cameras_from(rows, where)
-    metadata = tables.get("metadata", {})
-    unit = metadata.get("length_unit", "unknown")
+    rows = CAMERA.read_each({key: tables[key] for key in _camera_keys(tables)}, where)
+    metadata, unit = tables.get("metadata", {}), METADATA.read(tables, where).metadata.length_unit
+    cameras = _cameras(list(rows.values()), where)
     centres = np.array([camera.centre_m for camera in cameras])
     if unit == "mm" or (unit == "unknown" and np.linalg.norm(centres - centres[0], axis=1).max() > 10.0):
         cameras = tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)
@@ -125,14 +152,16 @@ def save_ignored(path: str | Path, places: ArrayLike) -> None:
     write_toml(path, tables)
 
 
-def _cameras_from(rows: Sequence[Any], where: str) -> tuple[Camera, ...]:
-    if not rows:
+def _read_cameras(rows: Sequence[Table], where: str) -> tuple[Camera, ...]:
+    return _cameras([CAMERA.read(row, where) for row in rows], where)
+
+
+def _cameras(tables: Sequence[_CameraTable], where: str) -> tuple[Camera, ...]:
+    if not tables:
         raise CalibrationError(
-            "holds no cameras",
-            where=where,
-            advice="use a file of `perfanim calibrate cameras`, anipose, caliscope or Qualisys",
+            "holds no cameras", where=where, advice="use a calibration of Perfanim, anipose, caliscope or Qualisys"
         )
-    return tuple(_camera_from(row, where) for row in rows)
+    return tuple(_camera(table, where) for table in tables)
 
 
 def _levelled(cameras: Sequence[Camera], metadata: Mapping[str, Any]) -> CameraRig:
@@ -149,22 +178,13 @@ def _camera_order(key: str) -> tuple[int, str]:
     return (int(suffix) if suffix.isdecimal() and len(suffix) < 9 else 10**9, key)
 
 
-def _camera_from(row: Mapping[str, Any], where: str) -> Camera:
-    CAMERA.check(row, where)
-    if row.get("fisheye", False):
+def _camera(table: _CameraTable, where: str) -> Camera:
+    if table.fisheye:
         raise CalibrationError(
             "fisheye lenses are not supported", where=where, advice="calibrate with the standard lens model"
         )
-    rotation = np.asarray(row["rotation"], dtype=np.float64)
-    matrix = rotation if rotation.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(rotation))
+    turn = table.rotation
+    matrix = turn if turn.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(turn))
     if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or from a bundle adjustment
         matrix = nearest_rotation(matrix)
-    return Camera(
-        name=row.get("name", "camera"),
-        image_size=(int(row["size"][0]), int(row["size"][1])),
-        matrix=np.asarray(row["matrix"], dtype=np.float64),
-        distortion=np.asarray(row.get("distortions", [0.0] * 5), dtype=np.float64),
-        rotation=matrix,
-        translation_m=np.asarray(row["translation"], dtype=np.float64),
-        ignored_px=np.asarray(row.get("ignored_px", ()), dtype=np.float64),
-    )
+    return Camera(table.name, table.size, table.matrix, table.distortions, matrix, table.translation, table.ignored_px)

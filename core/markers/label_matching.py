@@ -4,10 +4,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 from ..errors import MarkerSetError, TakeError
 from ..system.files import read_toml
-from ..system.schema import Key, Schema
+from ..system.schema import About, Schema
 from .marker_set import MarkerSet, load_marker_set, marker_set_names
 from .marker_take import MarkerTake
 
@@ -16,10 +17,19 @@ AUTO = "auto"
 _FEWEST_TORSO = 3  # markers without which the root is not found
 _FEWEST_PREFIXED = 3  # labels that share a word are a subject's, "Anna_head"
 _MOST_NAMES = 12  # in a message
+
+
+@dataclass(frozen=True)
+class _Names:
+    """Names of a take's markers, in a file."""
+
+    names: Annotated[Mapping[str, str], About("marker of each label", least=1)]
+
+
 NAMES = Schema(
+    _Names,
     "Names of a take's markers",
     "For `perfanim solve`, and `names` of a plan.",
-    (Key("names", "marker of each label", str, least=1, named=True),),
     MarkerSetError,
     'write [names] and lines such as "Knee 1" = "LKNE"',
 )
@@ -115,9 +125,7 @@ def load_names(path: Path | str) -> dict[str, str]:
     Raises:
         MarkerSetError: there is no such table, or it is not one of texts.
     """
-    tables = read_toml(path)
-    NAMES.check(tables, str(path))
-    return dict(tables["names"])
+    return dict(NAMES.read(read_toml(path), str(path)).names)
 
 
 def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:

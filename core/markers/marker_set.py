@@ -1,9 +1,9 @@
 """Marker sets: markers, their joints and offsets."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
@@ -12,66 +12,33 @@ from ..errors import MarkerSetError
 from ..geometry.arrays import Array, IntArray, Mask
 from ..system.assets import MARKER_SETS
 from ..system.files import is_file, read_toml
-from ..system.schema import Key, Schema
+from ..system.schema import About, Schema, Table
 
-_FARTHEST_M = 10.0  # from its joint; Skeleton's bones are no longer
-_MINIMUM_TORSO_MARKERS = 3
-MARKER_KEYS = (
-    Key("name", "unique in the set", str),
-    Key("joint", "that carries it, of the standard skeleton", str),
-    Key(
-        "offset_m",
-        "from the joint in the rest pose: left, up, forward",
-        float,
-        (3,),
-        "m",
-        -_FARTHEST_M,
-        _FARTHEST_M,
-        optional=True,
-    ),
-    Key("torso", "whether it serves to find the root; three markers or more do", bool, optional=True),
-    Key("text", "its name in messages", str, optional=True),
-    Key("also", "other names that systems write for it", str, (None,), optional=True),
-)
-MARKER_SET_KEYS = (
-    Key("name", "of the set; the file's name if left out", str, optional=True),
-    Key("marker", "the markers, in order", MARKER_KEYS, (None,), optional=True),
-)
-MARKER_SET = Schema(
-    "Marker set",
-    "Markers that are worn together, before calibration mostly without offsets.",
-    MARKER_SET_KEYS,
-    MarkerSetError,
-    "check the file",
-)
+_FARTHEST_M = 10.0  # from a marker to its joint; a skeleton's bones are no longer
+_MINIMUM_TORSO_MARKERS = 3  # fewer do not give the root's rotation
 
 
 @dataclass(frozen=True)
 class Marker:
-    """One marker.
+    """A marker of a set; offsets are metres in the rest pose's axes, None until the subject is calibrated."""
 
-    Args:
-        offset_m: (3) joint origin to marker in the rest pose in the joint's axes (x left, y up, z forward), metres;
-            None until the subject is calibrated.
-        torso: whether it serves to find the root.
-        text: its name in messages ("left foot"); empty: `name`.
-        also: other names that systems write for it.
-    """
-
-    name: str
-    joint: str
-    offset_m: tuple[float, float, float] | None = None
-    torso: bool = False
-    text: str = ""
-    also: tuple[str, ...] = ()
+    name: Annotated[str, About("unique in the set")]
+    joint: Annotated[str, About("joint of the standard skeleton that carries the marker")]
+    offset_m: Annotated[
+        tuple[float, float, float] | None,
+        About("from the joint in the rest pose: left, up, forward", "m", -_FARTHEST_M, _FARTHEST_M),
+    ] = None
+    torso: Annotated[bool, About("whether it serves to find the root; three markers or more do")] = False
+    text: Annotated[str, About("its name in messages")] = ""
+    also: Annotated[tuple[str, ...], About("other names that systems write for it")] = ()
 
 
 @dataclass(frozen=True)
 class MarkerSet:
     """Markers worn together, in a fixed order."""
 
-    name: str
-    markers: tuple[Marker, ...]
+    name: Annotated[str, About("name of the set; by default the file's", optional=True)]
+    markers: Annotated[tuple[Marker, ...], About("the markers, in order", key="marker")]
 
     def __post_init__(self) -> None:
         names = [marker.name for marker in self.markers]
@@ -155,29 +122,15 @@ def load_marker_set(name_or_path: str | Path) -> MarkerSet:
     return marker_set_from(read_toml(path), where=str(path))
 
 
-def marker_set_from(table: Mapping[str, Any], where: str) -> MarkerSet:
-    """Return the marker set of a file's tables, held against `MARKER_SET`."""
-    MARKER_SET.check(table, where)
-    return MarkerSet(table.get("name", Path(where).stem), tuple(map(_marker, table.get("marker", ()))))
+def marker_set_from(table: Table, where: str) -> MarkerSet:
+    """Return the marker set of a file's tables; MarkerSetError for wrong ones."""
+    return MARKER_SET.read({"name": Path(where).stem, **table}, where)
 
 
-def _marker(row: Mapping[str, Any]) -> Marker:
-    offset = row.get("offset_m")
-    place = None if offset is None else (float(offset[0]), float(offset[1]), float(offset[2]))
-    also = tuple(row.get("also", ()))
-    return Marker(row["name"], row["joint"], place, row.get("torso", False), row.get("text", ""), also)
-
-
-def marker_set_table(marker_set: MarkerSet) -> dict[str, Any]:
-    """Return the TOML table of a marker set, `marker_set_from`'s inverse."""
-    rows = []
-    for marker in marker_set.markers:
-        row: dict[str, Any] = {"name": marker.name, "joint": marker.joint}
-        if marker.also:
-            row["also"] = list(marker.also)
-        if marker.text:
-            row["text"] = marker.text
-        if marker.offset_m is not None:
-            row["offset_m"] = list(marker.offset_m)
-        rows.append(row | {"torso": marker.torso})
-    return {"name": marker_set.name, "marker": rows}
+MARKER_SET = Schema(
+    MarkerSet,
+    "Marker set",
+    "Markers that are worn together, before calibration mostly without offsets.",
+    MarkerSetError,
+    "check the file",
+)

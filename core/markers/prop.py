@@ -4,10 +4,10 @@ A definition is the places of the markers in the prop's own frame. Only their di
 prop must look different in every other position: no second way of placing it on its own markers may fit.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ..geometry.arrays import Array
 from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..system.assets import PROPS
 from ..system.files import is_file, read_toml, write_toml
-from ..system.schema import Key, Schema
+from ..system.schema import About, Schema, Table
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12
@@ -24,28 +24,33 @@ LEAST_PLANARITY_M = 0.01  # RMS distance from the line nearest to the markers, b
 _LEAST_APART_M = 0.02  # markers that are closer become one blob
 _ALIKE_M = 0.008  # RMS: two positions in which the markers are nearer to each other are taken for one another
 _ALIKE_SPAN_M = 0.02  # by which distances may differ in the search for such positions
-_KIND, _VERSION = "perfanim prop", 1
+
+
+@dataclass(frozen=True)
+class _PropMarker:
+    """A marker of a prop in a file."""
+
+    name: Annotated[str, About("unique")]
+    position_m: Annotated[Array, About("in the prop's own frame, y along it", "m", -10.0, 10.0, shape=(3,))]
+
+
+@dataclass(frozen=True)
+class _PropFile:
+    """Definition of a prop in a file."""
+
+    name: Annotated[str, About("name of the prop")]
+    marker: Annotated[tuple[_PropMarker, ...], About("its markers")]
+    residual_m: Annotated[float, About("RMS distance of seen and rigid markers", "m", 0.0, 10.0)] = 0.0
+
+
 PROP = Schema(
+    _PropFile,
     "Prop",
     f"A rigid thing with {FEWEST_MARKERS} to {MOST_MARKERS} markers: not on a line, and in no pattern that fits itself "
     "in another position.",
-    (
-        Key("kind", f'"{_KIND}"', str),
-        Key("version", str(_VERSION), int),
-        Key("name", "of the prop", str),
-        Key("residual_m", "RMS distance of seen and rigid markers", float, (), "m", 0.0, 10.0, optional=True),
-        Key(
-            "marker",
-            "its markers",
-            (
-                Key("name", "unique", str),
-                Key("position_m", "in the prop's own frame, y along it", float, (3,), "m", -10.0, 10.0),
-            ),
-            (None,),
-        ),
-    ),
     PropError,
     "calibrate the prop again",
+    kind="perfanim prop",
 )
 
 
@@ -144,22 +149,17 @@ def load_prop(name_or_path: str | Path) -> Prop:
     return prop_from(read_toml(path), str(path))
 
 
-def prop_from(table: Mapping[str, Any], where: str) -> Prop:
+def prop_from(table: Table, where: str) -> Prop:
     """Return the prop of a definition's tables; PropError for another version."""
-    if table.get("kind") != _KIND or table.get("version") != _VERSION:
-        raise PropError("is no prop definition of this version", where=where, advice=PROP.advice)
-    PROP.check(table, where)
-    rows = table["marker"]
-    places = np.array([row["position_m"] for row in rows], dtype=np.float64).reshape(len(rows), 3)
-    return Prop(table["name"], tuple(row["name"] for row in rows), places, float(table.get("residual_m", 0.0)))
+    found = PROP.read(table, where)
+    places = np.array([marker.position_m for marker in found.marker]).reshape(-1, 3)
+    return Prop(found.name, tuple(marker.name for marker in found.marker), places, found.residual_m)
 
 
 def prop_tables(prop: Prop) -> dict[str, Any]:
     """Return the tables of a definition, `prop_from`'s inverse."""
-    rows = [
-        {"name": name, "position_m": place} for name, place in zip(prop.names, prop.positions_m.tolist(), strict=True)
-    ]
-    return {"kind": _KIND, "version": _VERSION, "name": prop.name, "residual_m": float(prop.residual_m), "marker": rows}
+    markers = tuple(map(_PropMarker, prop.names, prop.positions_m))
+    return PROP.table(_PropFile(prop.name, markers, prop.residual_m))
 
 
 def save_prop(prop: Prop, path: str | Path) -> None:

@@ -1,55 +1,83 @@
 """Subject: the skeleton and the marker offsets of one person."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
 from ..body.skeleton import Skeleton
-from ..errors import SubjectError
+from ..errors import SkeletonError, SubjectError
+from ..geometry.arrays import Array
 from ..system.files import read_toml, reading, write_toml
-from ..system.schema import Key, Schema
-from .marker_set import MARKER_SET_KEYS, MarkerSet, marker_set_from, marker_set_table
+from ..system.schema import About, Schema, Table, Via, table_of
+from .marker_set import MarkerSet
 
-_KIND, _VERSION = "perfanim subject", 1
-JOINT_KEYS = (
-    Key("name", "unique", str),
-    Key("parent", "a joint before it; empty for the root", str),
-    Key("offset_m", "from its parent in the rest pose: left, up, forward", float, (3,), "m", -10.0, 10.0),
-    Key("tip_m", "end of the bone, from the joint", float, (3,), "m", -10.0, 10.0),
-    Key("angle_axes", "quaternion w, x, y, z of the frame of its angles", float, (4,), "", -1.001, 1.001),
-    Key("angle_order", "axes of its angles, such as ZYX; those that it lacks are left out", str),
-)
-SUBJECT = Schema(
-    "Performer",
-    "A calibrated person. Without `kind` and `version` a file is none.",
-    (
-        Key("kind", f'"{_KIND}"', str),
-        Key("version", str(_VERSION), int),
-        Key("name", "of the person", str),
-        Key("residual_m", "RMS distance of seen and modelled markers when calibrated", float, (), "m", 0.0, 10.0),
-        Key("marker_set", "worn, with all offsets; keys as below Marker set", MARKER_SET_KEYS),
-        Key("joint", "the skeleton, parents first", JOINT_KEYS, (None,)),
-    ),
-    SubjectError,
-    "calibrate the subject again",
-)
+_LONGEST_M = 10.0  # bones, and distances of markers
+
+
+@dataclass(frozen=True)
+class _Joint:
+    """A joint of a skeleton in a file."""
+
+    name: Annotated[str, About("unique")]
+    parent: Annotated[str, About("a joint before it; empty for the root")]
+    offset_m: Annotated[
+        Array, About("from its parent in the rest pose: left, up, forward", "m", -_LONGEST_M, _LONGEST_M, shape=(3,))
+    ]
+    tip_m: Annotated[Array, About("end of the bone, from the joint", "m", -_LONGEST_M, _LONGEST_M, shape=(3,))]
+    angle_axes: Annotated[
+        Array, About("quaternion w, x, y, z of the frame of its angles", "", -1.001, 1.001, shape=(4,))
+    ]
+    angle_order: Annotated[str, About("axes of its angles, such as ZYX; those that it lacks are left out")]
+
+
+_JOINT = Schema(_Joint, "Joint", "A joint of a skeleton.", SkeletonError, "choose the character again")
+
+
+def skeleton_table(skeleton: Skeleton) -> list[dict[str, Any]]:
+    """Return the joints of a skeleton as rows of a file or a message."""
+    return list(map(table_of, _joints(skeleton)))
+
+
+def skeleton_from(rows: Sequence[Table], where: str) -> Skeleton:
+    """Return the skeleton of `skeleton_table`."""
+    return _skeleton([_JOINT.read(row, where) for row in rows], where)
+
+
+def _joints(skeleton: Skeleton) -> tuple[_Joint, ...]:
+    parents = (skeleton.names[parent] if parent >= 0 else "" for parent in skeleton.parents)
+    arrays = (skeleton.offsets_m, skeleton.tips_m, skeleton.angle_axes)
+    return tuple(map(_Joint, skeleton.names, parents, *arrays, skeleton.angle_orders))
+
+
+def _skeleton(joints: Sequence[_Joint], _where: str) -> Skeleton:
+    names = tuple(joint.name for joint in joints)
+    return Skeleton(
+        names=names,
+        parents=np.array([names.index(joint.parent) if joint.parent else -1 for joint in joints]),
+        offsets_m=np.array([joint.offset_m for joint in joints]),
+        tips_m=np.array([joint.tip_m for joint in joints]),
+        angle_axes=np.array([joint.angle_axes for joint in joints]),
+        angle_orders=tuple(joint.angle_order for joint in joints),
+    )
+
+
+SkeletonRows: TypeAlias = Annotated[Skeleton, Via(tuple[_Joint, ...], _skeleton, _joints)]
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A calibrated person: skeleton and marker offsets.
+    """A calibrated person: skeleton and marker offsets."""
 
-    Args:
-        residual_m: RMS distance between seen and modelled markers of the calibration pose (0 when not calibrated).
-    """
-
-    name: str
-    skeleton: Skeleton
-    marker_set: MarkerSet
-    residual_m: float = 0.0
+    name: Annotated[str, About("name of the person")]
+    skeleton: Annotated[SkeletonRows, About("the skeleton, parents first", key="joint")]
+    marker_set: Annotated[MarkerSet, About("marker set with all offsets; keys as below Marker set")]
+    residual_m: Annotated[
+        float,
+        About("RMS distance of seen and modelled markers, 0 if not calibrated", "m", 0.0, _LONGEST_M, optional=False),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         self.marker_set.joint_indices(self.skeleton)
@@ -68,6 +96,16 @@ class Subject:
         )
 
 
+SUBJECT = Schema(
+    Subject,
+    "Performer",
+    "A calibrated person. Without `kind` and `version` a file is none.",
+    SubjectError,
+    "calibrate the subject again",
+    kind="perfanim subject",
+)
+
+
 def save_subject(subject: Subject, path: str | Path) -> None:
     """Write a subject as TOML."""
     write_toml(path, subject_tables(subject))
@@ -75,29 +113,7 @@ def save_subject(subject: Subject, path: str | Path) -> None:
 
 def subject_tables(subject: Subject) -> dict[str, Any]:
     """Return the tables of a subject file."""
-    return {
-        "kind": _KIND,
-        "version": _VERSION,
-        "name": subject.name,
-        "residual_m": float(subject.residual_m),
-        "marker_set": marker_set_table(subject.marker_set),
-        "joint": skeleton_table(subject.skeleton),
-    }
-
-
-def skeleton_table(skeleton: Skeleton) -> list[dict[str, Any]]:
-    """Return the joints of a skeleton as rows of a file or a message."""
-    return [
-        {
-            "name": name,
-            "parent": skeleton.names[parent] if parent >= 0 else "",
-            "offset_m": skeleton.offsets_m[i],
-            "tip_m": skeleton.tips_m[i],
-            "angle_axes": skeleton.angle_axes[i],
-            "angle_order": skeleton.angle_orders[i],
-        }
-        for i, (name, parent) in enumerate(zip(skeleton.names, skeleton.parents, strict=True))
-    ]
+    return SUBJECT.table(subject)
 
 
 def load_subject(path: str | Path) -> Subject:
@@ -105,25 +121,9 @@ def load_subject(path: str | Path) -> Subject:
     return subject_from(read_toml(path), str(path))
 
 
-def subject_from(table: Mapping[str, Any], where: str) -> Subject:
+def subject_from(table: Table, where: str) -> Subject:
     """Return the subject of a file's tables; SubjectError for another version."""
-    if table.get("kind") != _KIND or table.get("version") != _VERSION:
-        raise SubjectError("is not a subject file of this version", where=where, advice=SUBJECT.advice)
-    SUBJECT.check(table, where)
-    with reading(where, SubjectError, SUBJECT.advice):  # a parent that there is not, an angle that is none
-        skeleton = skeleton_from(table["joint"])
-        marker_set = marker_set_from(table["marker_set"], where=where)
-        return Subject(table["name"], skeleton, marker_set, float(table["residual_m"]))
-
-
-def skeleton_from(joints: list[Mapping[str, Any]]) -> Skeleton:
-    """Return the skeleton of rows as `skeleton_table` makes them."""
-    names = tuple(str(joint["name"]) for joint in joints)
-    return Skeleton(
-        names=names,
-        parents=np.array([names.index(j["parent"]) if j["parent"] else -1 for j in joints]),
-        offsets_m=np.array([j["offset_m"] for j in joints]),
-        tips_m=np.array([j["tip_m"] for j in joints]),
-        angle_axes=np.array([j["angle_axes"] for j in joints]),
-        angle_orders=tuple(str(j["angle_order"]) for j in joints),
-    )
+    with reading(
+        where, SubjectError, SUBJECT.advice
+    ):  # a joint's parent that does not exist, an axis that is no rotation
+        return SUBJECT.read(table, where)

@@ -9,23 +9,33 @@
 Shipped presets exist only for rigs with misleading names; for all others, `bone_map.find_bone_map` finds the map.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError, FormatError
 from ..system.assets import ASSETS
 from ..system.files import is_file, read_toml, write_toml
-from ..system.schema import Key, Schema
+from ..system.schema import About, Schema
 
 BONE_MAPS = ASSETS / "bone_maps"
 _ENDING = ".toml"
+
+
+@dataclass(frozen=True)
+class _BoneMap:
+    """A bone map in a file."""
+
+    joints: Annotated[Mapping[str, str], About("bone of each joint", least=1)]
+    name: Annotated[str, About("name for people")] = ""
+
+
 BONE_MAP = Schema(
+    _BoneMap,
     "Bone map",
     "Which bone of a character moves with which joint. Joints: " + ", ".join(f"`{name}`" for name in JOINT_NAMES) + ".",
-    (
-        Key("name", "for people", str, optional=True),
-        Key("joints", "bone of each joint", str, least=1, named=True),
-    ),
     FormatError,
     'give a file with a table [joints]: root = "Hips"',
 )
@@ -33,9 +43,7 @@ BONE_MAP = Schema(
 
 def read_bone_map(path: Path | str) -> dict[str, str]:
     """Return joint -> bone of a file; FormatError if it cannot be read or is not a bone map."""
-    tables = read_toml(path)
-    BONE_MAP.check(tables, str(path))
-    joints = tables["joints"]
+    joints = BONE_MAP.read(read_toml(path), str(path)).joints
     unknown = [joint for joint in joints if joint not in JOINT_NAMES]
     if unknown:
         raise FormatError(
@@ -48,7 +56,8 @@ def read_bone_map(path: Path | str) -> dict[str, str]:
 
 def write_bone_map(path: Path | str, name: str, bones: dict[str, str]) -> None:
     """Write joint -> bone as a file that `read_bone_map` reads."""
-    write_toml(path, {"name": name, "joints": {joint: bones[joint] for joint in JOINT_NAMES if joint in bones}})
+    joints = {joint: bones[joint] for joint in JOINT_NAMES if joint in bones}
+    write_toml(path, BONE_MAP.table(_BoneMap(joints, name)))
 
 
 def preset_paths(user_folder: Path | None = None) -> dict[str, Path]:

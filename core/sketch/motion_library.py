@@ -14,7 +14,8 @@ from scipy.ndimage import median_filter, minimum_filter1d
 from ..body.calibration_poses import hanging
 from ..body.posed_markers import markers_at_rest
 from ..body.skeleton import Skeleton, forward_kinematics
-from ..database.store import Clip, Database, check_arrays
+from ..database.header_facts import Clip
+from ..database.store import Database, check_arrays
 from ..errors import SettingsError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask

@@ -2,88 +2,66 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 from ..errors import SettingsError
+from ..system.schema import About, check_ranges
 
 METHODS = ("best", "local-pca", "lwr", "nearest")
 SEARCHES = ("auto", "exhaustive", "cells", "graph")
 
 
-def _check_positive(settings: object, *names: str) -> None:
-    for name in names:
-        if not getattr(settings, name) > 0.0:
-            raise SettingsError(f"{name} must be positive")
-
-
-def _check_shares(settings: object, *names: str) -> None:
-    for name in names:
-        if not 0.0 <= getattr(settings, name) <= 1.0:
-            raise SettingsError(f"{name} must lie between 0 and 1")
-
-
 def _check_ascending(settings: object, *names: str) -> None:
     for name in names:
         values = getattr(settings, name)
-        if not values or list(values) != sorted(set(values)) or values[0] < 1:
-            raise SettingsError(f"{name} must be ascending whole numbers from 1")
+        if not values or list(values) != sorted(set(values)):
+            raise SettingsError(f"{name} must be ascending numbers")
+
+
+_QUERY = About("marker distance that a radian of pose counts in the search", "m", above=0.0)
 
 
 @dataclass(frozen=True)
 class NearestSettings:
-    """Settings of "nearest".
+    """Settings of "nearest"."""
 
-    Args:
-        examples: frames searched for.
-        query_pose_m_per_rad: metres of marker distance that a radian of pose counts in the search.
-    """
-
-    examples: int = 300
-    query_pose_m_per_rad: float = 0.1
+    examples: Annotated[int, About("frames searched for", "", 1)] = 300
+    query_pose_m_per_rad: Annotated[float, _QUERY] = 0.1
 
     def __post_init__(self) -> None:
-        _check_positive(self, "examples", "query_pose_m_per_rad")
+        check_ranges(self)
 
 
 @dataclass(frozen=True)
 class LwrSettings(NearestSettings):
-    """Settings of "lwr".
+    """Settings of "lwr"."""
 
-    Args:
-        neighbours: examples that locally weighted regression interpolates.
-    """
-
-    neighbours: int = 16
+    neighbours: Annotated[int, About("examples that locally weighted regression interpolates", "", 1)] = 16
 
 
 @dataclass(frozen=True)
 class LocalPcaSettings:
-    """Settings of "local-pca"; the defaults are the paper's where it names them.
+    """Settings of "local-pca".
 
-    Args:
-        control_alpha: weight of the markers in the synthesis (Eq. 9).
-        smoothness_beta: weight of the smoothness term (Eq. 9).
-        marker_sigma_m: marker distance that costs as much as one standard deviation of the prior; the paper gives
-            no units for its terms, this and the next two set ours.
-        pose_sigma_rad: change of velocity, over all joints, that costs as much as one standard deviation.
-        query_pose_m_per_rad: metres of marker distance that a radian of pose counts in the search.
-        neighbours: candidates for K, ascending.
-        dimensions: candidates for B, ascending.
-        validation_examples: nearest examples that the cross-validation is scored on.
+    The defaults are the paper's where it names them. It gives no units for its terms: the two standard deviations and
+    `query_pose_m_per_rad` set ours.
     """
 
-    control_alpha: float = 0.8
-    smoothness_beta: float = 0.2
-    marker_sigma_m: float = 0.003
-    pose_sigma_rad: float = 0.3
-    query_pose_m_per_rad: float = 0.1
-    neighbours: tuple[int, ...] = (30, 60, 150, 300)
-    dimensions: tuple[int, ...] = (7, 12, 25, 35)
-    validation_examples: int = 24
+    control_alpha: Annotated[float, About("weight of the markers in the synthesis (Eq. 9)", "", 0.0, 1.0)] = 0.8
+    smoothness_beta: Annotated[float, About("weight of the smoothness term (Eq. 9)", "", 0.0, 1.0)] = 0.2
+    marker_sigma_m: Annotated[
+        float, About("marker distance that costs as much as one standard deviation of the prior", "m", above=0.0)
+    ] = 0.003
+    pose_sigma_rad: Annotated[float, About("change of velocity of all joints that costs as much", "rad", above=0.0)] = (
+        0.3
+    )
+    query_pose_m_per_rad: Annotated[float, _QUERY] = 0.1
+    neighbours: Annotated[tuple[int, ...], About("candidates for K, ascending", "", 1)] = (30, 60, 150, 300)
+    dimensions: Annotated[tuple[int, ...], About("candidates for B, ascending", "", 1)] = (7, 12, 25, 35)
+    validation_examples: Annotated[int, About("nearest examples that score the cross-validation", "", 1)] = 24
 
     def __post_init__(self) -> None:
-        _check_shares(self, "control_alpha", "smoothness_beta")
-        _check_positive(self, "marker_sigma_m", "pose_sigma_rad", "query_pose_m_per_rad")
+        check_ranges(self)
         _check_ascending(self, "neighbours", "dimensions")
 
 
@@ -91,54 +69,47 @@ class LocalPcaSettings:
 class BestSettings:
     """Settings of "best", see `gaussian_conditioning`.
 
-    Args:
-        neighbours, marker_sigma_m: K, and the standard deviation of a marker coordinate beside its noise.
-        query_pose_m_per_rad: metres of marker distance that a radian of pose counts in the search.
-        others_distance: factor of the squared distances of other bodies' frames, where the database has the subject's:
-            people move more like themselves.
-        broad_share: share of the whole database's covariance added to the neighbours'.
-        pose_floor_rad: standard deviation granted to every joint angle beside these.
-        history_s: ascending times looked back at markers and solved poses.
-        history_sigma_m, history_sigma_rad: standard deviations with which an example's earlier markers and pose stand
-            for the performer's.
-        momentum: expected share of the last change of pose in the next.
-        change_share: share of the whole database's covariance with which the pose varies about that expectation.
-        change_rad: standard deviation of each joint angle beside that.
-        known_marker_sigma_m, known_momentum, known_change_share: the same for a body that the database knows, with a
-            marker located in space: its neighbours are closer.
-        root_sigma_m, root_sigma_rad: standard deviations of the root about the torso markers' estimate.
-        prior_share: weight of the learned prior (see `motion_prior`), 0 for none.
-        prior_file: its file, "" for the shipped one.
+    Frames of other bodies are farther by `others_distance`, as people move more like themselves. The known_ settings
+    are those of a body in the database with a marker located in space: its neighbours are closer.
     """
 
-    neighbours: int = 300
-    marker_sigma_m: float = 0.002
-    query_pose_m_per_rad: float = 1.0
-    others_distance: float = 4.0
-    broad_share: float = 0.02
-    pose_floor_rad: float = 0.003
-    history_s: tuple[float, ...] = (0.1, 0.25)
-    history_sigma_m: float = 0.05
-    history_sigma_rad: float = 0.15
-    momentum: float = 0.5
-    change_share: float = 0.03
-    change_rad: float = 0.03
-    known_marker_sigma_m: float = 0.001
-    known_momentum: float = 0.8
-    known_change_share: float = 0.2
-    root_sigma_m: float = 0.03
-    root_sigma_rad: float = 0.1
-    prior_share: float = 1.0
-    prior_file: str = ""
+    neighbours: Annotated[int, About("number of neighbours, K", "", 1)] = 300
+    marker_sigma_m: Annotated[
+        float, About("standard deviation of a marker coordinate in addition to its noise", "m", above=0.0)
+    ] = 0.002
+    query_pose_m_per_rad: Annotated[float, _QUERY] = 1.0
+    others_distance: Annotated[
+        float, About("factor of the squared distances of other bodies' frames, for known subjects", above=0.0)
+    ] = 4.0
+    broad_share: Annotated[float, About("share of the whole database's covariance added to the neighbours'")] = 0.02
+    pose_floor_rad: Annotated[float, About("standard deviation granted to every joint angle", "rad")] = 0.003
+    history_s: Annotated[
+        tuple[float, ...], About("ages of the earlier markers and poses that are compared, ascending", "s", above=0.0)
+    ] = (0.1, 0.25)
+    history_sigma_m: Annotated[
+        float, About("standard deviation of the performer's earlier markers about an example's", "m")
+    ] = 0.05
+    history_sigma_rad: Annotated[
+        float, About("standard deviation of the performer's earlier pose about an example's", "rad")
+    ] = 0.15
+    momentum: Annotated[float, About("expected share of the last change of pose in the next")] = 0.5
+    change_share: Annotated[
+        float, About("share of the whole database's covariance with which the pose varies about that expectation")
+    ] = 0.03
+    change_rad: Annotated[float, About("standard deviation of each joint angle in addition to that", "rad")] = 0.03
+    known_marker_sigma_m: Annotated[float, About("`marker_sigma_m` of a known body", "m", above=0.0)] = 0.001
+    known_momentum: Annotated[float, About("`momentum` of a known body")] = 0.8
+    known_change_share: Annotated[float, About("`change_share` of a known body", above=0.0)] = 0.2
+    root_sigma_m: Annotated[
+        float, About("standard deviation of the root's position about the torso markers' estimate", "m")
+    ] = 0.03
+    root_sigma_rad: Annotated[float, About("the same of its rotation", "rad")] = 0.1
+    prior_share: Annotated[float, About("weight of the learned prior (see `motion_prior`), 0 for none", "", 0.0)] = 1.0
+    prior_file: Annotated[str, About("file of the learned prior; empty for the shipped one")] = ""
 
     def __post_init__(self) -> None:
-        _check_positive(self, "marker_sigma_m", "known_marker_sigma_m", "known_change_share", "query_pose_m_per_rad")
-        _check_positive(self, "others_distance")
-        if not self.prior_share >= 0.0:
-            raise SettingsError("prior_share must not be negative")
-        lags = self.history_s
-        if not lags or list(lags) != sorted(set(lags)) or not lags[0] > 0.0:
-            raise SettingsError("history_s must be ascending times above 0")
+        check_ranges(self)
+        _check_ascending(self, "history_s")
 
     def for_known_body(self) -> "BestSettings":
         """Return the settings for a body that the database knows."""
@@ -152,28 +123,22 @@ class BestSettings:
 
 @dataclass(frozen=True)
 class SolveSettings:
-    """Settings of the solver.
+    """Settings of the solver."""
 
-    Args:
-        method: "best" (the most accurate), "local-pca" (the paper's), "lwr" or "nearest".
-        query_alpha: weight of the markers against continuity in the search (Eq. 2).
-        search: "auto", "exhaustive", "cells" or "graph" (the paper's), see `choose_search`.
-    """
-
-    method: str = "best"
-    query_alpha: float = 0.8
-    search: str = "auto"
+    method: Annotated[
+        str, About('"best" (the most accurate), "local-pca" (the paper\'s), "lwr" or "nearest"', choices=METHODS)
+    ] = "best"
+    query_alpha: Annotated[
+        float, About("weight of the markers against continuity in the search (Eq. 2)", "", 0.0, 1.0)
+    ] = 0.8
+    search: Annotated[str, About('see `choose_search`; "graph" is the paper\'s', choices=SEARCHES)] = "auto"
     best: BestSettings = field(default_factory=BestSettings)
     local_pca: LocalPcaSettings = field(default_factory=LocalPcaSettings)
     lwr: LwrSettings = field(default_factory=LwrSettings)
     nearest: NearestSettings = field(default_factory=NearestSettings)
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise SettingsError(f"there is no method {self.method!r}", advice="methods: " + ", ".join(METHODS))
-        if self.search not in SEARCHES:
-            raise SettingsError(f"there is no search {self.search!r}", advice="searches: " + ", ".join(SEARCHES))
-        _check_shares(self, "query_alpha")
+        check_ranges(self)
 
     @classmethod
     def of_table(cls, table: Mapping[str, Any]) -> "SolveSettings":

@@ -8,14 +8,17 @@ import stat
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import tomli_w
+
 from ..errors import FormatError, PerfanimError, shorten
 from .lock import is_locked
 from .outputs import LOCK_ENDING, is_claimed, writer_lock
+from .schema import Table, plain
 
 SLACK_BYTES = 64 << 20  # that any input may take beside some times its own size
 _MOST_BYTES = 8 << 30  # of a file that is read whole
@@ -31,6 +34,7 @@ _QUOTED = re.compile(
 )
 _DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with its square
 _LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser takes a hundred bytes for a digit
+_NUMBERS = re.compile(r"\[\s+((?:[\w.+-]+,\s+)+)\]")  # list of numbers, one a line
 _LARGEST_NUMBER = 1e18  # of TOML: its square is still a number
 _LEFT_BEHIND_S = 3600.0  # without a byte written, after which a temporary file's process is gone
 _RANDOM_LETTERS = 8  # of `tempfile`
@@ -232,54 +236,8 @@ def _check_toml_value(key: str, value: Any, levels: int) -> None:
             _check_toml_value(key, item, levels - 1)
 
 
-def write_toml(path: Path | str, tables: Mapping[str, Any]) -> None:
-    """Write nested mappings, lists, strings, numbers and booleans as TOML."""
-    text = "\n".join(_toml_lines(tables, "")) + "\n"
+def write_toml(path: Path | str, tables: Table) -> None:
+    """Write nested mappings, lists, arrays, texts, numbers and truth values as TOML."""
+    text = _NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())[:-1]}]", tomli_w.dumps(plain(tables)))
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def _toml_lines(table: Mapping[str, Any], prefix: str) -> Iterator[str]:
-    nested: list[tuple[str, Any]] = []
-    for key, value in table.items():
-        if isinstance(value, Mapping) or _is_table_list(value):
-            nested.append((key, value))
-        else:
-            yield f"{_toml_key(key)} = {_toml_value(value)}"
-    for key, value in nested:
-        name = f"{prefix}{_toml_key(key)}"
-        if isinstance(value, Mapping):
-            yield f"\n[{name}]"
-            yield from _toml_lines(value, f"{name}.")
-        else:
-            for item in value:
-                yield f"\n[[{name}]]"
-                yield from _toml_lines(item, f"{name}.")
-
-
-def _is_table_list(value: Any) -> bool:
-    return isinstance(value, list | tuple) and len(value) > 0 and all(isinstance(v, Mapping) for v in value)
-
-
-def _toml_key(key: str) -> str:
-    bare = key and all(c.isascii() and (c.isalnum() or c in "-_") for c in key)
-    return key if bare else _toml_value(key)
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float):
-        return repr(value)
-    if isinstance(value, str):
-        escaped = "".join(
-            f"\\u{ord(c):04x}" if ord(c) < 32 or ord(c) == 127 else "\\" + c if c in '"\\' else c for c in value
-        )
-        return f'"{escaped}"'
-    if hasattr(value, "tolist"):
-        return _toml_value(value.tolist())
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml_value(v) for v in value) + "]"
-    raise TypeError(f"no TOML form for {type(value).__name__}")
+        temporary.write_text(text, encoding="utf-8", newline="\n")

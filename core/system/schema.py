@@ -1,78 +1,141 @@
-"""Schemas of files: each key's values, unit and range, in one place.
+"""Schemas: dataclasses that say what each value may be, for files, requests and settings.
 
-A reader holds a file's tables against its schema before it uses them, so errors name the key and what it may be; the
-same rows are the file's page in the manual.
+A field is annotated with its meaning, unit and range:
+
+    height_m: Annotated[float, About("body height", "m", least=0.5, most=2.5)] = 1.75
+
+A `Schema` reads tables (TOML, JSON) as such a dataclass, names what does not fit, and makes the manual's rows.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from enum import Enum
+from types import NoneType, UnionType
+from typing import Annotated, Any, Generic, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from ..errors import PerfanimError, shorten
+from ..errors import PerfanimError, SettingsError, shorten
 
+Table: TypeAlias = Mapping[str, Any]
 Shape: TypeAlias = tuple[int | None, ...]
+_T = TypeVar("_T")
+_VERSION = 1  # of all files with a kind
 _LARGEST = 1e300  # whole numbers have no end
-_NUMBERS = (int, float, np.int64, np.float64)  # no truth values, which are int's
+_NUMBERS = (int, float, np.int64, np.float64)  # bool, a subclass of int, is no number
 _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
 @dataclass(frozen=True)
-class Key:
-    """A key of a table.
+class About:
+    """Meaning and range of a field.
 
     Args:
-        about: what it holds, for the manual.
-        holds: str, bool, int or float; or the keys of a table, () where others look at them.
-        shape: lengths of nested lists, None for any; () for a single value.
-        or_shape: another one that will do.
-        unit: of a number; least, most: its range; least of a text: characters.
-        choices: the texts that are possible, () for any.
-        named: whether it is a table of such values under names of the file's own.
-        optional: whether it may be left out.
+        text: Meaning, for the manual.
+        unit: Unit of the numbers.
+        least: Smallest number, or fewest characters of a text.
+        most: Largest number.
+        above: Number that must be exceeded.
+        choices: Possible texts; empty for any.
+        shape: Shape of an array; None for any length.
+        or_shape: Another possible shape.
+        key: Key in the table, where it differs from the field's name.
+        optional: Whether the key may be left out; by default, where the field has a default value.
     """
 
-    name: str
-    about: str
-    holds: "type | tuple[Key, ...]"
-    shape: Shape = ()
+    text: str
     unit: str = ""
     least: float = -math.inf
     most: float = math.inf
-    optional: bool = False
-    or_shape: Shape = ()
+    above: float = -math.inf
     choices: tuple[str, ...] = ()
-    named: bool = False
+    shape: Shape = ()
+    or_shape: Shape = ()
+    key: str = ""
+    optional: bool | None = None
+
+
+@dataclass(frozen=True)
+class Via:
+    """Another form of a value in tables.
+
+    Args:
+        form: Type of the form.
+        read: Returns the value of a form; the second argument is the place for errors.
+        write: Returns the form of a value.
+    """
+
+    form: Any
+    read: Callable[[Any, str], Any]
+    write: Callable[[Any], Any]
+
+
+class _WrongError(Exception):
+    """A value is not what its key holds."""
+
+
+class _MisfitError(Exception):
+    """A table does not fit; the arguments are place and fact."""
+
+
+class _Key:
+    """A field of a dataclass as a key of its table."""
+
+    about = About("")
+    holds: tuple[Any, ...] = ()  # str, bool, int, float, Mapping, Enums or dataclasses
+    _shape: Shape = ()  # lengths of nested lists
+    _is_named = False  # a table of values under free names
+    _array: Any = None  # type of an array's numbers
+    _or_none = False  # values of a list or table may be null
+    _via: Via | None = None
+    _item_via: Via | None = None  # of each value of a list
+
+    def __init__(self, field: "Field[Any]", hint: Any) -> None:
+        self._add(hint)
+        self.field, self.name = field.name, self.about.key or field.name
+        self.default = field.default if field.default_factory is MISSING else field.default_factory()
+        self.optional = self.default is not MISSING if self.about.optional is None else self.about.optional
+        self._choices = self.about.choices or tuple(str(each.value) for kind in self.holds for each in _members(kind))
+        self.is_table = self.holds[0] is Mapping or is_dataclass(self.holds[0])
+
+    def _add(self, hint: Any) -> None:
+        """Take over the parts of an annotation."""
+        origin, parts = get_origin(hint), get_args(hint)
+        if origin is Annotated:
+            self.about = next((note for note in parts if isinstance(note, About)), self.about)
+            via = next((note for note in parts if isinstance(note, Via)), None)
+            if via and self._shape:
+                self._item_via = via
+            elif via:
+                self._via = via
+            self._add(via.form if via else parts[0])
+        elif origin in (Union, UnionType):
+            self._or_none |= NoneType in parts and (self._is_named or bool(self._shape))
+            self.holds = tuple(part for part in parts if part is not NoneType)
+            if len(self.holds) == 1:
+                self._add(self.holds[0])
+        elif origin is tuple:
+            self._shape = (*self._shape, None if parts[-1] is ... else len(parts))
+            self._add(parts[0])
+        elif origin is np.ndarray:
+            self._array, self._shape = get_args(parts[1])[0], self.about.shape
+            self.holds = (float if issubclass(self._array, np.floating) else int,)
+        elif origin in (Mapping, dict) and parts[1] is not Any:
+            self._is_named = True
+            self._add(parts[1])
+        else:
+            self.holds = (origin or hint,)
 
     @property
     def text(self) -> str:
         """Possible values in plain words: "three numbers from -1 to 1 m"."""
-        shapes = [self.shape, *([self.or_shape] if self.or_shape else [])]
+        shapes = [self._shape, *([self.about.or_shape] if self.about.or_shape else [])]
         amounts = " or ".join(map(self._amount, shapes)) + self._range
-        return f"a table [{self.name}] of names, each with {amounts}" if self.named else amounts
-
-    def allows(self, value: Any) -> bool:
-        """Return whether a value is possible, apart from a table's keys."""
-        if self.named:
-            return isinstance(value, Mapping) and all(map(self._allows_one, value.values()))
-        return self._allows_one(value)
-
-    def rows(self, value: Any) -> Iterator[tuple[str, Any]]:
-        """Yield the name and the keys of each table of a value that is allowed."""
-        if self.named:
-            yield from value.items()
-            return
-        for number, row in enumerate(value if self.shape else [value], 1):
-            name = row.get("name")
-            yield name if isinstance(name, str) and name else f"{self.name} {number}" if self.shape else self.name, row
-
-    def _allows_one(self, value: Any) -> bool:
-        return _fits(value, self, self.shape) or (self.or_shape != () and _fits(value, self, self.or_shape))
+        return f"a table [{self.name}] of names, each with {amounts}" if self._is_named else amounts
 
     def _amount(self, shape: Shape) -> str:
-        one, many = self._names
+        one, many = self._nouns
         if not shape:
             return one
         counts = [_COUNTS.get(length or 0, str(length)) for length in shape]
@@ -81,106 +144,237 @@ class Key:
         return f"a list of {many}" if len(shape) == 1 else f"a list of rows of {counts[1]} {many}"
 
     @property
-    def _names(self) -> tuple[str, str]:
-        if self.choices:
-            return f"one of {', '.join(self.choices)}", f"texts out of {', '.join(self.choices)}"
-        if isinstance(self.holds, tuple):
-            if self.named:
-                return "a table", "tables"
-            return f"a table [{self.name}]", f"tables [[{self.name}]]"
-        return {
-            str: ("a text that is not empty", "texts that are not empty") if self.least > 0 else ("a text", "texts"),
+    def _nouns(self) -> tuple[str, str]:
+        if self._choices:
+            return f"one of {', '.join(self._choices)}", f"texts out of {', '.join(self._choices)}"
+        if self.is_table:
+            return ("a table", "tables") if self._is_named else (f"a table [{self.name}]", f"tables [[{self.name}]]")
+        nouns = {
+            str: ("a text that is not empty", "texts that are not empty")
+            if self.about.least > 0
+            else ("a text", "texts"),
             bool: ("true or false", "of true or false"),
             int: ("a whole number", "whole numbers"),
-        }.get(self.holds, ("a number", "numbers"))
+            float: ("a number", "numbers"),
+        }
+        one, many = zip(*(nouns[kind] for kind in self.holds), strict=True)
+        return " or ".join(one), " or ".join(many)
 
     @property
     def _range(self) -> str:
-        if self.holds is str:
+        about = self.about
+        if not {int, float} & set(self.holds):
             return ""
-        unit = f" {self.unit}" if self.unit else ""
-        low, high = (f"{limit:,.12g}" for limit in (self.least, self.most))
-        if math.isinf(self.least):
-            return f" up to {high}{unit}" if math.isfinite(self.most) else unit
-        return f" from {low}{unit} on" if math.isinf(self.most) else f" from {low} to {high}{unit}"
+        unit = f" {about.unit}" if about.unit else ""
+        most = f"{about.most:,.12g}{unit}"
+        if math.isfinite(about.above):
+            return f" above {about.above:,.12g}{unit}" + (f" up to {most}" if math.isfinite(about.most) else "")
+        if math.isinf(about.least):
+            return f" up to {most}" if math.isfinite(about.most) else unit
+        least = f"{about.least:,.12g}"
+        return f" from {least}{unit} on" if math.isinf(about.most) else f" from {least} to {most}"
+
+    def read(self, value: Any, where: str) -> Any:
+        """Return the field's value; _WrongError for a value of another kind."""
+        if self._is_named:
+            if not isinstance(value, Mapping):
+                raise _WrongError
+            return {name: self._one(item, f"{where}, {shorten(name, 40)}") for name, item in value.items()}
+        try:
+            made = self._listed(value, self._shape, where)
+        except _WrongError:
+            if not self.about.or_shape:
+                raise
+            made = self._listed(value, self.about.or_shape, where)
+        made = made if self._array is None else np.array(made, dtype=self._array)
+        return made if self._via is None else self._via.read(made, where)
+
+    def _listed(self, value: Any, shape: Shape, where: str) -> Any:
+        if not shape:
+            return self._one(value, f"{where}, {_row_name(value, self.name)}" if self.is_table else where)
+        if isinstance(value, str | Mapping) or not hasattr(value, "__len__") or shape[0] not in (None, len(value)):
+            raise _WrongError
+        if not self.is_table:
+            return tuple(self._listed(item, shape[1:], where) for item in value)
+        names = [_row_name(row, f"{self.name} {number}") for number, row in enumerate(value, 1)]
+        return tuple(self._one(row, f"{where}, {name}") for row, name in zip(value, names, strict=True))
+
+    def _one(self, value: Any, where: str) -> Any:
+        if value is None and self._or_none:
+            return None
+        if not self.is_table:
+            return self._single(value)
+        if not isinstance(value, Mapping):
+            raise _WrongError
+        made = value if self.holds[0] is Mapping else _read(self._kind(value, where), value, where)
+        return made if self._item_via is None else self._item_via.read(made, where)
+
+    def _kind(self, table: Table, where: str) -> Any:
+        """Return the dataclass of a table, by the key "kind" where several are possible."""
+        kinds = {getattr(kind, "kind", ""): kind for kind in self.holds}
+        if len(kinds) > 1 and table.get("kind") not in kinds:
+            raise _MisfitError(where, f"kind must be one of {', '.join(kinds)}")
+        return kinds[table["kind"]] if len(kinds) > 1 else self.holds[0]
+
+    def _single(self, value: Any) -> Any:
+        """Return a text, a truth value or a number."""
+        about = self.about
+        for kind in self.holds:
+            if kind is str or _members(kind):
+                fits = isinstance(value, str) and len(value) >= about.least and "\0" not in value
+                fits = fits and (not self._choices or value in self._choices)
+            elif kind is bool:
+                fits = isinstance(value, bool)
+            else:
+                fits = type(value) in _NUMBERS and abs(value) <= _LARGEST  # nor NaN
+                fits = fits and about.least <= value <= about.most and value > about.above
+                fits = fits and (kind is float or type(value) is int or (len(self.holds) == 1 and value == int(value)))
+            if fits:
+                return kind(value)
+        raise _WrongError
+
+    def form(self, value: Any) -> Any:
+        """Return a value of the field as tables hold it."""
+        if self._item_via is not None:
+            return [plain(self._item_via.write(item)) for item in value]
+        return plain(value if self._via is None else self._via.write(value))
 
 
 @dataclass(frozen=True)
-class Schema:
-    """The tables of a kind of file.
+class Schema(Generic[_T]):
+    """Tables of a kind of file or request.
 
     Args:
-        title: what the file is; about: where it comes from, and what else holds, for the manual.
-        error, advice: of a file that does not fit.
-        closed: whether keys of no row are refused: where a slip of the pen would pass unseen.
+        cls: Dataclass that the tables become.
+        title: Kind of file.
+        about: Origin of the file and further rules, for the manual.
+        error: Error of tables that do not fit.
+        advice: Advice of these errors.
+        closed: Whether unknown keys are refused, where a slip of the pen would pass unseen.
+        kind: Value of the key "kind", which such a file has beside its "version".
     """
 
+    cls: type[_T]
     title: str
     about: str
-    keys: tuple[Key, ...]
     error: type[PerfanimError]
     advice: str = ""
     closed: bool = False
+    kind: str = ""
 
-    def check(self, tables: Mapping[str, Any], where: str) -> None:
-        """Raise the schema's error for the first value that does not fit.
+    def read(self, table: Table, where: str) -> _T:
+        """Return what a table describes; ignore unknown keys, unless the schema is closed.
 
-        Keys that the schema does not name are left to their readers, unless it is closed.
+        Raises:
+            PerfanimError: A value does not fit; the schema's error.
         """
-        unknown = sorted(set(tables) - {key.name for key in self.keys}) if self.closed else ()
+        if self.kind and (table.get("kind") != self.kind or table.get("version") != _VERSION):
+            kind = self.kind.removeprefix("perfanim ")
+            raise self.error(f"is not a {kind} file of this version", where=where, advice=self.advice)
+        names = sorted(key.name for key in _keys(self.cls))
+        unknown = sorted(set(table) - set(names)) if self.closed else ()
         if unknown:
-            names = ", ".join(sorted(key.name for key in self.keys))
-            raise self.error(f"there is no key {shorten(unknown[0], 40)!r}", where=where, advice=f"keys: {names}")
-        for place, fact in _misfits(tables, self.keys, where):
-            raise self.error(fact, where=place, advice=self.advice)
+            advice = f"keys: {', '.join(names)}"
+            raise self.error(f"there is no key {shorten(unknown[0], 40)!r}", where=where, advice=advice)
+        try:
+            return _read(self.cls, table, where)
+        except _MisfitError as error:
+            place, fact = error.args
+            raise self.error(fact, where=place, advice=self.advice) from None
 
-    def check_each(self, tables: Mapping[str, Any], where: str) -> None:
-        """Raise the schema's error unless each value is a table that fits."""
+    def read_each(self, tables: Table, where: str) -> dict[str, _T]:
+        """Return what each of several tables describes, by default under their names; errors as of `read`."""
         for name, table in tables.items():
             if not isinstance(table, Mapping):
                 raise self.error(f"{shorten(name, 40)} must be a table", where=where, advice=self.advice)
-            self.check(table, f"{where}, {shorten(name, 40)}")
+        named = {name: {"name": name} | dict(table) for name, table in tables.items()}
+        return {name: self.read(table, f"{where}, {shorten(name, 40)}") for name, table in named.items()}
+
+    def table(self, value: _T) -> dict[str, Any]:
+        """Return the table of a value, with kind and version."""
+        return ({"kind": self.kind, "version": _VERSION} if self.kind else {}) | table_of(value)
+
+    def manual_lines(self) -> list[str]:
+        """Return the section of the manual, Markdown."""
+        lines = [f"## {self.title}", "", self.about, "", "| key | holds | value |", "|---|---|---|"]
+        kind = [f'| `kind` | "{self.kind}" | a text |', f"| `version` | {_VERSION} | a whole number |"]
+        return [*lines, *(kind if self.kind else []), *_rows(self.cls, ""), ""]
 
 
-def _misfits(table: Mapping[str, Any], keys: Sequence[Key], where: str) -> Iterator[tuple[str, str]]:
-    """Yield place and fact of values that do not fit."""
-    for key in keys:
-        if table.get(key.name) is None:
+def table_of(value: Any) -> dict[str, Any]:
+    """Return a dataclass as a table; optional values that equal their defaults are left out."""
+    table = {}
+    for key in _keys(type(value)):
+        own = getattr(value, key.field)
+        is_default = not own.size if isinstance(own, np.ndarray) else own == key.default
+        if own is not None and not (key.optional and is_default):
+            table[key.name] = key.form(own)
+    return table
+
+
+def check_ranges(value: Any) -> None:
+    """Raise SettingsError where a number or text of a dataclass is out of its range."""
+    for key in _keys(type(value)):
+        own = getattr(value, key.field)
+        try:
+            if own is not None and not key.is_table:
+                key.read(key.form(own), "")
+        except _WrongError:
+            raise SettingsError(f"{key.name} must be {key.text}") from None
+
+
+_known_keys: dict[Any, Sequence[_Key]] = {}
+
+
+def _read(cls: type[_T], table: Table, where: str) -> _T:
+    values = {}
+    for key in _keys(cls):
+        value = table.get(key.name)
+        if value is None:
             if not key.optional:
-                yield where, f"lacks {key.name!r}, {key.text}"
-        elif not key.allows(table[key.name]):
-            yield where, f"{key.name} must be {key.text}"
-        elif isinstance(key.holds, tuple):
-            for name, row in key.rows(table[key.name]):
-                yield from _misfits(row, key.holds, f"{where}, {shorten(name, 40)}")
+                raise _MisfitError(where, f"lacks {key.name!r}, {key.text}")
+            continue
+        try:
+            values[key.field] = key.read(value, where)
+        except _WrongError:
+            raise _MisfitError(where, f"{key.name} must be {key.text}") from None
+    return cls(**values)
 
 
-def _fits(value: Any, key: Key, shape: Shape) -> bool:
-    """Return whether a value, or the values of a list, are possible for a key."""
-    if shape:
-        if isinstance(value, str | Mapping) or not hasattr(value, "__len__"):
-            return False
-        return shape[0] in (None, len(value)) and all(_fits(item, key, shape[1:]) for item in value)
-    if isinstance(key.holds, tuple):
-        return isinstance(value, Mapping)
-    if key.holds is str:
-        return isinstance(value, str) and len(value) >= key.least and (not key.choices or value in key.choices)
-    if key.holds is bool:
-        return isinstance(value, bool)
-    if type(value) not in _NUMBERS or not abs(value) <= _LARGEST:  # NaN, too
-        return False
-    return bool(key.least <= value <= key.most and (key.holds is float or value == int(value)))
+def plain(value: Any) -> Any:
+    """Return a value as tables hold it: of Python's own types."""
+    if is_dataclass(value):
+        return table_of(value)
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {name: plain(item) for name, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def manual_lines(schema: Schema) -> list[str]:
-    """Return a schema's section of the manual, Markdown."""
-    lines = [f"## {schema.title}", "", schema.about, "", "| key | holds | value |", "|---|---|---|"]
-    return [*lines, *_rows(schema.keys, ""), ""]
-
-
-def _rows(keys: Sequence[Key], prefix: str) -> Iterator[str]:
-    for key in keys:
+def _rows(cls: Any, prefix: str) -> Iterator[str]:
+    for key in _keys(cls):
         optional = "; may be left out" if key.optional else ""
-        yield f"| `{prefix}{key.name}` | {key.about} | {key.text}{optional} |"
-        if isinstance(key.holds, tuple):
-            yield from _rows(key.holds, f"{prefix}{key.name}.")
+        yield f"| `{prefix}{key.name}` | {key.about.text} | {key.text}{optional} |"
+        for kind in filter(is_dataclass, key.holds):
+            yield from _rows(kind, f"{prefix}{key.name}.")
+
+
+def _keys(cls: Any) -> Sequence[_Key]:
+    """Return the keys of a dataclass's table."""
+    if cls not in _known_keys:
+        hints = get_type_hints(cls, include_extras=True)
+        _known_keys[cls] = [_Key(each, hints[each.name]) for each in fields(cls) if each.init]
+    return _known_keys[cls]
+
+
+def _members(kind: Any) -> list[Enum]:
+    """Return the members of an Enum, none of another type."""
+    return list(kind) if isinstance(kind, type) and issubclass(kind, Enum) else []
+
+
+def _row_name(row: Any, otherwise: str) -> str:
+    name = row.get("name") if isinstance(row, Mapping) else None
+    return shorten(name if isinstance(name, str) and name else otherwise, 40)

@@ -33,7 +33,7 @@ from ..options import (
 )
 from ..performer_options import add_names_option
 from . import take_server
-from .plan import ALSO, KEYS, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
+from .plan import ALSO, OPTIONS, SAVED_AS, Plan, TakePlan, Value, plan_of, read_plan
 from .processes import in_processes
 from .run_batch import BatchResult, DoTasks, run_batch
 from .summary import counts, facts, text_table
@@ -102,7 +102,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _plan(args: argparse.Namespace) -> Plan:
-    given: dict[str, Value] = {key: value for key in KEYS if (value := getattr(args, key, None)) is not None}
+    given: dict[str, Value] = {key: value for key in OPTIONS if (value := getattr(args, key, None)) is not None}
     if any(name.lower().endswith(".toml") for name in args.takes):
         if len(args.takes) > 1:
             args.wrong_usage("a plan stands alone: name further takes in it")

@@ -10,7 +10,7 @@ from ...errors import PerfanimError
 from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.take_reader import read_take_file
 from ...system.files import is_file, is_folder, open_foreign
-from .plan import KEYS, Kind, TakePlan
+from .plan import HOLDS, Holds, TakePlan
 
 _VERSION = 1  # of what a batch makes of a take
 _BLOCK = 1 << 20
@@ -71,14 +71,12 @@ def take_digest(take: TakePlan, contents: ContentDigests) -> str:
 
 
 def _content(key: str, value: Any, contents: ContentDigests) -> Any:
-    kind = KEYS[key].kind
-    if kind is Kind.FILE or (kind is Kind.NAME_OR_FILE and Path(value).is_absolute()):
+    holds = HOLDS.get(key)
+    if holds is Holds.FILE or (holds is Holds.NAME_OR_FILE and Path(value).is_absolute()):
         return contents.of_file(Path(value))
-    if kind is Kind.SOURCE:
-        return contents.of_source(value)
-    if kind is Kind.SOURCES:
-        return [contents.of_source(source) for source in value]
-    if kind is Kind.CAMERAS:
+    if holds is Holds.SOURCE:
+        return contents.of_source(value) if isinstance(value, str) else [contents.of_source(each) for each in value]
+    if holds is Holds.CAMERAS:
         parts = [camera.rpartition("=") for camera in value]
         return [[name, contents.of_source(source)] for name, _, source in parts]
     return value

@@ -8,104 +8,131 @@ import glob
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 from ...errors import SettingsError
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
-from ...system import schema
 from ...system.files import is_file, is_folder, read_toml
+from ...system.schema import About, Schema, Table
 
 Value = str | float | bool | list[str]
 
 
-class Kind(Enum):
-    """Kind of a key's value."""
+ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
+SAVED_AS = ("blend", "fbx", "glb")
+_Text: TypeAlias = str | None
+_Texts: TypeAlias = tuple[str, ...] | None
+_Number: TypeAlias = float | None
+_Switch: TypeAlias = bool | None
+
+
+class Holds(Enum):
+    """Paths that a setting holds."""
 
     FILE = "a file"
     NAME_OR_FILE = "a name or a file"
-    SOURCE = "a video, a folder or pattern of images"
-    SOURCES = "a list of videos, folders or patterns of images"
-    CAMERAS = "a list of NAME=SOURCE"
-    WORD = "a word"
-    NUMBER = "a number"
-    MOTIONS = "a list of angles.csv, vrma"
-    CHARACTER = "one of blend, fbx, glb"
-    SWITCH = "true or false"
+    SOURCE = "videos, folders or patterns of images"
+    CAMERAS = "sources, each NAME=SOURCE"
+
+
+# command -> settings that are options of it; "label": options of track by which it labels the markers of videos
+_COMMANDS = {
+    "track": "cameras left right camera background fps floor no_time_offset marker_set",
+    "label": "database subject skeleton",
+    "solve": "marker_set database subject skeleton names use up method feet units naming smooth rate refine_body",
+    "retarget": "to blender map root_motion",
+}
+_PATHS = {
+    Holds.FILE: "cameras database subject skeleton names to blender",
+    Holds.NAME_OR_FILE: "marker_set map",
+    Holds.SOURCE: "left right background",
+    Holds.CAMERAS: "camera",
+}
+HOLDS = {name: holds for holds, names in _PATHS.items() for name in names.split()}
+
+
+def _text(about: str) -> About:
+    return About(about, least=1)
+
+
+def _rate(about: str, unit: str = "frames per second") -> About:
+    return About(about, unit, 0.0, 1e6)
 
 
 @dataclass(frozen=True)
-class Key:
-    """Kind of a key's value, and the commands that take it as an option."""
+class TakeOptions:
+    """Settings of takes; None leaves a command its default."""
 
-    kind: Kind
-    commands: tuple[str, ...]
-
-
-ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
-SAVED_AS = ("blend", "fbx", "glb")
-_KEYS = (  # "label": options of track by which it labels the markers of videos
-    (Kind.FILE, ("track",), "cameras"),  # of a recorded take an option of solve, see `options_of`
-    (Kind.SOURCE, ("track",), "left right"),
-    (Kind.CAMERAS, ("track",), "camera"),
-    (Kind.SOURCES, ("track",), "background"),
-    (Kind.NUMBER, ("track",), "fps"),
-    (Kind.WORD, ("track",), "floor"),
-    (Kind.SWITCH, ("track",), "no_time_offset"),
-    (Kind.NAME_OR_FILE, ("track", "solve"), "marker_set"),
-    (Kind.FILE, ("label", "solve"), "database subject skeleton"),
-    (Kind.FILE, ("solve",), "names"),
-    (Kind.WORD, ("solve",), "use up method feet units naming"),
-    (Kind.NUMBER, ("solve",), "smooth rate"),
-    (Kind.SWITCH, ("solve",), "refine_body"),
-    (Kind.MOTIONS, (), "also"),
-    (Kind.FILE, ("retarget",), "to blender"),
-    (Kind.NAME_OR_FILE, ("retarget",), "map"),
-    (Kind.WORD, ("retarget",), "root_motion"),
-    (Kind.CHARACTER, (), "save_as"),
-)
-KEYS = {name: Key(kind, commands) for kind, commands, names in _KEYS for name in names.split()}
-
-
-def _row(name: str, kind: Kind) -> schema.Key:
-    about = f"{kind.value}: as `--{name.replace('_', '-')}`"
-    if kind is Kind.NUMBER:
-        return schema.Key(name, about, float, (), _UNITS[name], 0.0, 1e6, optional=True)
-    if kind is Kind.SWITCH:
-        return schema.Key(name, about, bool, optional=True)
-    lists = kind in (Kind.SOURCES, Kind.CAMERAS, Kind.MOTIONS)
-    choices = {Kind.MOTIONS: ALSO, Kind.CHARACTER: SAVED_AS}.get(kind, ())
-    return schema.Key(name, about, str, (None,) if lists else (), least=1, choices=choices, optional=True)
+    cameras: Annotated[_Text, _text("calibration of the videos, or of recorded takes")] = None
+    left: Annotated[_Text, _text("video, folder or pattern of images of the left camera")] = None
+    right: Annotated[_Text, _text("the same of the right camera")] = None
+    camera: Annotated[_Texts, _text("further cameras, each NAME=SOURCE")] = None
+    background: Annotated[_Texts, _text("videos, folders or patterns of the empty capture space")] = None
+    fps: Annotated[_Number, _rate("rate of sources that do not tell it")] = None
+    floor: Annotated[_Text, _text('"feet": the floor is below the feet')] = None
+    no_time_offset: Annotated[_Switch, About("whether all cameras take their images at once")] = None
+    marker_set: Annotated[_Text, _text("shipped marker set or its file")] = None
+    database: Annotated[_Text, _text("motion database")] = None
+    subject: Annotated[_Text, _text("calibrated subject")] = None
+    skeleton: Annotated[_Text, _text("motion file with the bones to use")] = None
+    names: Annotated[_Text, _text("file with the names of the markers")] = None
+    use: Annotated[_Text, _text("number or names of the markers to use")] = None
+    up: Annotated[_Text, _text("axis of marker files that points up")] = None
+    method: Annotated[_Text, _text("solver method")] = None
+    feet: Annotated[_Text, _text("how feet are held in place")] = None
+    units: Annotated[_Text, _text("unit of BVH files")] = None
+    naming: Annotated[_Text, _text("names of the joints in BVH files")] = None
+    smooth: Annotated[_Number, _rate("cut-off of the low-pass filter of markers and motion", "Hz")] = None
+    rate: Annotated[_Number, _rate("rate of the motion")] = None
+    refine_body: Annotated[_Switch, About("whether bones and marker offsets are fitted to the take first")] = None
+    also: Annotated[_Texts, About("kinds of further files of each motion", choices=ALSO)] = None
+    to: Annotated[_Text, _text("character file to retarget to")] = None
+    blender: Annotated[_Text, _text("Blender that retargets")] = None
+    map: Annotated[_Text, _text("bone map: a shipped one or its file")] = None
+    root_motion: Annotated[_Text, _text("receiver of the root motion: bone or object")] = None
+    save_as: Annotated[_Text, About("kind of the character's file", choices=SAVED_AS)] = None
 
 
-_UNITS = {"fps": "frames per second", "rate": "frames per second", "smooth": "ms"}
-PLAN = schema.Schema(
+@dataclass(frozen=True)
+class _TakeRow:
+    """Takes of a plan's table, beside their settings."""
+
+    take: Annotated[str, About("file, folder or pattern; left out for videos")] = ""
+    name: Annotated[str, About("name of the results; by default the file's")] = ""
+
+
+@dataclass(frozen=True)
+class _PlanFile:
+    """A plan, beside its shared settings."""
+
+    take: Annotated[tuple[Table, ...], About("the takes")]
+    out: Annotated[str, About("folder of the results")] = ""
+
+
+OPTIONS = tuple(each.name for each in fields(TakeOptions))
+PLAN = Schema(
+    _PlanFile,
     "Plan of a batch",
     "For `perfanim batch`. Paths are relative to the plan.",
-    (
-        schema.Key("out", "folder of the results", str, optional=True),
-        schema.Key("take", "the takes", (), (None,)),
-    ),
     SettingsError,
     'add [[take]] tables with take = "FILE"',
 )
-TAKE = schema.Schema(
+TAKE = Schema(
+    _TakeRow,
     "Take of a plan",
     "Of each table `[[take]]`; it may have each of the settings below, too.",
-    (
-        schema.Key("take", "file, folder or pattern; left out for videos", str, optional=True),
-        schema.Key("name", "of the results; left out, the file's", str, optional=True),
-    ),
     SettingsError,
     "see TOML files in the manual",
 )
-SETTINGS = schema.Schema(
+SETTINGS = Schema(
+    TakeOptions,
     "Settings of a plan",
-    "At the plan's top level for all takes, or in a take's table for that one.",
-    tuple(_row(name, key.kind) for name, key in KEYS.items()),
+    "At the plan's top level for all takes, or in a take's table for that one. They have the names of the commands' "
+    "options, with _ for -.",
     SettingsError,
     "see TOML files in the manual",
     closed=True,
@@ -121,10 +148,10 @@ class TakePlan:
     """Plan of one take; plain values, to go to other processes as JSON.
 
     Args:
-        source: the take as the plan names it.
-        take: the file that is solved; "" when it is tracked from the videos of the options.
-        options: values of `KEYS`, paths absolute.
-        digest: hash of all that its outputs depend on (see `take_digest`); "" until it is computed.
+        source: The take as the plan names it.
+        take: File that is solved; "" when it is tracked from the videos of the options.
+        options: Values of `TakeOptions` that are set, paths absolute.
+        digest: Hash of all that its outputs depend on (see `take_digest`); "" until it is computed.
     """
 
     name: str
@@ -142,25 +169,29 @@ class TakePlan:
         """Return the command line options that the take's settings give a command."""
         line: list[str] = []
         for key, value in self.options.items():
-            commands = KEYS[key].commands
-            if key == "cameras" and not self.is_tracked:
-                commands = ("solve",) if is_recorded(self.take) else ()
-            if key in ("up", "names") and (self.is_tracked or is_recorded(self.take)):
-                commands = ()  # takes of cameras have y up, and the set's names
-            if key == "use" and is_recorded(self.take):
-                commands = ()  # for marker takes
-            if key == "blender" and "to" not in self.options:
-                commands = ()
-            if command not in commands or value is False:
+            if value is False or not self._is_option(key, command):
                 continue
             flag = f"--{key.replace('_', '-')}"
-            if KEYS[key].kind is Kind.CAMERAS and isinstance(value, list):
+            if key == "camera" and isinstance(value, list):
                 line += [part for camera in value for part in (flag, camera)]
             elif isinstance(value, list):
                 line += [flag, *value]
             else:
                 line += [flag] if value is True else [flag, str(value)]
         return line
+
+    def _is_option(self, key: str, command: str) -> bool:
+        """Return whether a setting is an option of a command for this take."""
+        is_from_cameras = self.is_tracked or is_recorded(self.take)
+        if key == "cameras" and not self.is_tracked:
+            return command == "solve" and is_recorded(self.take)
+        if key in ("up", "names") and is_from_cameras:  # such takes have y up, and the set's names
+            return False
+        if key == "use" and is_recorded(self.take):  # for marker takes
+            return False
+        if key == "blender" and "to" not in self.options:
+            return False
+        return key in _COMMANDS[command].split()
 
 
 @dataclass(frozen=True)
@@ -181,17 +212,17 @@ def read_plan(path: Path | str, given: Mapping[str, Value]) -> Plan:
         FormatError: it cannot be read. SettingsError: its keys or values are wrong.
     """
     where = str(path)
-    tables = dict(read_toml(path))
-    PLAN.check(tables, where)
+    tables = read_toml(path)
+    plan = PLAN.read(tables, where)
     folder = Path(path).absolute().parent
-    rows, out = tables.pop("take"), tables.pop("out", "")
-    if not rows:
+    if not plan.take:
         raise SettingsError("names no takes", where=where, advice=PLAN.advice)
+    tables = {key: value for key, value in tables.items() if key not in ("take", "out")}
     shared = _merge(_resolve_paths(tables, folder, where), _resolve_paths(given, Path.cwd(), "options"))
     found: list[tuple[str, TakePlan]] = []
-    for number, row in enumerate(rows, 1):
+    for number, row in enumerate(plan.take, 1):
         found += _row_takes(row, shared, folder, f"{where}, take {number}")
-    return Plan(_name_takes(found), str(folder / out) if out else "")
+    return Plan(_name_takes(found), str(folder / plan.out) if plan.out else "")
 
 
 def plan_of(sources: Sequence[str], given: Mapping[str, Value]) -> Plan:
@@ -201,13 +232,11 @@ def plan_of(sources: Sequence[str], given: Mapping[str, Value]) -> Plan:
     return Plan(_name_takes([("", TakePlan("", label, path, shared)) for label, path in takes]))
 
 
-def _row_takes(
-    row: Mapping[str, Any], shared: Mapping[str, Value], folder: Path, where: str
-) -> list[tuple[str, TakePlan]]:
+def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str) -> list[tuple[str, TakePlan]]:
     """Return the takes of one table, and the name that it gives, "" when none."""
-    TAKE.check(row, where)
-    own = dict(row)
-    take, name = own.pop("take", ""), own.pop("name", "")
+    found = TAKE.read(row, where)
+    take, name = found.take, found.name
+    own = {key: value for key, value in row.items() if key not in ("take", "name")}
     if name and (set(name) & set(_FORBIDDEN) or name != name.strip(". ")):
         raise SettingsError(f"{name!r} cannot be the name of a file", where=where, advice="choose another name")
     options = _merge(shared, _resolve_paths(own, folder, where))
@@ -232,28 +261,25 @@ def _merge(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, V
     return {**left, **own}
 
 
-def _resolve_paths(table: Mapping[str, Any], folder: Path, where: str) -> dict[str, Value]:
-    """Return the values of keys, checked, with absolute paths."""
-    SETTINGS.check(table, where)
-    return {key: _value(KEYS[key].kind, value, folder) for key, value in table.items()}
+def _resolve_paths(table: Table, folder: Path, where: str) -> dict[str, Value]:
+    """Return the options of a table, checked, with absolute paths."""
+    options = SETTINGS.read(table, where)
+    return {key: _resolved(getattr(options, key), HOLDS.get(key), folder) for key in table}
 
 
-def _value(kind: Kind, value: Any, folder: Path) -> Value:
-    """Return a value that the schema allows, its paths absolute."""
-    if kind is Kind.NUMBER:
-        return float(value)
-    if kind is Kind.MOTIONS:
-        return sorted(set(value))
-    if kind in (Kind.SOURCES, Kind.CAMERAS):
-        return [_source(text, folder, kind is Kind.CAMERAS) for text in value]
-    is_path = kind in (Kind.FILE, Kind.SOURCE) or (kind is Kind.NAME_OR_FILE and is_file(folder / value))
-    checked: Value = _absolute(value, folder) if is_path else value
-    return checked
+def _resolved(value: Any, holds: Holds | None, folder: Path) -> Value:
+    """Return a value with absolute paths."""
+    if isinstance(value, tuple):
+        return sorted(set(value)) if holds is None else [_source(text, folder, holds) for text in value]
+    is_path = holds in (Holds.FILE, Holds.SOURCE) or (holds is Holds.NAME_OR_FILE and is_file(folder / value))
+    resolved: Value = _absolute(value, folder) if is_path else value
+    return resolved
 
 
-def _source(text: str, folder: Path, named: bool) -> str:
+def _source(text: str, folder: Path, holds: Holds | None) -> str:
     name, equals, source = text.partition("=")
-    return f"{name}={_absolute(source, folder)}" if named and equals else _absolute(text, folder)
+    is_named = holds is Holds.CAMERAS and equals
+    return f"{name}={_absolute(source, folder)}" if is_named else _absolute(text, folder)
 
 
 def _absolute(text: str, folder: Path) -> str:

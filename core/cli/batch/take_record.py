@@ -6,14 +6,15 @@ Nothing here solves or draws, so the process that hands out takes loads fast.
 import errno
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from ...errors import FormatError
 from ...system.files import read_bytes, reading
-from ...system.schema import Key, Schema
+from ...system.schema import About, Schema, table_of
 from .content_hash import file_digest
 from .plan import ALSO, SAVED_AS, TakePlan
 
@@ -21,24 +22,6 @@ REPORT = "report"  # folder of records and pictures below that of the results
 
 GOOD, DOUBTFUL, BAD = "good", "doubtful", "bad"
 
-RECORD = Schema(
-    "Record of a take",
-    "That `perfanim batch` keeps beside a take's results, JSON.",
-    (
-        Key("name", "of the take", str, least=1),
-        Key("source", "the take as its plan names it", str),
-        Key("digest", "of all that the results depend on", str),
-        Key("status", "what came of it", str, choices=(GOOD, DOUBTFUL, BAD)),
-        Key("reasons", "why it is doubtful or bad", str, (None,)),
-        Key("warnings", "of its commands", str, (None,)),
-        Key("figures", "of its quality", float, named=True),
-        Key("outputs", "kind and file of each result", str, named=True),
-        Key("sha256", "file and digest of each result", str, named=True, least=1),
-        Key("is_kept", "whether a later run takes it as done", bool),
-    ),
-    FormatError,
-    closed=True,
-)
 _MOST_BYTES = 1 << 20  # of a record
 _ENDINGS = ("bvh", "take.npz", *ALSO, *SAVED_AS)
 _TEMPORARY = ".{}.angles.12345678.csv"  # the longest name that a file of a take has, while it is written
@@ -46,39 +29,39 @@ _TEMPORARY = ".{}.angles.12345678.csv"  # the longest name that a file of a take
 
 @dataclass(frozen=True)
 class Record:
-    """Record of a take, kept beside its outputs.
+    """Record of a take, kept beside its outputs."""
 
-    Args:
-        status: GOOD, DOUBTFUL (check it) or BAD (no motion).
-        figures: of `quality_figures`; empty when it could not be solved.
-        outputs: kind -> file below the folder of the results.
-        sha256: file -> digest of its bytes.
-        is_kept: whether a later run takes it as done; False where another try may succeed.
-    """
-
-    name: str
-    source: str
-    digest: str
-    status: str
-    reasons: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-    figures: dict[str, float | int | None] = field(default_factory=dict)
-    outputs: dict[str, str] = field(default_factory=dict)
-    sha256: dict[str, str] = field(default_factory=dict)
-    is_kept: bool = True
+    name: Annotated[str, About("name of the take", least=1)]
+    source: Annotated[str, About("the take as its plan names it")]
+    digest: Annotated[str, About("hash of all that the results depend on")]
+    status: Annotated[str, About("what came of it", choices=(GOOD, DOUBTFUL, BAD))]
+    reasons: Annotated[tuple[str, ...], About("why it is doubtful or bad", optional=False)] = ()
+    warnings: Annotated[tuple[str, ...], About("warnings of its commands", optional=False)] = ()
+    figures: Annotated[Mapping[str, int | float | None], About("figures of its quality", optional=False)] = field(
+        default_factory=dict
+    )
+    outputs: Annotated[Mapping[str, str], About("kind and file of each result", optional=False)] = field(
+        default_factory=dict
+    )
+    sha256: Annotated[dict[str, str], About("file and digest of each result", least=1, optional=False)] = field(
+        default_factory=dict
+    )
+    is_kept: Annotated[bool, About("whether a later run takes it as done", optional=False)] = True
 
     @classmethod
     def of_text(cls, text: str) -> "Record":
         """Return the record of a JSON object; FormatError when it is none."""
         with reading("record"):
-            table = json.loads(text)
-            figures = {name: value for name, value in table["figures"].items() if value is not None}
-            RECORD.check({**table, "figures": figures}, "record")
-        return cls(**{**table, "reasons": tuple(table["reasons"]), "warnings": tuple(table["warnings"])})
+            return _RECORD.read(json.loads(text), "record")
 
     def text(self) -> str:
         """Return the record as a JSON object on one line."""
-        return json.dumps(asdict(self), sort_keys=True)
+        return json.dumps(table_of(self), sort_keys=True)
+
+
+_RECORD = Schema(
+    Record, "Record of a take", "Kept by `perfanim batch` beside a take's results.", FormatError, closed=True
+)
 
 
 @dataclass(frozen=True)

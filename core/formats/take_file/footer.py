@@ -3,14 +3,13 @@
 import json
 import math
 import struct
-from collections.abc import Mapping
 from dataclasses import dataclass
 from io import FileIO
-from typing import Any, BinaryIO
+from typing import Annotated, BinaryIO
 
 from ...errors import TakeError
 from ...system.files import reading
-from ...system.schema import Key, Schema
+from ...system.schema import About, Schema, table_of
 from .chunks import HEADER_BYTES, ChunkKind, read_chunk
 from .take_setup import json_object
 
@@ -19,15 +18,22 @@ _FACTS = struct.Struct("<I")  # size of the JSON facts that follow
 _ROW = struct.Struct("<HHIQ")  # kind, 0, sequence number, offset
 _TRAILER = struct.Struct("<Q8s")  # offset of the END chunk, magic
 _LONGEST_S = 1e15
+
+
+@dataclass(frozen=True)
+class RecordingFacts:
+    """Facts of a recording."""
+
+    frames: Annotated[int, About("marker frames", "", 0, 1e15)] = 0
+    poses: Annotated[int, About("solved poses", "", 0, 1e15)] = 0
+    duration_s: Annotated[float, About("between first and last frame", "s", -_LONGEST_S, _LONGEST_S)] = 0.0
+    orphaned: Annotated[bool, About("whether the recording outlived Blender")] = False
+
+
 _SCHEMA = Schema(
+    RecordingFacts,
     "End mark of a take",
     "Facts of the recording, written with its last chunk.",
-    (
-        Key("frames", "marker frames", int, least=0, most=1e15, optional=True),
-        Key("poses", "solved poses", int, least=0, most=1e15, optional=True),
-        Key("duration_s", "between first and last frame", float, (), "s", -_LONGEST_S, _LONGEST_S, optional=True),
-        Key("orphaned", "whether the recording outlived Blender", bool, optional=True),
-    ),
     TakeError,
     "check the file",
 )
@@ -38,16 +44,15 @@ class Footer:
     """Content of the END chunk.
 
     Args:
-        facts: "frames", "poses", "duration_s" of the recording; "orphaned" if the recording outlived Blender.
         index: Kind and offset of every chunk by sequence number, including the END chunk.
     """
 
-    facts: Mapping[str, Any]
+    facts: RecordingFacts
     index: tuple[tuple[int, int], ...]
 
     def pack(self) -> bytes:
         """Return the payload of the END chunk."""
-        text = json.dumps(dict(self.facts)).encode("utf-8")
+        text = json.dumps(table_of(self.facts)).encode("utf-8")
         rows = b"".join(_ROW.pack(kind, 0, sequence, offset) for sequence, (kind, offset) in enumerate(self.index))
         return _FACTS.pack(len(text)) + text + rows + _TRAILER.pack(self.index[-1][1], _MAGIC)
 
@@ -59,8 +64,7 @@ class Footer:
             start, stop = _FACTS.size + size, len(payload) - _TRAILER.size
             facts = json_object(bytes(payload[_FACTS.size : start]), f"{where}, end mark")
             rows = tuple((kind, offset) for kind, _, _, offset in _ROW.iter_unpack(payload[start:stop]))
-        _SCHEMA.check(facts, f"{where}, end mark")
-        return Footer(facts, rows)
+        return Footer(_SCHEMA.read(facts, f"{where}, end mark"), rows)
 
 
 def duration_s(first_s: float, last_s: float) -> float:

@@ -25,14 +25,14 @@ from .chunks import (
 )
 from .footer import Footer, find_footer
 from .pose_codec import TimedPose, unpack_solved
-from .take_setup import TakeNotes, TakeSetup, event_facts
+from .take_setup import TakeEvent, TakeNotes, TakeSetup
 
 ENDING = ".perftake"
 
 # Readers of chunks that a take can do without.
 _OPTIONAL: Mapping[int, Callable[[bytes, str], object]] = {
     ChunkKind.NOTES: TakeNotes.from_json,
-    ChunkKind.EVENT: event_facts,
+    ChunkKind.EVENT: TakeEvent.from_json,
     ChunkKind.END: Footer.unpack,
 }
 _RECOVER = "perfanim take recover writes the intact part as a complete take"
@@ -83,19 +83,16 @@ class TakeFile:
     @property
     def events(self) -> tuple[str, ...]:
         """Messages about incidents while recording."""
-        return tuple(row.get("text") or "" for row in self._event_rows)
+        return tuple(event.text for event in self._events)
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
         """Gaps where a process of the capture was replaced."""
-        found = [(row["gap"], row.get("text") or "") for row in self._event_rows if row.get("gap") is not None]
-        return tuple(
-            Gap(int(_number(gap, "after", -1)), float(_number(gap, "seconds", 0)), text) for gap, text in found
-        )
+        return tuple(Gap(event.gap.after, event.gap.seconds, event.text) for event in self._events if event.gap)
 
     @cached_property
-    def _event_rows(self) -> tuple[dict[str, Any], ...]:
-        return tuple(event_facts(bytes(chunk.payload), str(self.path)) for chunk in self._of(ChunkKind.EVENT))
+    def _events(self) -> tuple[TakeEvent, ...]:
+        return tuple(TakeEvent.from_json(bytes(chunk.payload), str(self.path)) for chunk in self._of(ChunkKind.EVENT))
 
     @cached_property
     def stamped_frames(self) -> tuple[tuple[float, MarkerFrame], ...]:
@@ -139,7 +136,7 @@ class TakeFile:
         ends = self._of(ChunkKind.END)
         if not ends:
             return self.frame_count
-        return int(_number(Footer.unpack(ends[0].payload, str(self.path)).facts, "frames", 0))
+        return Footer.unpack(ends[0].payload, str(self.path)).facts.frames
 
     @property
     def problems(self) -> list[str]:
@@ -200,12 +197,6 @@ def _fault_of_facts(chunk: Chunk, where: str) -> Fault | None:
         what = f"chunk {chunk.sequence} ({name}) is not understood: {error.what}"
         return Fault(chunk.offset, HEADER_BYTES + len(chunk.payload), what)
     return None
-
-
-def _number(facts: Mapping[str, Any], name: str, default: float) -> float:
-    """Return a number from checked facts, the default if it is missing or null."""
-    value = facts.get(name)
-    return default if value is None else value
 
 
 def take_name(path: Path | str) -> str:
@@ -283,9 +274,8 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
             with suppress(TakeError):
                 notes = TakeNotes.from_json(bytes(chunk.payload), str(path))
     notes = notes if notes.name else replace(notes, name=take_name(path))
-    frames, duration_s = int(_number(footer.facts, "frames", 0)), float(_number(footer.facts, "duration_s", 0))
-    orphaned = bool(footer.facts.get("orphaned", False))
-    return TakeSummary(path, True, frames, duration_s, notes=notes, orphaned=orphaned, **known)
+    facts = footer.facts
+    return TakeSummary(path, True, facts.frames, facts.duration_s, notes=notes, orphaned=facts.orphaned, **known)
 
 
 def _known(setup: TakeSetup) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
 
 from ... import __version__
 from ...errors import TakeError
@@ -13,41 +13,11 @@ from ...geometry.rig_file import rig_from, rig_tables
 from ...markers.prop import Prop, prop_from, prop_tables
 from ...markers.subject import Subject, subject_from, subject_tables
 from ...system.files import reading
-from ...system.schema import Key, Schema
+from ...system.schema import About, Schema, Table, table_of
 
 MOST_STARS = 5
 _DEEPEST = 64  # of nested JSON: far below what Python can copy
 _MOST = 1e15  # of frame numbers and seconds
-_NOTES = Schema(
-    "Notes of a take",
-    "What the user wrote about a take.",
-    (
-        Key("name", "of the take", str, optional=True),
-        Key("notes", "of the user", str, optional=True),
-        Key("character", "that was animated live", str, optional=True),
-        Key("recorded", "first and last wanted frame", int, (2,), "", -_MOST, _MOST, optional=True),
-    ),
-    TakeError,
-    "check the file",
-)
-_EVENT = Schema(
-    "Event of a take",
-    "An incident while it was recorded.",
-    (
-        Key("text", "message", str, optional=True),
-        Key(
-            "gap",
-            "frames that are missing",
-            (
-                Key("after", "number of the last frame before them", int, (), "", -_MOST, _MOST, optional=True),
-                Key("seconds", "that are missing", float, (), "s", 0.0, _MOST, optional=True),
-            ),
-            optional=True,
-        ),
-    ),
-    TakeError,
-    "check the file",
-)
 
 
 @dataclass(frozen=True)
@@ -131,24 +101,18 @@ class TakeSetup:
 
 @dataclass(frozen=True)
 class TakeNotes:
-    """Notes of the user on a take.
+    """Notes of the user on a take."""
 
-    Args:
-        name: "" for the file's.
-        rating: 0 (none) to 5 stars.
-        character: animated live, "" for none.
-        played: whether the take was put onto a character later.
-        recorded: first and last frame number between countdown and automatic end; None: all.
-        filters: table of `FilterSettings` at the capture; None: not stored.
-    """
-
-    name: str = ""
-    notes: str = ""
-    rating: int = 0
-    character: str = ""
-    played: bool = False
-    recorded: tuple[int, int] | None = None
-    filters: Mapping[str, Any] | None = None
+    name: Annotated[str, About("name of the take; empty for the file's")] = ""
+    notes: Annotated[str, About("notes of the user")] = ""
+    rating: Annotated[int, About("stars, 0 for none", "", 0, MOST_STARS)] = 0
+    character: Annotated[str, About("character that was animated live")] = ""
+    played: Annotated[bool, About("whether the take was put onto a character later")] = False
+    recorded: Annotated[
+        tuple[int, int] | None,
+        About("first and last frame number between countdown and automatic end; by default all", "", -_MOST, _MOST),
+    ] = None
+    filters: Annotated[Table | None, About("`FilterSettings` at the capture")] = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.rating <= MOST_STARS:
@@ -156,28 +120,40 @@ class TakeNotes:
 
     def to_json(self) -> bytes:
         """Return the notes as JSON."""
-        return json.dumps(asdict(self)).encode("utf-8")
+        return json.dumps(table_of(self)).encode("utf-8")
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeNotes":
         """Return the notes of `to_json`, without later parts; TakeError for damaged ones."""
         facts = json_object(data, where)
-        _NOTES.check(facts, f"{where}, notes")
-        texts = {name: facts.get(name) or "" for name in ("name", "notes", "character")}
-        rating = facts.get("rating", 0)
+        rating = facts.get("rating")
         stars = min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0
-        span = facts.get("recorded")
-        recorded = (int(span[0]), int(span[1])) if span is not None else None
-        table, played = facts.get("filters"), bool(facts.get("played", False))
-        filters = table if isinstance(table, dict) else None
-        return TakeNotes(**texts, rating=stars, played=played, recorded=recorded, filters=filters)
+        return _NOTES.read(facts | {"rating": int(stars)}, f"{where}, notes")
 
 
-def event_facts(data: bytes, where: str) -> dict[str, Any]:
-    """Return the facts of an event; TakeError for damaged ones."""
-    facts = json_object(data, where)
-    _EVENT.check(facts, f"{where}, event")
-    return facts
+@dataclass(frozen=True)
+class MissingFrames:
+    """Frames that are missing because a process of the capture was replaced."""
+
+    after: Annotated[int, About("number of the last frame before them", "", -_MOST, _MOST)] = -1
+    seconds: Annotated[float, About("duration", "s", 0.0, _MOST)] = 0.0
+
+
+@dataclass(frozen=True)
+class TakeEvent:
+    """Incident while a take was recorded."""
+
+    text: Annotated[str, About("message")] = ""
+    gap: Annotated[MissingFrames | None, About("frames that are missing")] = None
+
+    @staticmethod
+    def from_json(data: bytes, where: str) -> "TakeEvent":
+        """Return the event of a chunk; TakeError for a damaged one."""
+        return _EVENT.read(json_object(data, where), f"{where}, event")
+
+
+_NOTES = Schema(TakeNotes, "Notes of a take", "What the user wrote about a take.", TakeError, "check the file")
+_EVENT = Schema(TakeEvent, "Event of a take", "An incident while it was recorded.", TakeError, "check the file")
 
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...system.files import atomic_path
 from ...system.lock import lock
 from .chunks import HEADER_BYTES, ChunkKind, encode_chunk, join_records, preamble, scan, split_records
-from .footer import Footer, duration_s
+from .footer import Footer, RecordingFacts, duration_s
 from .take_reader import take_name, unused_path
 from .take_setup import TakeNotes, TakeSetup
 
@@ -144,7 +144,7 @@ class TakeWriter:
         self._collect()
         self._report_dropped()
         self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, in case the first one is damaged
-        facts = {"frames": self.frames, "poses": self.poses, "duration_s": self._duration_s(), "orphaned": orphaned}
+        facts = RecordingFacts(self.frames, self.poses, self._duration_s(), orphaned)
         at = self._whole + len(self._waiting)
         self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
         self._write()

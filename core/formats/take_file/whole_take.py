@@ -1,14 +1,13 @@
 """Writing of a take from frames in memory, imported or solved again."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_frame_codec import pack_stamped
 from ...system.files import atomic_path
 from .chunks import ChunkKind, encode_chunk, join_records, preamble
-from .footer import Footer, duration_s
+from .footer import Footer, RecordingFacts, duration_s
 from .pose_codec import TimedPose, pack_solved
 from .take_setup import TakeNotes, TakeSetup
 
@@ -35,13 +34,13 @@ def write_whole_take(
     write_chunks(path, chunks, take_facts([frame for _, frame in frames], len(poses)))
 
 
-def take_facts(frames: Sequence[MarkerFrame], poses: int) -> dict[str, Any]:
+def take_facts(frames: Sequence[MarkerFrame], poses: int) -> RecordingFacts:
     """Return the facts for the end mark."""
     passed_s = duration_s(frames[0].time_s, frames[-1].time_s) if frames else 0.0
-    return {"frames": len(frames), "poses": poses, "duration_s": passed_s, "orphaned": False}
+    return RecordingFacts(len(frames), poses, passed_s)
 
 
-def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: Mapping[str, Any]) -> None:
+def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: RecordingFacts) -> None:
     """Write a complete take from chunks (kind and payload); FormatError if `path` cannot be written."""
     index: list[tuple[int, int]] = []
     with atomic_path(path) as temporary, temporary.open("wb") as file:

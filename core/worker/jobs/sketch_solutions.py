@@ -30,7 +30,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     channel.send_status("opening the database", 0.0)
     with reading("sketch", SkeletonError, "choose the character again"):
-        skeleton = skeleton_from(request["skeleton"])
+        skeleton = skeleton_from(request["skeleton"], "sketch")
     solver = SketchSolver(skeleton, open_database(request["database"]))
     if not request.get("live"):
         _solve(solver, request, channel, is_live=False)

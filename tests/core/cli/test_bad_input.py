@@ -11,11 +11,12 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import save_rig
-from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
+from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import save_subject, subject_tables
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.files import write_toml
+from perfanim.core.system.schema import table_of
 
 SIZE = (64, 48)
 LONG = "x" * 300
@@ -76,7 +77,7 @@ def files(tmp_path_factory, truth, subject, database_file):
     write_pictures(folder / "other", range(50, 54))
     write_pictures(folder / "torn", range(6))
     (folder / "torn" / "003.png").write_bytes((folder / "left" / "003.png").read_bytes()[:40])
-    table = marker_set_table(load_marker_set("locomotion"))
+    table = table_of(load_marker_set("locomotion"))
     write_toml(folder / "two-torso.toml", table | {"marker": [row | {"torso": False} for row in table["marker"]]})
     return folder
 

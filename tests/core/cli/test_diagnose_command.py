@@ -18,7 +18,8 @@ def test_versions_and_cameras_are_told(capsys: pytest.CaptureFixture[str], monke
     assert main(["diagnose", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     versions = {"numpy": np.__version__, "scipy": scipy.__version__, "cv2": cv2.__version__}
-    assert told["libraries"] == {**versions, "pythonosc": importlib.metadata.version("python-osc")}
+    pure = {"pythonosc": importlib.metadata.version("python-osc"), "tomli_w": importlib.metadata.version("tomli-w")}
+    assert told["libraries"] == {**versions, **pure}
     assert told["cameras"] == [{"device": 0, "size": [640, 480]}, {"device": 2, "size": None}]
     assert sys.executable in told["python"]
 

@@ -12,6 +12,14 @@ from perfanim.core.markers.marker_set import Marker, MarkerSet, load_marker_set,
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.system.files import read_toml, write_toml
 
+JOINT = """[[joint]]
+name = "root"
+parent = ""
+offset_m = [0, 1, 0]
+tip_m = [0, 0, 0]
+angle_axes = [1, 0, 0, 0]
+angle_order = "ZYX"
+"""
 HEADER = 'kind = "perfanim subject"\nversion = 1\nname = "a"\nresidual_m = 0.0\n'
 
 

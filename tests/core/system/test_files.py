@@ -166,7 +166,7 @@ def test_toml_keeps_numbers_exactly(tmp_path: Path) -> None:
 
 
 def test_what_toml_cannot_hold_is_refused_without_a_file(tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match="no TOML form for NoneType"):
+    with pytest.raises(TypeError, match="NoneType"):
         write_toml(tmp_path / "a.toml", {"a": None})
     assert not any(tmp_path.iterdir())
 

@@ -1,15 +1,20 @@
 """Schemas of files: what fits, what each misfit says, and the manual's rows."""
 
+import datetime
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
 from perfanim.core.cli.batch.plan import PLAN, SETTINGS, TAKE
 from perfanim.core.database.header_facts import FACTS
 from perfanim.core.database.public_collections import COLLECTION
-from perfanim.core.errors import PropError
+from perfanim.core.errors import PropError, SettingsError
+from perfanim.core.geometry.arrays import Array
 from perfanim.core.geometry.rig_file import CAMERA, METADATA
 from perfanim.core.markers.label_matching import NAMES
 from perfanim.core.markers.marker_set import MARKER_SET
@@ -18,28 +23,58 @@ from perfanim.core.markers.subject import SUBJECT
 from perfanim.core.retarget.bone_map_files import BONE_MAP
 from perfanim.core.system.assets import MARKER_SETS, PROPS
 from perfanim.core.system.files import read_toml
-from perfanim.core.system.schema import Key, Schema, manual_lines
+from perfanim.core.system.schema import About, Schema, Table, Via, check_ranges, table_of
 
-POINT = (Key("name", "a name", str), Key("place_m", "a place", float, (3,), "m", -1.0, 1.0))
-THING = Schema(
-    "Thing",
-    "A thing.",
-    (
-        Key("count", "how many", int, (), "", 0, 9),
-        Key("turn", "how it lies", float, (3,), or_shape=(3, 3), optional=True),
-        Key("lit", "whether", bool, optional=True),
-        Key("also", "names", str, (None,), optional=True),
-        Key("spots", "places", float, (None, 2), "px", 0.0, optional=True),
-        Key("point", "points", POINT, (None,), optional=True),
-        Key("main", "a point", POINT, optional=True),
-        Key("kind", "its kind", str, choices=("a", "b"), optional=True),
-        Key("marks", "texts by name", str, least=1, named=True, optional=True),
-        Key("parts", "points by name", POINT, named=True, optional=True),
-        Key("open", "others look at it", (), (None,), optional=True),
-    ),
-    PropError,
-    "mend it",
-)
+Place = tuple[float, float, float]
+
+
+class Colour(Enum):
+    RED = "red"
+    BLUE = "blue"
+
+
+@dataclass(frozen=True)
+class Point:
+    name: Annotated[str, About("a name")]
+    place_m: Annotated[Place, About("a place", "m", -1.0, 1.0)]
+
+
+@dataclass(frozen=True)
+class Ball:
+    size: Annotated[int, About("size", least=1)] = 1
+    kind: Annotated[str, About("kind", choices=("ball",), optional=False)] = "ball"
+
+
+@dataclass(frozen=True)
+class Box:
+    sides: Annotated[tuple[int, ...], About("sides")] = ()
+    kind: Annotated[str, About("kind", choices=("box",), optional=False)] = "box"
+
+
+@dataclass(frozen=True)
+class Thing:
+    count: Annotated[int, About("how many", least=0, most=9)]
+    turn: Annotated[Array | None, About("how it lies", shape=(3,), or_shape=(3, 3))] = None
+    lit: Annotated[bool, About("whether")] = False
+    also: Annotated[tuple[str, ...], About("names")] = ()
+    spots: Annotated[Array | None, About("places", "px", 0.0, shape=(None, 2))] = None
+    points: Annotated[tuple[Point, ...], About("points", key="point")] = ()
+    main: Annotated[Point | None, About("a point")] = None
+    kind: Annotated[str | None, About("its kind", choices=("a", "b"))] = None
+    marks: Annotated[Mapping[str, str] | None, About("texts by name", least=1)] = None
+    parts: Annotated[Mapping[str, Point] | None, About("points by name")] = None
+    open: Annotated[tuple[Table, ...], About("others look at it")] = ()
+    mass_kg: Annotated[float | None, About("mass", "kg", above=0.0)] = None
+    colour: Annotated[Colour, About("colour")] = Colour.RED
+    shape: Annotated[Ball | Box | None, About("shape")] = None
+    figures: Annotated[Mapping[str, int | float | None] | None, About("figures")] = None
+    date: Annotated[
+        datetime.date | None, About("day"), Via(str, lambda text, where: datetime.date.fromisoformat(text), str)
+    ] = None
+    users: Annotated[tuple[str | int, ...], About("names or numbers")] = ()
+
+
+THING = Schema(Thing, "Thing", "A thing.", PropError, "mend it")
 
 
 @pytest.mark.parametrize(
@@ -54,10 +89,49 @@ THING = Schema(
         {"count": np.int64(3)},
         {"kind": "b", "marks": {"x": "y", "": "z"}, "parts": {"p": {"name": "", "place_m": [0, 0, 0]}}},
         {"marks": {}, "parts": {}, "open": [{"any": object()}]},
+        {
+            "colour": "blue",
+            "shape": {"kind": "box", "sides": [1, 2]},
+            "figures": {"a": 1, "b": None},
+            "users": ["a", 3],
+        },
     ],
 )
 def test_what_fits_passes(more: dict[str, Any]) -> None:
-    THING.check({"count": 5} | more, "x.toml")
+    assert THING.read({"count": 5} | more, "x.toml").count in (3, 5)
+
+
+def test_a_table_becomes_a_dataclass_and_a_table_again() -> None:
+    table = {
+        "count": 2, "turn": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], "lit": True, "also": ["a"],
+        "spots": [[0.0, 1.5]], "point": [{"name": "a", "place_m": [0.0, 1.0, -1.0]}], "kind": "a", "marks": {"x": "y"},
+        "parts": {"p": {"name": "b", "place_m": [0.0, 0.0, 0.5]}}, "open": [{"any": [1]}], "mass_kg": 0.5,
+        "colour": "blue", "shape": {"kind": "ball", "size": 3}, "figures": {"a": 1, "b": None, "c": 2.0},
+        "date": "2026-07-31", "users": ["a", 3],
+    }  # fmt: skip
+    thing = THING.read({**table, "spots": [(0, 1.5)], "unknown": 1}, "x.toml")
+    assert thing.points == (Point("a", (0.0, 1.0, -1.0)),) and thing.parts == {"p": Point("b", (0.0, 0.0, 0.5))}
+    assert (thing.colour, thing.shape, thing.date) == (Colour.BLUE, Ball(3), datetime.date(2026, 7, 31))
+    assert thing.turn is not None and thing.turn.shape == (3, 3) and thing.turn.dtype == np.float64
+    assert [type(value) for value in (thing.figures or {}).values()] == [int, type(None), float]
+    assert table_of(thing) == table
+    assert table_of(Thing(1)) == {"count": 1}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"count": 10}, "count must be a whole number from 0 to 9"),
+        ({"mass_kg": 0.0}, "mass_kg must be a number above 0 kg"),
+        ({"mass_kg": math.nan}, "mass_kg must be a number above 0 kg"),
+        ({"kind": "c"}, "kind must be one of a, b"),
+    ],
+)
+def test_values_made_by_programs_are_held_against_their_ranges(change: dict[str, Any], message: str) -> None:
+    check_ranges(Thing(3, mass_kg=1.0, kind="a"))
+    with pytest.raises(SettingsError) as caught:
+        check_ranges(replace(Thing(3), **change))
+    assert str(caught.value) == message
 
 
 @pytest.mark.parametrize(
@@ -108,51 +182,70 @@ def test_what_fits_passes(more: dict[str, Any]) -> None:
         ),
         ({"count": 1, "open": [1]}, "x.toml: open must be a list of tables [[open]]; mend it"),
         ({"count": 1, "main": {}}, "x.toml, main: lacks 'name', a text; mend it"),
+        ({"count": 1, "mass_kg": 0}, "x.toml: mass_kg must be a number above 0 kg; mend it"),
+        ({"count": 1, "colour": "green"}, "x.toml: colour must be one of red, blue; mend it"),
+        ({"count": 1, "shape": {"kind": "cone"}}, "x.toml, shape: kind must be one of ball, box; mend it"),
+        (
+            {"count": 1, "shape": {"kind": "ball", "size": 0}},
+            "x.toml, shape: size must be a whole number from 1 on; mend it",
+        ),
+        ({"count": 1, "users": [1.5]}, "x.toml: users must be a list of texts or whole numbers; mend it"),
+        ({"count": 1, "also": ["a\0"]}, "x.toml: also must be a list of texts; mend it"),
     ],
 )
 def test_what_does_not_fit_is_named_with_what_it_must_be(tables: dict[str, Any], message: str) -> None:
     with pytest.raises(PropError) as caught:
-        THING.check(tables, "x.toml")
+        THING.read(tables, "x.toml")
     assert str(caught.value) == message
 
 
 def test_the_manual_has_a_row_for_each_key() -> None:
-    lines = manual_lines(THING)
+    lines = THING.manual_lines()
     assert "| `point.place_m` | a place | three numbers from -1 to 1 m |" in lines
     assert "| `lit` | whether | true or false; may be left out |" in lines
-    assert len([line for line in lines if line.startswith("| `")]) == len(THING.keys) + 3 * len(POINT)
+    keys = len(fields(Thing)) + 3 * len(fields(Point)) + len(fields(Ball)) + len(fields(Box))
+    assert len([line for line in lines if line.startswith("| `")]) == keys
 
 
 def test_a_closed_schema_refuses_keys_that_it_does_not_name() -> None:
-    closed = Schema("Thing", "A thing.", POINT, PropError, "mend it", closed=True)
-    closed.check({"name": "a", "place_m": [0, 0, 0]}, "x.toml")
+    closed = Schema(Point, "Thing", "A thing.", PropError, "mend it", closed=True)
+    closed.read({"name": "a", "place_m": [0, 0, 0]}, "x.toml")
     with pytest.raises(PropError, match=r"x\.toml: there is no key 'nmae'; keys: name, place_m"):
-        closed.check({"nmae": "a", "place_m": [0, 0, 0]}, "x.toml")
+        closed.read({"nmae": "a", "place_m": [0, 0, 0]}, "x.toml")
+
+
+def test_a_kind_of_file_is_told_by_its_kind_and_version() -> None:
+    kind = Schema(Point, "Spot", "A spot.", PropError, "make it again", kind="perfanim spot")
+    table = {"kind": "perfanim spot", "version": 1, "name": "a", "place_m": [0.0, 0.5, 1.0]}
+    assert kind.table(kind.read(table, "x.toml")) == table
+    assert "| `version` | 1 | a whole number |" in kind.manual_lines()
+    with pytest.raises(PropError, match=r"x\.toml: is not a spot file of this version; make it again"):
+        kind.read({**table, "version": 2}, "x.toml")
 
 
 def test_tables_of_free_names_are_held_against_one_schema() -> None:
-    THING.check_each({"a": {"count": 1}, "b": {"count": 2}}, "x.toml")
+    assert THING.read_each({"a": {"count": 1}, "b": {"count": 2}}, "x.toml") == {"a": Thing(1), "b": Thing(2)}
     for tables, message in [
         ({"a": 3}, "x.toml: a must be a table; mend it"),
         ({"a": {"count": 1}, "b": {"count": -1}}, "x.toml, b: count must be a whole number from 0 to 9; mend it"),
     ]:
         with pytest.raises(PropError) as caught:
-            THING.check_each(tables, "x.toml")
+            THING.read_each(tables, "x.toml")
         assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("path", [*MARKER_SETS.glob("*.toml"), *PROPS.glob("*.toml")], ids=lambda path: path.stem)
 def test_schemas_name_every_key_of_the_shipped_files(path: Path) -> None:
     tables, schema = read_toml(path), MARKER_SET if path.parent == MARKER_SETS else PROP
-    schema.check(tables, str(path))
-    known = {key.name: key.holds for key in schema.keys}
-    assert set(tables) <= set(known)
+    schema.read(tables, str(path))
+    known = {line.split("`")[1] for line in schema.manual_lines() if line.startswith("| `")}
+    assert set(tables) <= known
     for row in tables["marker"]:
-        assert set(row) <= {key.name for key in known["marker"]}
+        assert {f"marker.{key}" for key in row} <= known
 
 
 def test_schemas_of_files_have_an_advice_and_no_key_twice() -> None:
     plans = (PLAN, TAKE, SETTINGS)
     for schema in (MARKER_SET, SUBJECT, PROP, CAMERA, METADATA, BONE_MAP, NAMES, *plans, COLLECTION, FACTS):
-        names = [line.split("|")[1] for line in manual_lines(schema) if line.startswith("| `")]
+        names = [line.split("|")[1] for line in schema.manual_lines() if line.startswith("| `")]
         assert schema.advice and len(set(names)) == len(names) > 0

@@ -123,7 +123,7 @@ def test_takes_of_the_command_line(plan, tmp_path, monkeypatch):
         ("[[take]]\ntake = 3", "take 1: take must be a text"),
         ('[[take]]\ntake = "day1"\ntempo = 3', "there is no key 'tempo'"),
         ('method = 3\n[[take]]\ntake = "day1"', "method must be a text that is not empty"),
-        ('smooth = "6"\n[[take]]\ntake = "day1"', "smooth must be a number from 0 to 1,000,000 ms"),
+        ('smooth = "6"\n[[take]]\ntake = "day1"', "smooth must be a number from 0 to 1,000,000 Hz"),
         ('rate = -1\n[[take]]\ntake = "day1"', "rate must be a number from 0 to 1,000,000 frames per second"),
         ('background = "x.mp4"\n[[take]]\ntake = "day1"', "background must be a list of texts that are not empty"),
         ('no_time_offset = 1\n[[take]]\ntake = "day1"', "no_time_offset must be true or false"),

@@ -8,10 +8,10 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MOST_TEXT, TakeError
 from perfanim.core.formats.take_file.chunks import ChunkKind, encode_chunk, preamble, scan
-from perfanim.core.formats.take_file.footer import Footer, duration_s, find_footer
+from perfanim.core.formats.take_file.footer import Footer, RecordingFacts, duration_s, find_footer
 from perfanim.core.formats.take_file.take_edits import append_notes, recover
 from perfanim.core.formats.take_file.take_reader import Gap, read_take_file, summarise
-from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup, event_facts
+from perfanim.core.formats.take_file.take_setup import TakeEvent, TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole_take import take_facts, write_chunks, write_whole_take
 from perfanim.core.markers.marker_frame import MarkerFrame
 from records import frame_record, frames_of
@@ -55,7 +55,7 @@ def _with(path: Path, kind: ChunkKind, facts: bytes) -> None:
         index.append((each, len(data)))
         data += encode_chunk(each, number, payload)
     index.append((int(kind), len(data)))
-    whole = Footer({}, tuple(index)).pack()
+    whole = Footer(RecordingFacts(), tuple(index)).pack()
     path.write_bytes(data + encode_chunk(kind, len(chunks), len(facts).to_bytes(4, "little") + facts + whole[6:]))
     return None
 
@@ -85,10 +85,12 @@ def test_damaged_facts_are_a_fault_and_cost_no_frame(
 
 @pytest.mark.parametrize(("kind", "facts"), CASES, ids=_named)
 def test_damaged_facts_alone_are_refused_with_their_place(kind: ChunkKind, facts: bytes) -> None:
-    read = {ChunkKind.NOTES: TakeNotes.from_json, ChunkKind.EVENT: event_facts, ChunkKind.END: Footer.unpack}[kind]
+    read = {ChunkKind.NOTES: TakeNotes.from_json, ChunkKind.EVENT: TakeEvent.from_json, ChunkKind.END: Footer.unpack}[
+        kind
+    ]
     payload = facts
     if kind == ChunkKind.END:
-        payload = len(facts).to_bytes(4, "little") + facts + Footer({}, ((6, 20),)).pack()[6:]
+        payload = len(facts).to_bytes(4, "little") + facts + Footer(RecordingFacts(), ((6, 20),)).pack()[6:]
     with pytest.raises(TakeError) as refused:
         read(payload, "a.perftake")
     assert refused.value.where.startswith("a.perftake") and refused.value.advice

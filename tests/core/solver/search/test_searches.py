@@ -210,7 +210,7 @@ def test_solver_chooses_by_setting(motions, graph, cells, tmp_path):
     kinds = {"auto": CellSearch, "exhaustive": ExhaustiveSearch, "cells": CellSearch, "graph": GraphSearch}
     for name, kind in kinds.items():
         assert type(choose_search(name, database, cells)) is kind
-    with pytest.raises(SettingsError, match="there is no search"):
+    with pytest.raises(SettingsError, match="search must be one of auto, exhaustive, cells, graph"):
         SolveSettings(search="magic")
 
 

@@ -14,12 +14,13 @@ from perfanim.core.formats.vmc.frame_assembler import FloodLimits
 from perfanim.core.formats.vmc.vmc_packets import BONE
 from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.markers.marker_set import load_marker_set, marker_set_table
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.system.schema import table_of
 from perfanim.core.worker.jobs import tracker_frames
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 60.0
-MARKER_SET = marker_set_table(load_marker_set("boxing"))
+MARKER_SET = table_of(load_marker_set("boxing"))
 NAMES = load_marker_set("boxing").names
 
 
