@@ -1,15 +1,15 @@
 """The user's recorded takes: folder, list, trash."""
 
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 from ..core.errors import TakeError
 from ..core.formats.take_file.take_edits import append_notes
 from ..core.formats.take_file.take_reader import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
+from ..core.session.pose_filters import FilterSettings
 from ..core.system.lock import is_locked
 from .preferences.paths import user_folder
 
@@ -83,7 +83,7 @@ def cut_off() -> list[TakeSummary]:
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
 
-def mark_captured(path: Path | str, filters: Mapping[str, Any], recorded: tuple[int, int] | None = None) -> None:
+def mark_captured(path: Path | str, filters: FilterSettings, recorded: tuple[int, int] | None = None) -> None:
     """Note the filters and the recorded part of a captured take.
 
     Args:
@@ -94,7 +94,9 @@ def mark_captured(path: Path | str, filters: Mapping[str, Any], recorded: tuple[
     """
     take = summarise(path)
     played = take.notes.played or take.orphaned
-    append_notes(path, replace(take.notes, played=played, filters=filters, recorded=recorded or take.notes.recorded))
+    append_notes(
+        path, replace(take.notes, played=played, filters=filters.table(), recorded=recorded or take.notes.recorded)
+    )
     forget()
 
 

@@ -30,10 +30,11 @@ from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.subject import Subject, subject_tables
+from perfanim.core.simulate.studio.simulated_performer import SimulatedPerformer
 from perfanim.core.simulate.studio.simulated_source import SimulatedSource, open_simulated
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.system.assets import MOTION
-from perfanim.core.worker import child_process, process, source_traits
+from perfanim.core.worker import child_process, process
 from perfanim.core.worker.channel import Channel
 from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
@@ -188,9 +189,9 @@ def probed(port: int, token: str, job: str) -> int:
     atexit.register(notes.write)
     probe_children()
     # as plugged-in cameras: nobody waits for anybody
-    source_traits.is_live = lambda request: True
+    _replace(SimulatedPerformer, "is_live", True)
     if job == "capture":
-        source_traits.is_simulated = lambda request: False
+        _replace(import_module("perfanim.core.worker.jobs.run_capture"), "_POSES_AHEAD", None)
         _probe_solver(notes)
     else:
         _probe_cameras(notes)

@@ -2,15 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import CalibrationError
 from ..system.files import read_bytes, read_toml, write_toml
-from ..system.schema import About, Schema, Table, table_of
+from ..system.schema import About, Schema, Table, Via, table_of
 from . import rotations as rot
 from .arrays import Array
 from .camera import Camera, CameraRig
@@ -77,9 +78,11 @@ def save_rig(rig: CameraRig, path: str | Path) -> None:
     write_toml(path, rig_tables(rig))
 
 
-def rig_tables(rig: CameraRig) -> dict[str, Any]:
-    """Return the tables that `save_rig` writes."""
-    tables: dict[str, Any] = {f"cam_{index}": table_of(_table(camera)) for index, camera in enumerate(rig.cameras)}
+def rig_tables(rig: CameraRig, exact: bool = False) -> dict[str, Any]:
+    """Return the tables that `save_rig` writes; `exact` ones hold rotations as matrices, to the last digit."""
+    tables: dict[str, Any] = {}
+    for index, camera in enumerate(rig.cameras):
+        tables[f"cam_{index}"] = table_of(_table(camera)) | ({"rotation": camera.rotation.tolist()} if exact else {})
     return tables | {"metadata": dict(rig.metadata) | {"length_unit": "m"}}
 
 
@@ -124,6 +127,9 @@ def rig_from(tables: Table, where: str) -> CameraRig:
     if unit == "mm" or (unit == "unknown" and np.linalg.norm(centres - centres[0], axis=1).max() > 10.0):
         cameras = tuple(replace(camera, translation_m=camera.translation_m * 1e-3) for camera in cameras)
     return CameraRig(cameras, metadata) if unit != "unknown" else _levelled(cameras, metadata)
+
+
+RigTables: TypeAlias = Annotated[CameraRig, Via(Table, rig_from, partial(rig_tables, exact=True))]
 
 
 def save_ignored(path: str | Path, places: ArrayLike) -> None:

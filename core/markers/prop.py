@@ -7,7 +7,7 @@ prop must look different in every other position: no second way of placing it on
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ..geometry.arrays import Array
 from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
 from ..system.assets import PROPS
 from ..system.files import is_file, read_toml, write_toml
-from ..system.schema import About, Schema, Table
+from ..system.schema import About, Schema, Table, Via
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12
@@ -151,15 +151,24 @@ def load_prop(name_or_path: str | Path) -> Prop:
 
 def prop_from(table: Table, where: str) -> Prop:
     """Return the prop of a definition's tables; PropError for another version."""
-    found = PROP.read(table, where)
-    places = np.array([marker.position_m for marker in found.marker]).reshape(-1, 3)
-    return Prop(found.name, tuple(marker.name for marker in found.marker), places, found.residual_m)
+    return _prop(PROP.read(table, where), where)
 
 
 def prop_tables(prop: Prop) -> dict[str, Any]:
     """Return the tables of a definition, `prop_from`'s inverse."""
-    markers = tuple(map(_PropMarker, prop.names, prop.positions_m))
-    return PROP.table(_PropFile(prop.name, markers, prop.residual_m))
+    return PROP.table(_prop_file(prop))
+
+
+def _prop(file: _PropFile, _where: str) -> Prop:
+    places = np.array([marker.position_m for marker in file.marker]).reshape(-1, 3)
+    return Prop(file.name, tuple(marker.name for marker in file.marker), places, file.residual_m)
+
+
+def _prop_file(prop: Prop) -> _PropFile:
+    return _PropFile(prop.name, tuple(map(_PropMarker, prop.names, prop.positions_m)), prop.residual_m)
+
+
+PropTables: TypeAlias = Annotated[Prop, Via(_PropFile, _prop, _prop_file)]
 
 
 def save_prop(prop: Prop, path: str | Path) -> None:

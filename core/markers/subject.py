@@ -1,6 +1,6 @@
 """Subject: the skeleton and the marker offsets of one person."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -123,7 +123,9 @@ def load_subject(path: str | Path) -> Subject:
 
 def subject_from(table: Table, where: str) -> Subject:
     """Return the subject of a file's tables; SubjectError for another version."""
-    with reading(
-        where, SubjectError, SUBJECT.advice
-    ):  # a joint's parent that does not exist, an axis that is no rotation
+    worn = table.get("marker_set")
+    if isinstance(worn, Mapping):
+        table = {**table, "marker_set": {"name": Path(where).stem, **worn}}
+    # a joint's parent may not exist, or an axis be no rotation
+    with reading(where, SubjectError, SUBJECT.advice):
         return SUBJECT.read(table, where)

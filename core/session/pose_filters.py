@@ -3,48 +3,38 @@
 Takes keep the poses as they were solved.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 from ..body.foot_lock import FootLock
 from ..body.one_euro import PoseSmoother
 from ..body.scene_pose import PerformerPose, PropPose, ScenePose
 from ..body.skeleton import Skeleton
 from ..errors import SettingsError
-from ..system.files import reading
-
-_LONGEST_S = 60.0  # of smoothing
+from ..system.schema import About, Schema, Table, table_of
 
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """Settings of `PoseFilter`.
+    """Settings of `PoseFilter`."""
 
-    Args:
-        smoothing_s: delay of a slow motion (see `PoseSmoother`), 0 for none.
-        feet: mode of `FootLock`.
-    """
-
-    smoothing_s: float = 0.0
-    feet: str = "off"
+    smoothing_s: Annotated[float, About("delay of a slow motion (see `PoseSmoother`), 0 for none", "s", 0.0, 60.0)] = (
+        0.0
+    )
+    feet: Annotated[str, About("mode of `FootLock`")] = "off"
 
     @staticmethod
-    def of_table(table: Mapping[str, Any]) -> "FilterSettings":
-        """Return the settings of a JSON object; a missing one is off.
-
-        Raises:
-            SettingsError: the smoothing is no number of seconds.
-        """
-        with reading("filter", SettingsError, "choose smoothing and feet again"):
-            smoothing_s = float(table.get("smoothing_s", 0.0))
-            if not 0.0 <= smoothing_s <= _LONGEST_S:
-                raise ValueError(f"smoothing over {smoothing_s} s")
-        return FilterSettings(smoothing_s, str(table.get("feet", "off")))
+    def of_table(table: Table) -> "FilterSettings":
+        """Return the settings of a JSON object; SettingsError for wrong ones."""
+        return _SCHEMA.read(table, "filter")
 
     def table(self) -> dict[str, Any]:
         """Return the settings as a JSON object."""
-        return asdict(self)
+        return table_of(self)
+
+
+_SCHEMA = Schema(FilterSettings, "Filter", "Filter of poses.", SettingsError, "choose smoothing and feet again")
 
 
 class PoseFilter:

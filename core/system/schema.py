@@ -37,6 +37,7 @@ class About:
         least: Smallest number, or fewest characters of a text.
         most: Largest number.
         above: Number that must be exceeded.
+        fewest: Fewest entries of a list.
         choices: Possible texts; empty for any.
         shape: Shape of an array; None for any length.
         or_shape: Another possible shape.
@@ -49,6 +50,7 @@ class About:
     least: float = -math.inf
     most: float = math.inf
     above: float = -math.inf
+    fewest: int = 0
     choices: tuple[str, ...] = ()
     shape: Shape = ()
     or_shape: Shape = ()
@@ -141,6 +143,7 @@ class _Key:
         counts = [_COUNTS.get(length or 0, str(length)) for length in shape]
         if shape[0] is not None:
             return f"{counts[0] if len(shape) == 1 else ' x '.join(map(str, shape))} {many}"
+        many = f"{self.about.fewest} or more {many}" if self.about.fewest else many
         return f"a list of {many}" if len(shape) == 1 else f"a list of rows of {counts[1]} {many}"
 
     @property
@@ -193,6 +196,8 @@ class _Key:
         if not shape:
             return self._one(value, f"{where}, {_row_name(value, self.name)}" if self.is_table else where)
         if isinstance(value, str | Mapping) or not hasattr(value, "__len__") or shape[0] not in (None, len(value)):
+            raise _WrongError
+        if len(value) < self.about.fewest:
             raise _WrongError
         if not self.is_table:
             return tuple(self._listed(item, shape[1:], where) for item in value)

@@ -9,10 +9,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..errors import CaptureError
+from ..session.pose_filters import FilterSettings
+from ..system.schema import table_of
 from .child_process import ChildProcess
 from .connection import WorkerConnection
 from .liveness import Liveness
 from .protocol import Message, MessageKind, encode, encode_json
+from .requests import Request
+from .restart_point import RestartPoint
 
 MOST_RESTARTS, _RESTARTS_WITHIN_S = 3, 60.0
 _BOOTING_S = 0.1
@@ -40,15 +44,15 @@ class WorkerClient:
     A process that sent frames and then died or hung can be replaced (`may_restart`, `restart`).
 
     Args:
-        request: the job, JSON-able (see `process`).
-        python: the interpreter; never Blender's own binary.
+        request: Request of the job, or its JSON object.
+        python: The interpreter; never Blender's own binary.
 
     Raises:
         CaptureError: the process could not be started.
     """
 
-    def __init__(self, request: Mapping[str, Any], python: str | None = None) -> None:
-        self._request = dict(request)
+    def __init__(self, request: Request | Mapping[str, Any], python: str | None = None) -> None:
+        self._request = request.to_json() if isinstance(request, Request) else dict(request)
         self._python = python
         self._policy = RestartPolicy()
         self._stop_asked = False
@@ -77,15 +81,16 @@ class WorkerClient:
         """Whether the process lives."""
         return self._process.status is None
 
-    def ask(self, **changes: Any) -> None:
-        """Wait until the process takes its request, with these keys changed.
+    def ask(self, after: RestartPoint | None) -> None:
+        """Wait until the process takes its request; from then on it works while this process is busy.
 
-        From then on it works while this process is busy.
+        Args:
+            after: Last frame of the process before.
 
         Raises:
-            CaptureError: as `poll`.
+            CaptureError: As in `poll`.
         """
-        self._request |= changes
+        self._go_on_after(after)
         while not self._connection.is_authenticated:
             self.wait(_BOOTING_S)
             self._early = self.poll()
@@ -126,32 +131,41 @@ class WorkerClient:
         works = self._liveness.frames > 0
         return (works or self.earlier_frames > 0) and not self._stop_asked and self._policy.allows_restart(works)
 
-    def restart(self, **changes: Any) -> None:
-        """End the process and start another, with these keys of the request changed.
+    def restart(self, after: RestartPoint | None = None, cause: str = "") -> None:
+        """End the process and start another in its place.
+
+        Args:
+            after: Last frame of the process before.
+            cause: Why it is replaced, in plain words.
 
         Raises:
-            CaptureError: the process could not be started.
+            CaptureError: The process could not be started.
         """
         self._policy.note_restart()
         self._connection.close()
         self._process.kill()
         self.earlier_frames += self._liveness.frames
-        self._request |= changes
+        self._go_on_after(after)
+        self._request["cause"] = cause
         self._launch()
+
+    def _go_on_after(self, point: RestartPoint | None) -> None:
+        if point is not None:
+            self._request["after"] = table_of(point)
 
     def acknowledge(self, frames: int) -> None:
         """Send the worker how many frames are dealt with, its predecessors' included."""
         self._connection.send(encode_json(MessageKind.ACK, {"frames": max(frames - self.earlier_frames, 0)}))
 
-    def set_filter(self, settings: Mapping[str, Any]) -> None:
+    def set_filter(self, settings: FilterSettings) -> None:
         """Set the pose filter, of a process that takes this one's place as well."""
-        self._request["shape"] = dict(settings)
+        self._request["shape"] = settings.table()
         if self._connection.is_authenticated:
-            self._connection.send(encode_json(MessageKind.FILTER, settings))
+            self._connection.send(encode_json(MessageKind.FILTER, settings.table()))
 
-    def request_again(self, request: Mapping[str, Any]) -> None:
+    def request_again(self, request: Request) -> None:
         """Send one more request to a job that takes several, once it is connected."""
-        self._connection.send(encode_json(MessageKind.REQUEST, request))
+        self._connection.send(encode_json(MessageKind.REQUEST, request.to_json()))
 
     @property
     def connected(self) -> bool:

@@ -1,21 +1,4 @@
-"""Main program of a worker process: one request, one job, then the end.
-
-Requests (JSON):
-
-- {"job": "capture", ...}: a whole capture, images to poses; starts a process of its own for the cameras.
-- {"job": "cameras", ...}: images to marker frames.
-- {"job": "trackers", ...}: trackers of another program, by VMC, to marker frames.
-- {"job": "record board", ...}: cameras calibrated from a board held before them.
-- {"job": "record floor", ...}: floor from the board lying on it.
-- {"job": "record floor markers", ...}: floor from markers lying on it.
-- {"job": "record pose", ...}: take of the performer's calibration poses.
-- {"job": "calibrate performer", ...}: the same, and the performer measured from them.
-- {"job": "show cameras"}: a picture of each plugged-in camera.
-- {"job": "check setup", ...}: faults of light, cameras and markers before a capture.
-- {"job": "sketch", ...}: a body from keyframed controls; with "live", again after each edit.
-- {"job": "command", "arguments": [...]}: a command of the command line, with its progress as STATUS messages and
-  its summary as RESULT, so that long work never freezes Blender.
-"""
+"""Main program of a worker process: one request, one job, then the end."""
 
 import signal
 import sys
@@ -25,9 +8,9 @@ from types import ModuleType
 
 from ..errors import CaptureError, PerfanimError
 from .channel import Channel, Stopped
-from .requests import check_request
+from .requests import read_request
 
-# job -> its module in `jobs`
+# job -> its module in `jobs`; `requests` has its request
 JOBS = {
     "capture": "run_capture",
     "cameras": "camera_frames",
@@ -50,9 +33,7 @@ def main(port: int, token: str, name: str) -> int:
     channel = Channel(port, token)
     try:
         job = _job(name)  # its libraries load while the request is on its way
-        request = channel.wait_request()
-        check_request(name, request)
-        job.run(request, channel)
+        job.run(read_request(name, channel.wait_request()), channel)
     except Stopped:
         return 0
     except PerfanimError as error:

@@ -1,191 +1,253 @@
-"""Contents of the jobs' requests; the modules of the jobs say their meaning."""
+"""Requests of the worker's jobs, as they go to its process.
 
-from collections.abc import Callable, Mapping
+The add-on makes them, a job's module in `jobs` says what it does with one. JSON on the way, they are held against their
+ranges where they arrive.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, ClassVar, TypeAlias
 
-from ..errors import SettingsError, shorten
+from ..errors import SettingsError
+from ..geometry.rig_file import RigTables
+from ..markers.marker_set import MarkerSet
+from ..markers.prop import PropTables
+from ..markers.subject import SkeletonRows, Subject
+from ..session.pose_filters import FilterSettings
+from ..simulate.studio.simulated_performer import SimulatedPerformer
+from ..system.files import reading
+from ..system.schema import About, Schema, Table, table_of
+from ..vision.sources.source_requests import ImageFiles, LiveCameras, VideoFiles
+from .restart_point import RestartPoint
 
-_LONGEST_S = 3600.0
-_LARGEST = 1e12
-_MOST_PORT = 65_535
+_SECONDS = 3600.0
+_PORT = About("UDP port", "", 0, 65_535)
 
 
 @dataclass(frozen=True)
-class Kind:
-    """A kind of value in JSON.
+class TrackerSource:
+    """Trackers of another program, by VMC."""
 
-    Args:
-        words: for messages.
-        fields: of a table, or of each table of a list.
-        is_optional: whether null, or no value at all, will do.
+    port: Annotated[int, _PORT]
+    kind: Annotated[str, About("kind of source", choices=("vmc",), optional=False)] = "vmc"
+    sender: Annotated[str, About("name or address of the only computer to accept; empty for all")] = ""
+    is_live = True
+    is_repeatable = False
+
+
+ImageSourceRequest: TypeAlias = SimulatedPerformer | VideoFiles | ImageFiles | LiveCameras
+SourceRequest: TypeAlias = ImageSourceRequest | TrackerSource
+
+
+@dataclass(frozen=True)
+class VmcTarget:
+    """Program that gets the poses."""
+
+    host: Annotated[str, About("name or address of its computer")]
+    port: Annotated[int, _PORT]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """Request of a job."""
+
+    job: ClassVar[str] = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as a JSON object."""
+        return {"job": self.job, **table_of(self)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CamerasRequest(Request):
+    """Images to marker frames, or trackers where the source is one.
+
+    A process that takes another's place gets `after`. It uses the other's backgrounds, as the performer stands before
+    the cameras now.
     """
 
-    words: str
-    holds: Callable[[Any], bool]
-    fields: Mapping[str, "Kind"] = field(default_factory=dict)
-    is_optional: bool = False
+    job: ClassVar[str] = "cameras"
+    source: Annotated[SourceRequest, About("image source")]
+    rig: Annotated[RigTables | None, About("calibration; the simulated performer has its own")] = None
+    background_s: Annotated[float, About("time to learn the empty capture space, cameras only", "s", 0.0, _SECONDS)] = (
+        2.0
+    )
+    threshold: Annotated[
+        float | None, About("grey levels above the background; by default automatic", "", 0.0, 255.0)
+    ] = None
+    in_flight: Annotated[
+        int | None, About("frames that may wait for the receiver; by default any number", "", 0, 1_000_000)
+    ] = None
+    preview: Annotated[bool, About("whether small pictures are sent")] = False
+    background_file: Annotated[str, About("file that keeps the backgrounds for a process in this one's place")] = ""
+    after: Annotated[RestartPoint | None, About("last frame of the process before")] = None
 
 
-_NO_FIELDS: Mapping[str, Kind] = {}
+@dataclass(frozen=True, kw_only=True)
+class TrackersRequest(Request):
+    """Trackers of another program to marker frames."""
+
+    job: ClassVar[str] = "trackers"
+    source: Annotated[TrackerSource, About("trackers")]
+    marker_set: Annotated[MarkerSet, About("worn marker set")]
+    after: Annotated[RestartPoint | None, About("last frame of the process before")] = None
 
 
-def optional(kind: Kind) -> Kind:
-    """Return the kind that may be left out."""
-    return Kind(kind.words, kind.holds, kind.fields, is_optional=True)
+@dataclass(frozen=True, kw_only=True)
+class CaptureRequest(Request):
+    """Live capture: images to poses."""
+
+    job: ClassVar[str] = "capture"
+    cameras: Annotated[CamerasRequest, About("cameras or trackers")]
+    performers: Annotated[tuple[Subject, ...], About("performers, as in their files", fewest=1)]
+    props: Annotated[tuple[PropTables, ...], About("props, as in their files")] = ()
+    database: Annotated[str, About("motion database")]
+    settings: Annotated[Table, About("`SolveSettings`")] = field(default_factory=dict)
+    take: Annotated[str, About("take to write; empty for none")] = ""
+    character: Annotated[str, About("character that is driven")] = ""
+    shape: Annotated[FilterSettings, About("filter of the poses; the take keeps them unfiltered")] = field(
+        default_factory=FilterSettings
+    )
+    vmc: Annotated[VmcTarget | None, About("program that gets the poses, too")] = None
+    after: Annotated[RestartPoint | None, About("last frame of the process before")] = None
+    cause: Annotated[str, About("why the process before ended")] = ""
 
 
-def number(words: str, least: float, most: float, whole: bool = False) -> Kind:
-    """Return the kind of finite numbers in a range."""
-    types = int if whole else int | float
+@dataclass(frozen=True, kw_only=True)
+class CommandRequest(Request):
+    """A command of the command line."""
 
-    def holds(value: Any) -> bool:
-        return isinstance(value, types) and not isinstance(value, bool) and least <= value <= most
-
-    return Kind(f"{words} from {least:g} to {most:g}", holds)
-
-
-def table(fields: Mapping[str, Kind] = _NO_FIELDS) -> Kind:
-    """Return the kind of tables with these fields; others are not looked at."""
-    return Kind("a table", lambda value: isinstance(value, dict), fields)
+    job: ClassVar[str] = "command"
+    arguments: Annotated[tuple[str, ...], About("arguments of the command line")]
+    gently: Annotated[bool, About("whether other processes go first")] = False
 
 
-def rows(fields: Mapping[str, Kind] = _NO_FIELDS) -> Kind:
-    """Return the kind of lists of such tables, one at least."""
-    return Kind("a list of tables", lambda value: bool(value) and _is_list(value, table().holds), fields)
+@dataclass(frozen=True, kw_only=True)
+class _BoardRequest(Request):
+    source: Annotated[ImageSourceRequest, About("image source")]
+    board: Annotated[str, About("board, as `parse_board` reads it")]
+    preview: Annotated[bool, About("whether small pictures are sent")] = False
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str) and "\0" not in value
+@dataclass(frozen=True, kw_only=True)
+class RecordBoardRequest(_BoardRequest):
+    """Cameras calibrated from a board that is carried before them."""
+
+    job: ClassVar[str] = "record board"
+    limit: Annotated[int, About("views at which it ends though the result is not good", "", 1, 10_000)]
+    every_s: Annotated[
+        float | None, About("time between views; by default one when the board is held still", "s", 0.0, _SECONDS)
+    ] = None
+    out: Annotated[str, About("folder that gets a folder of pictures for each camera")]
 
 
-def _is_list(value: Any, holds: Callable[[Any], bool]) -> bool:
-    return isinstance(value, list) and all(map(holds, value))
+@dataclass(frozen=True, kw_only=True)
+class RecordFloorRequest(_BoardRequest):
+    """Floor from the board lying on it."""
+
+    job: ClassVar[str] = "record floor"
+    rig: Annotated[RigTables, About("calibration")]
 
 
-def _is_place(value: Any) -> bool:
-    return _is_list(value, _NUMBER.holds) and len(value) == 3
+@dataclass(frozen=True, kw_only=True)
+class FloorMarkersRequest(CamerasRequest):
+    """Floor, and optionally the scale, from markers lying on it."""
+
+    job: ClassVar[str] = "record floor markers"
+    rig: Annotated[RigTables, About("calibration")] = field()
+    height_m: Annotated[float, About("height of the markers' middles above the floor", "m", -10.0, 10.0)] = 0.0
+    longest_m: Annotated[
+        float | None,
+        About("measured distance of the two farthest apart; by default the scale is kept", "m", 0.0, 100.0),
+    ] = None
 
 
-def _is_address(value: Any) -> bool:
-    return isinstance(value, list) and (not value or (len(value) == 2 and _is_text(value[0]) and _PORT.holds(value[1])))
+@dataclass(frozen=True, kw_only=True)
+class RecordPoseRequest(CamerasRequest):
+    """Take of the performer's calibration poses."""
+
+    job: ClassVar[str] = "record pose"
+    marker_set: Annotated[str, About("shipped marker set or its file")]
+    poses: Annotated[tuple[str, ...], About("names in `POSES`, an upright one first")]
+    countdown_s: Annotated[float, About("time to take the first pose, cameras only", "s", 0.0, _SECONDS)] = 0.0
+    between_s: Annotated[float, About("time from each pose to the next", "s", 0.0, _SECONDS)] = 0.0
+    seconds: Annotated[float, About("duration of each pose", "s", 0.0, _SECONDS)]
+    out: Annotated[str, About("take to write")]
+    floor_out: Annotated[
+        str, About("calibration to write with the floor below the feet, if the present one has no floor")
+    ] = ""
 
 
-_TEXT, _FLAG = Kind("text", _is_text), Kind("true or false", lambda value: isinstance(value, bool))
-_TEXTS = Kind("a list of texts", lambda value: _is_list(value, _is_text))
-_NUMBER = number("a number", -_LARGEST, _LARGEST)
-_COUNT = number("a whole number", 0, 1_000_000, whole=True)
-_SECONDS = number("seconds", 0.0, _LONGEST_S)
-_PORT = number("a port", 0, _MOST_PORT, whole=True)
-_PLACES = Kind("a list of places, each a camera's number, x and y", lambda value: _is_list(value, _is_place))
-_ADDRESS = Kind("a host and a port", _is_address)
+@dataclass(frozen=True, kw_only=True)
+class CalibratePerformerRequest(RecordPoseRequest):
+    """The same, and the performer measured from the poses."""
 
-_SOURCE = table(
-    {
-        "kind": _TEXT,
-        "paths": optional(_TEXTS),
-        "cameras": optional(number("a whole number", 1, 8, whole=True)),
-        "port": optional(_PORT),
-        "sender": optional(_TEXT),
-    }
-)
-_AFTER = table(
-    {
-        "number": number("a whole number", -_LARGEST, _LARGEST, whole=True),
-        "time_s": _NUMBER,
-        "stamp_s": _NUMBER,
-        "period_s": number("seconds", 1e-6, 60.0),
-    }
-)
-_CAMERAS = {
-    "source": _SOURCE,
-    "rig": optional(table()),
-    "background_s": optional(_SECONDS),
-    "threshold": optional(number("grey levels", 0.0, 255.0)),
-    "in_flight": optional(_COUNT),
-    "preview": optional(_FLAG),
-    "background_file": optional(_TEXT),
-    "after": optional(_AFTER),
-}
-_TRACKERS = {
-    "source": table({"port": _PORT, "sender": optional(_TEXT)}),
-    "marker_set": table(),
-    "after": optional(_AFTER),
-}
-_CAPTURE = {
-    "cameras": table(_CAMERAS),
-    "performers": rows({"marker_set": table()}),
-    "props": optional(Kind("a list of tables", lambda value: _is_list(value, table().holds))),
-    "database": _TEXT,
-    "settings": optional(table()),
-    "take": optional(_TEXT),
-    "character": optional(_TEXT),
-    "shape": optional(table()),
-    "vmc": optional(_ADDRESS),
-    "after": optional(_AFTER),
-    "cause": optional(_TEXT),
-}
-_BOARD = {"source": _SOURCE, "board": _TEXT, "preview": optional(_FLAG)}
-_POSE = {
-    **_CAMERAS,
-    "marker_set": _TEXT,
-    "poses": _TEXTS,
-    "countdown_s": optional(_SECONDS),
-    "between_s": optional(_SECONDS),
-    "seconds": _SECONDS,
-    "out": _TEXT,
-    "floor_out": optional(_TEXT),
-}
-_SKETCH = {"sketch": table(), "settings": table(), "number": optional(_COUNT), "frame": optional(_NUMBER)}
-_REQUESTS: dict[str, Mapping[str, Kind]] = {
-    "capture": _CAPTURE,
-    "cameras": _CAMERAS,
-    "trackers": _TRACKERS,
-    "command": {"arguments": _TEXTS, "gently": optional(_FLAG)},
-    "record board": {
-        **_BOARD,
-        "limit": number("a whole number", 1, 10_000, whole=True),
-        "every_s": optional(_SECONDS),
-        "out": _TEXT,
-    },
-    "record floor": {**_BOARD, "rig": table()},
-    "record floor markers": {
-        **_CAMERAS,
-        "height_m": optional(number("metres", -10.0, 10.0)),
-        "longest_m": optional(number("metres", 0.0, 100.0)),
-    },
-    "record pose": _POSE,
-    "calibrate performer": {**_POSE, "name": _TEXT, "subject_out": _TEXT},
-    "show cameras": {},
-    "check setup": {
-        **_CAMERAS,
-        "marker_set": _TEXT,
-        "countdown_s": optional(_SECONDS),
-        "fault": optional(_TEXT),
-        "ignored": optional(_PLACES),
-    },
-    "sketch": {"skeleton": rows(), "database": _TEXT, "live": optional(_FLAG), **_SKETCH},
-    "sketch edit": {**_SKETCH, "number": _COUNT, "frame": _NUMBER},
-}
+    job: ClassVar[str] = "calibrate performer"
+    name: Annotated[str, About("name of the performer")]
+    subject_out: Annotated[str, About("subject to write")]
 
 
-def check_request(job: str, request: Mapping[str, Any]) -> None:
-    """Check that a job's request has all that it must, of the right kinds.
+@dataclass(frozen=True, kw_only=True)
+class ShowCamerasRequest(Request):
+    """A picture of each plugged-in camera."""
+
+    job: ClassVar[str] = "show cameras"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckSetupRequest(CamerasRequest):
+    """Check of light, cameras and markers before a capture.
+
+    Without `rig`, only faults that single pictures show are found.
+    """
+
+    job: ClassVar[str] = "check setup"
+    marker_set: Annotated[str, About("shipped marker set or its file")]
+    countdown_s: Annotated[float, About("time to go before the cameras", "s", 0.0, _SECONDS)] = 0.0
+    fault: Annotated[
+        str, About("name of a `Fault`: pictures of a studio with it stand for the source's; empty for none")
+    ] = ""
+    ignored: Annotated[
+        tuple[tuple[float, float, float], ...],
+        About("camera, x and y of places to ignore, where no calibration of the source says it"),
+    ] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SketchEdit(Request):
+    """An edit of a sketch that is solved live."""
+
+    job: ClassVar[str] = "sketch edit"
+    sketch: Annotated[Table, About("sketch, as `sketch_from` reads it")]
+    settings: Annotated[Table, About("settings, as `settings_from` reads them")]
+    number: Annotated[int, About("number of the edit", "", 0, 1e9)] = 0
+    frame: Annotated[float, About("frame that is solved first", "", -1e9, 1e9)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SketchRequest(SketchEdit):
+    """A body from keyframed controls; live, again after each edit."""
+
+    job: ClassVar[str] = "sketch"
+    skeleton: Annotated[SkeletonRows, About("skeleton of the character", fewest=1)]
+    database: Annotated[str, About("motion database")]
+    live: Annotated[bool, About("whether edits follow")] = False
+
+
+_CLASSES: tuple[type[Request], ...] = (
+    CaptureRequest, CamerasRequest, TrackersRequest, CommandRequest, RecordBoardRequest, RecordFloorRequest,
+    FloorMarkersRequest, RecordPoseRequest, CalibratePerformerRequest, ShowCamerasRequest, CheckSetupRequest,
+    SketchRequest, SketchEdit,
+)  # fmt: skip
+_SCHEMAS = {cls.job: Schema(cls, cls.job, "", SettingsError, "start it again") for cls in _CLASSES}
+
+
+def read_request(job: str, table: Mapping[str, Any]) -> Any:
+    """Return the request of a job from its JSON object.
 
     Raises:
-        SettingsError: a value is missing, of another kind, or out of its range.
+        SettingsError: A value is missing, of another kind, or out of its range.
     """
-    _check(_REQUESTS[job], request, f"request of the job {job}", "")
-
-
-def _check(fields: Mapping[str, Kind], values: Mapping[str, Any], where: str, path: str) -> None:
-    for key, kind in fields.items():
-        value: Any = values.get(key)
-        name = f"{path}{key}"
-        if value is None and kind.is_optional:
-            continue
-        if not kind.holds(value):
-            given = "missing" if value is None else shorten(repr(value), 40)
-            raise SettingsError(f"{name!r} must be {kind.words}, it is {given}", where=where, advice="start it again")
-        for row in (value if isinstance(value, list) else [value]) if kind.fields else ():
-            _check(kind.fields, row, where, f"{name}.")
+    where = f"request of the job {job}"
+    with reading(where, SettingsError, "start it again", "cannot be done"):
+        return _SCHEMAS[job].read(table, where)

@@ -1,13 +1,14 @@
 """Numbers and times of the frames after a process was replaced."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 from ..markers.marker_frame import MarkerFrame
+from ..system.schema import About
 
 _USUAL_PERIOD_S = 1.0 / 60.0  # a single frame gives no rate
 _SHORTEST_GAP_S = 0.05
+_MOST = 1e12  # numbers and seconds
 
 
 @dataclass(frozen=True)
@@ -28,17 +29,14 @@ class FrameOffset:
 
 @dataclass(frozen=True)
 class RestartPoint:
-    """The last frame before a process was replaced.
+    """The last frame before a process was replaced."""
 
-    Args:
-        stamp_s: `time.perf_counter()` when its images were in hand.
-        period_s: from one frame number to the next.
-    """
-
-    number: int
-    time_s: float
-    stamp_s: float
-    period_s: float = _USUAL_PERIOD_S
+    number: Annotated[int, About("frame number", "", -_MOST, _MOST)]
+    time_s: Annotated[float, About("time of the capture", "s", -_MOST, _MOST)]
+    stamp_s: Annotated[float, About("`time.perf_counter()` when its images were in hand", "s", -_MOST, _MOST)]
+    period_s: Annotated[float, About("time from one frame number to the next", "s", 1e-6, 60.0, optional=False)] = (
+        _USUAL_PERIOD_S
+    )
 
     @staticmethod
     def after(first: tuple[int, float], last: tuple[int, float], stamp_s: float) -> "RestartPoint":
@@ -46,16 +44,6 @@ class RestartPoint:
         numbers, times_s = last[0] - first[0], last[1] - first[1]
         period_s = times_s / numbers if numbers > 0 and times_s > 0.0 else _USUAL_PERIOD_S
         return RestartPoint(last[0], last[1], stamp_s, period_s)
-
-    @staticmethod
-    def of_table(table: Mapping[str, Any]) -> "RestartPoint":
-        """Return the point of `table`."""
-        number, *times_s = (table[name] for name in ("number", "time_s", "stamp_s", "period_s"))
-        return RestartPoint(int(number), *map(float, times_s))
-
-    def table(self) -> dict[str, Any]:
-        """Return the point as a JSON object."""
-        return asdict(self)
 
     def moved_to(self, stamp_s: float, frame: MarkerFrame) -> "RestartPoint":
         """Return the point after another frame."""

@@ -11,7 +11,7 @@ from .restart_point import RestartPoint
 class SupervisedClient:
     """Polls a worker and replaces it where it may be.
 
-    The process in its place gets two more keys in its request: "after" (`RestartPoint` as a table) and "cause".
+    The process in its place gets two more keys in its request: `after` and `cause`.
 
     Args:
         name: of the process in messages, "the solver's process".
@@ -45,5 +45,5 @@ class SupervisedClient:
         number, time_s, stamp_s = self._last
         point = RestartPoint.after(self._first, (number, time_s), stamp_s)
         self._on_restart(point, cause)
-        self._client.restart(after=point.table(), cause=cause)
+        self._client.restart(point, cause)
         return []

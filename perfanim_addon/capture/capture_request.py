@@ -2,7 +2,7 @@
 
 import secrets
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,14 @@ import bpy
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CaptureError
 from ...core.geometry.camera import CameraRig
-from ...core.geometry.rig_file import rig_tables
-from ...core.markers.prop import Prop, check_distinct, prop_tables
-from ...core.markers.subject import Subject, subject_tables
+from ...core.markers.prop import Prop, check_distinct
+from ...core.markers.subject import Subject
+from ...core.session.pose_filters import FilterSettings
+from ...core.simulate.studio.simulated_performer import Partner, SimulatedPerformer
 from ...core.system.files import remove_left_behind
+from ...core.vision.sources.source_requests import ImageFiles, LiveCameras, VideoFiles
 from ...core.worker.client import WorkerClient
+from ...core.worker.requests import CamerasRequest, CaptureRequest, SourceRequest
 from .. import take_library
 from ..preferences import preferences
 from ..preferences.paths import absolute
@@ -41,13 +44,13 @@ class Setup:
         performers, props: in the order of the poses.
     """
 
-    request: dict[str, Any]
+    request: CaptureRequest
     performers: tuple[Subject, ...]
     props: tuple[Prop, ...] = ()
 
     def start(self, python: str | None) -> CaptureRun:
         """Start the worker; `python` is its interpreter, None for Blender's own."""
-        return CaptureRun(WorkerClient(self.request, python), temporary=self.request["cameras"]["background_file"])
+        return CaptureRun(WorkerClient(self.request, python), temporary=self.request.cameras.background_file)
 
 
 def make(settings: Any) -> Setup:
@@ -66,23 +69,22 @@ def make(settings: Any) -> Setup:
     performers = (subject, *target_settings.performers(settings.id_data))
     props = tuple(target_settings.props(settings.id_data))
     check_distinct(props)
-    request = {
-        "job": "capture",
-        "cameras": {
-            **cameras(settings),
-            "source": _with_targets(source(settings), settings, len(performers) - 1) | _practised(settings),
-            "preview": bool(settings.capture_preview),
-            "background_file": _background_file(),
-        },
-        "performers": [subject_tables(performer) for performer in performers],
-        "props": [prop_tables(prop) for prop in props],
-        "database": database_path,
-        "settings": {"method": preferences.method(bpy.context)},
-        "shape": shape(settings),
-        "vmc": vmc_output.target(settings.id_data),
-        "take": str(take_library.new_path()),
-        "character": settings.armature.name if settings.armature else "",
-    }
+    request = CaptureRequest(
+        cameras=replace(
+            cameras(settings),
+            source=_with_targets(source(settings), settings, len(performers) - 1),
+            preview=settings.capture_preview,
+            background_file=_background_file(),
+        ),
+        performers=performers,
+        props=props,
+        database=database_path,
+        settings={"method": preferences.method(bpy.context)},
+        shape=shape(settings),
+        vmc=vmc_output.target(settings.id_data),
+        take=str(take_library.new_path()),
+        character=settings.armature.name if settings.armature else "",
+    )
     return Setup(request, performers, props)
 
 
@@ -92,85 +94,82 @@ def _background_file() -> str:
     return str(folder / f"{_TEMPORARY}{secrets.token_hex(4)}.npz")
 
 
-def _practised(settings: Any) -> dict[str, Any]:
-    """Return the simulated studio with the fault to practise on, if any."""
-    is_practice = settings.source == "SIMULATED" and settings.practise
-    return {"studio": _FAULTY[settings.practise_fault]} if is_practice and settings.practise_fault in _FAULTY else {}
-
-
-def _with_targets(source: dict[str, Any], settings: Any, partners: int) -> dict[str, Any]:
-    """Return the source with the scene's additional targets, if it simulates them.
+def _with_targets(chosen: SourceRequest, settings: Any, partners: int) -> SourceRequest:
+    """Return the source with the scene's additional targets and the fault to practise on, if it simulates them.
 
     The simulated performer carries the first prop, and each further performer is shown by another simulated one.
     """
-    if settings.source != "SIMULATED":
-        return source
+    if not isinstance(chosen, SimulatedPerformer):
+        return chosen
     carried = [target_settings.path_of(entry) for entry in target_settings.of_kind(settings.id_data, "PROP")]
-    prop = {"prop": carried[0]} if carried else {}
     others = [behaviour for behaviour in _PARTNERS if behaviour != settings.behaviour]
-    shown = [{"behaviour": others[index % len(others)]} for index in range(partners)]
-    return {**source, **prop, **({"partners": shown} if shown else {})}
+    shown = tuple(Partner(others[index % len(others)]) for index in range(partners))
+    fault = _FAULTY.get(settings.practise_fault, {}) if settings.practise else {}
+    return replace(chosen, prop=carried[0] if carried else "", partners=shown, studio=fault)
 
 
-def shape(settings: Any) -> dict[str, Any]:
-    """Return the settings of the pose filter, as `FilterSettings` reads them."""
-    return {"smoothing_s": settings.smoothing_ms / 1000.0, "feet": settings.feet}
+def shape(settings: Any) -> FilterSettings:
+    """Return the settings of the pose filter."""
+    return FilterSettings(settings.smoothing_ms / 1000.0, settings.feet)
 
 
-def cameras(settings: Any) -> dict[str, Any]:
-    """Return the request of the worker's job `cameras` or `trackers`.
+def cameras(settings: Any) -> CamerasRequest:
+    """Return the request of the cameras or trackers.
 
     Raises:
         PerfanimError: a file is missing or bad.
     """
     has_rig = readiness.has_cameras(settings) and not readiness.is_known(settings)
+    return CamerasRequest(**camera_fields(settings, calibration(settings, True) if has_rig else None))
+
+
+def camera_fields(settings: Any, rig: CameraRig | None) -> dict[str, Any]:
+    """Return the fields that all requests with cameras share."""
     return {
         "source": source(settings),
-        "rig": calibration(settings, True) if has_rig else None,
-        "background_s": float(settings.background_s),
-        "threshold": None if settings.threshold_auto else float(settings.threshold),
+        "rig": rig,
+        "background_s": settings.background_s,
+        "threshold": None if settings.threshold_auto else settings.threshold,
     }
 
 
-def calibration(settings: Any, in_use: bool = False) -> dict[str, Any]:
-    """Return the tables of the chosen calibration; `in_use`: of the cameras in use.
+def calibration(settings: Any, in_use: bool = False) -> CameraRig:
+    """Return the chosen calibration; `in_use`: of the cameras in use.
 
     Raises:
         PerfanimError: the file is missing or bad.
     """
     rig: CameraRig = readiness.good(readiness.rig(absolute(settings.calibration)))
     if in_use and len(rig) > 1 and readiness.is_one_camera(settings):
-        rig = CameraRig(rig.cameras[:1], rig.metadata)
-    return rig_tables(rig)
+        return CameraRig(rig.cameras[:1], rig.metadata)
+    return rig
 
 
-def source(settings: Any) -> dict[str, Any]:
-    """Return the description of the source of images or trackers.
+def source(settings: Any) -> SourceRequest:
+    """Return the source of images or trackers.
 
     Raises:
         CaptureError: a file or folder is not there, or device numbers are none.
     """
     if settings.source == "SIMULATED":
-        return {
-            "kind": "simulated",
-            "behaviour": settings.behaviour,
-            "height_m": SIMULATED_HEIGHT_M,
-            "loop": True,
-            "marker_set": readiness.marker_set_source(settings),
-        }
+        return SimulatedPerformer(
+            behaviour=settings.behaviour,
+            height_m=SIMULATED_HEIGHT_M,
+            loop=True,
+            marker_set=readiness.marker_set_source(settings),
+        )
     if settings.source == "CAMERAS":
-        return {
-            "kind": "cameras",
-            "devices": list(readiness.devices(settings))[: 1 if readiness.is_one_camera(settings) else None],
-            "size": [settings.width, settings.height],
-            "fps": settings.camera_fps or None,
-            "controls": preferences.camera_controls(bpy.context),
-        }
+        return LiveCameras(
+            devices=tuple(readiness.devices(settings))[: 1 if readiness.is_one_camera(settings) else None],
+            size=(settings.width, settings.height),
+            fps=settings.camera_fps or None,
+            controls=preferences.camera_controls(bpy.context),
+        )
     if not readiness.has_cameras(settings):
         return vmc_input.source(settings.id_data)
-    paths = [absolute(getattr(settings, name)) for name in readiness.source_paths(settings)]
+    paths = tuple(absolute(getattr(settings, name)) for name in readiness.source_paths(settings))
     for path in paths:
         if not readiness.is_found(path):
             raise CaptureError("not found", where=path, advice="choose another under Cameras")
-    kind = "videos" if settings.source == "VIDEOS" else "images"
-    return {"kind": kind, "paths": paths, "fps": settings.files_fps}
+    files = VideoFiles if settings.source == "VIDEOS" else ImageFiles
+    return files(paths, fps=settings.files_fps)

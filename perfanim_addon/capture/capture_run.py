@@ -13,6 +13,7 @@ from typing import Any
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import CaptureError, PerfanimError
 from ...core.geometry.arrays import Image
+from ...core.session.pose_filters import FilterSettings
 from ...core.system.slowness import BUSY
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import Message, MessageKind
@@ -150,7 +151,7 @@ class CaptureRun:
         """Measure the latency of the newest pose, now on the armature."""
         self.statistics.latency_s = self._clock() - self._stamp
 
-    def tune(self, settings: Mapping[str, Any]) -> None:
+    def tune(self, settings: FilterSettings) -> None:
         """Set the worker's pose filter (see `core.session.pose_filters`)."""
         self._client.set_filter(settings)
 

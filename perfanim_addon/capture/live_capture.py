@@ -8,8 +8,8 @@ import bpy
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
 from ...core.session.walk_test import judge_walk, walk_figures
+from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
-from ...core.worker.source_traits import is_simulated
 from .. import take_library
 from ..jobs import activity
 from ..jobs.job import Job, command
@@ -113,10 +113,9 @@ class LiveCapture:
     def _draw(self, context: bpy.types.Context, driver: SceneDriver, pose: ScenePose) -> None:
         parts = frozenset(settings(context).overlay)
         if parts and self._drawn is None and self.setup is not None:
-            cameras, space = self.setup.request["cameras"], driver.start(context)
-            self._drawn = overlay.Scene.of(
-                self.setup.performers, cameras["rig"], space.points_to_scene, is_simulated(cameras)
-            )
+            cameras, space = self.setup.request.cameras, driver.start(context)
+            simulated = isinstance(cameras.source, SimulatedPerformer)
+            self._drawn = overlay.Scene.of(self.setup.performers, cameras.rig, space.points_to_scene, simulated)
         overlay.show(self._drawn, pose, parts)
 
     def _record(self, context: bpy.types.Context, run: CaptureRun) -> None:
@@ -154,10 +153,10 @@ class LiveCapture:
         if not self.by_button:
             self.record(chosen)
         self._sounds = chosen.record_sound
-        self.setup, self.take_path = setup, setup.request["take"]
+        self.setup, self.take_path = setup, setup.request.take
         self.run = setup.start(self._python)
         if not readiness.is_known(chosen):  # a simulated performer's body is
-            self._refinement = LiveRefinement(self.take_path, setup.request["database"], self._python)
+            self._refinement = LiveRefinement(self.take_path, setup.request.database, self._python)
         if self._stop_asked:
             self.run.stop()
 

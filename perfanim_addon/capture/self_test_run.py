@@ -6,8 +6,10 @@ from typing import Any
 from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import CaptureError
 from ...core.markers.marker_set import load_marker_set
-from ...core.markers.subject import Subject, subject_tables
+from ...core.markers.subject import Subject
+from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.worker.client import WorkerClient
+from ...core.worker.requests import CamerasRequest, CaptureRequest
 from ..jobs.job import Job, command
 from .capture_run import CaptureRun, Phase
 
@@ -69,16 +71,11 @@ class SelfTest(Job):
             if 2 * good < len(run.poses):
                 raise CaptureError("the simulated performer is followed badly", advice="report this, with these lines")
 
-    def _capture_request(self) -> dict[str, Any]:
+    def _capture_request(self) -> CaptureRequest:
         subject = Subject("Self-test", default_skeleton(), load_marker_set(MARKER_SET))
-        source = {"kind": "simulated", "behaviour": "walking", "loop": True, "marker_set": MARKER_SET}
-        return {
-            "job": "capture",
-            "cameras": {"source": source, "rig": None, "background_s": 1.0, "threshold": None, "preview": False},
-            "performers": [subject_tables(subject)],
-            "database": self._database,
-            "character": "",
-        }
+        source = SimulatedPerformer(behaviour="walking", loop=True, marker_set=MARKER_SET)
+        cameras = CamerasRequest(source=source, background_s=1.0)
+        return CaptureRequest(cameras=cameras, performers=(subject,), database=self._database)
 
     def close(self) -> None:
         """End the workers."""

@@ -1,26 +1,27 @@
 """Jobs of a worker process, with progress and result."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from ...core.geometry.arrays import Image
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import Message, MessageKind
+from ...core.worker.requests import CommandRequest, Request
 
 
-def command(arguments: Sequence[str], gently: bool = False) -> dict[str, Any]:
+def command(arguments: Sequence[str], gently: bool = False) -> CommandRequest:
     """Return the request for a command of `perfanim`.
 
     `gently`, other processes go first.
     """
-    return {"job": "command", "arguments": list(arguments), "gently": gently}
+    return CommandRequest(arguments=tuple(arguments), gently=gently)
 
 
 class Job:
     """Job in a worker process, with progress and a result.
 
     Args:
-        request: for the worker (see `core.worker.process`).
+        request: Request for the worker.
         python: interpreter of the worker, None for Blender's own.
         finishable: it can end early with the result so far.
         first: job to do before, None for none.
@@ -30,7 +31,7 @@ class Job:
         self,
         title: str,
         panel: str,
-        request: Mapping[str, Any],
+        request: Request,
         python: str | None,
         finishable: bool = False,
         first: "Job | None" = None,

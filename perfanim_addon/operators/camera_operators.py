@@ -1,5 +1,6 @@
 """Operators of the cameras: calibrate, set the floor, print a board."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ from bpy_extras.io_utils import ExportHelper
 from ...core.errors import CalibrationError
 from ...core.geometry.rig_file import rig_from, save_rig
 from ...core.system.files import is_folder
+from ...core.vision.sources.source_requests import LiveCameras
+from ...core.worker.requests import FloorMarkersRequest, RecordBoardRequest, RecordFloorRequest
 from ..capture import capture_request, sound
 from ..preferences.paths import absolute, user_folder
 from ..settings import ignored_places, readiness
@@ -78,18 +81,15 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
     title = "Calibrating the cameras"
     finishable = True
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+    def request(self, context: bpy.types.Context) -> RecordBoardRequest:
         chosen = settings(context)
-        board = _board_request(chosen)
-        if chosen.source == "CAMERAS":  # all cameras, even if the present calibration has only one
-            board["source"]["devices"] = list(readiness.devices(chosen))
-        return {
-            **board,
-            "job": "record board",
-            "limit": chosen.board_views,
-            "every_s": chosen.board_every_s if chosen.board_timed and chosen.source == "CAMERAS" else None,
-            "out": str(user_folder("calibrations", "board")),
-        }
+        fields, every_s = _board_fields(chosen), None
+        if isinstance(fields["source"], LiveCameras):
+            # all cameras, even if the present calibration has only one
+            fields["source"] = replace(fields["source"], devices=tuple(readiness.devices(chosen)))
+            every_s = chosen.board_every_s if chosen.board_timed else None
+        out = str(user_folder("calibrations", "board"))
+        return RecordBoardRequest(**fields, limit=chosen.board_views, every_s=every_s, out=out)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Poll the worker at each tick, and beep when a view was taken."""
@@ -124,9 +124,9 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
 
     bl_label = "Set Floor from Board"
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+    def request(self, context: bpy.types.Context) -> RecordFloorRequest:
         chosen = settings(context)
-        return {**_board_request(chosen), "job": "record floor", "rig": capture_request.calibration(chosen)}
+        return RecordFloorRequest(**_board_fields(chosen), rig=capture_request.calibration(chosen))
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
@@ -149,16 +149,14 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
         alone = readiness.is_one_camera(settings(context))
         return super().missing_input(context) or ("With one camera use Set Floor from Board" if alone else "")
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+    def request(self, context: bpy.types.Context) -> FloorMarkersRequest:
         chosen = settings(context)
-        return {
-            **capture_request.cameras(chosen),
-            "job": "record floor markers",
-            "rig": capture_request.calibration(chosen),
-            "preview": True,
-            "height_m": chosen.floor_height_mm / 1000.0,
-            "longest_m": chosen.floor_longest_mm / 1000.0 or None,
-        }
+        return FloorMarkersRequest(
+            **capture_request.camera_fields(chosen, capture_request.calibration(chosen)),
+            preview=True,
+            height_m=chosen.floor_height_mm / 1000.0,
+            longest_m=chosen.floor_longest_mm / 1000.0 or None,
+        )
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
@@ -171,8 +169,8 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
         )
 
 
-def _board_request(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
-    """Return the part of a request that describes source and board."""
+def _board_fields(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
+    """Return the fields of a request that describe source and board."""
     if chosen.source == "SIMULATED":
         chosen.board_kind = "CHESSBOARD"
         chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD

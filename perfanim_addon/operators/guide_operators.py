@@ -6,6 +6,7 @@ import bpy
 
 from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
+from ...core.worker.requests import CheckSetupRequest, ShowCamerasRequest
 from ..capture import capture_request
 from ..jobs import activity
 from ..preferences.paths import absolute
@@ -37,8 +38,8 @@ class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
     bl_label = "Show Cameras"
     title = "Looking for cameras"
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        return {"job": "show cameras"}
+    def request(self, context: bpy.types.Context) -> ShowCamerasRequest:
+        return ShowCamerasRequest()
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         picture = self.keep_picture("Choose Left and Right")
@@ -62,19 +63,18 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
             return "Needs cameras as the source, or Practise Calibration"
         return readiness.pictures(chosen).problem or readiness.markers(chosen).problem
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+    def request(self, context: bpy.types.Context) -> CheckSetupRequest:
         chosen = settings(context)
         is_practice = chosen.source == "SIMULATED" and chosen.practise_fault != "NONE"
-        return {
-            "job": "check setup",
-            "source": capture_request.source(chosen),
-            "rig": capture_request.calibration(chosen, True) if readiness.cameras(chosen).ready else None,
-            "background_s": float(chosen.background_s),
-            "countdown_s": float(chosen.countdown_s),
-            "marker_set": readiness.marker_set_source(chosen),
-            "fault": str(Fault[chosen.practise_fault]) if is_practice else "",
-            "ignored": ignored_places.ignored(chosen),
-        }
+        return CheckSetupRequest(
+            source=capture_request.source(chosen),
+            rig=capture_request.calibration(chosen, True) if readiness.cameras(chosen).ready else None,
+            background_s=chosen.background_s,
+            countdown_s=chosen.countdown_s,
+            marker_set=readiness.marker_set_source(chosen),
+            fault=str(Fault[chosen.practise_fault]) if is_practice else "",
+            ignored=tuple(ignored_places.ignored(chosen)),
+        )
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         chosen = settings(context)

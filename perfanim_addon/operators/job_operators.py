@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import PerfanimError
+from ...core.worker.requests import Request
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..preferences import preferences
@@ -31,7 +32,7 @@ class JobOperator(CheckedOperator):
     def arguments(self, context: bpy.types.Context) -> list[str]:
         """Return the command line's arguments."""
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+    def request(self, context: bpy.types.Context) -> Request:
         """Return the request for the worker."""
         return command(self.arguments(context))
 

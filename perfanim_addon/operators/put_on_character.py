@@ -8,7 +8,6 @@ import bpy
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import TakeError
 from ...core.formats.take_file.take_reader import TakeFile, read_take_file, take_name, unused_path
-from ...core.session.pose_filters import FilterSettings
 from .. import take_library
 from ..capture import capture_request
 from ..capture.performer_targets import performer_targets
@@ -33,7 +32,7 @@ def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
     """Return a take's filtered motion with its characters; TakeError if unsolved."""
     if not take.poses:
         raise TakeError("has no solved poses", where=take.notes.name, advice="click Solve Again")
-    chosen = FilterSettings.of_table(capture_request.shape(settings(context)))
+    chosen = capture_request.shape(settings(context))
     poses = filter_take(take, chosen, use_stored=context.scene.perfanim_result.filters == "RECORDED")
     return TakeMotion(performer_targets(context, take.setup.subjects()), take.setup.carried_props(), poses)
 

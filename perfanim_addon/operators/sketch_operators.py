@@ -12,9 +12,9 @@ from ...core.body.skeleton import forward_kinematics
 from ...core.body.standing import standing_root_m
 from ...core.database.store import open_database
 from ...core.errors import PerfanimError, SettingsError
-from ...core.markers.subject import skeleton_table
 from ...core.sketch.sketch_messages import settings_table, sketch_table, solution_from
 from ...core.system.files import exists
+from ...core.worker.requests import SketchRequest
 from ..animation.keyframes import KeyBounds
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
@@ -183,20 +183,19 @@ class _SolvesSketch(SolvingOperator):
         """Return none: the sketch goes to the worker in the request."""
         return []
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+    def request(self, context: bpy.types.Context) -> SketchRequest:
         """Return the sketch for the worker."""
         armature = settings(context).armature
         body = SketchBody.of(armature)
         self._armature = armature.name
         self._sketch = read_controls(context, armature, body.space)
         self._chosen = armature.perfanim_sketch.solver_settings()
-        return {
-            "job": "sketch",
-            "skeleton": skeleton_table(body.skeleton),
-            "database": str(readiness.database_path(settings(context))),
-            "sketch": sketch_table(self._sketch),
-            "settings": settings_table(self._chosen),
-        }
+        return SketchRequest(
+            skeleton=body.skeleton,
+            database=str(readiness.database_path(settings(context))),
+            sketch=sketch_table(self._sketch),
+            settings=settings_table(self._chosen),
+        )
 
     def bounds(self, context: bpy.types.Context) -> KeyBounds | None:
         """Return the bounds of reduced keys; None as the settings of results have it."""

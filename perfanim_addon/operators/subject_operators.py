@@ -10,6 +10,7 @@ from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
 from ...core.system.files import is_file
+from ...core.worker.requests import CalibratePerformerRequest, RecordPoseRequest
 from ..capture import capture_request, sound
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import choice
@@ -79,11 +80,11 @@ class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
     bl_label = "Calibrate Performer"
     title = "Calibrating the performer"
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
+    def request(self, context: bpy.types.Context) -> CalibratePerformerRequest:
         chosen = settings(context)
         target = profile(chosen)
-        recording = _recording(context, "calibrate performer", CALIBRATION, f"{target.stem}.take.npz")
-        return {**recording, "name": chosen.subject_name, "subject_out": str(target)}
+        recording = _recording_fields(context, CALIBRATION, f"{target.stem}.take.npz")
+        return CalibratePerformerRequest(**recording, name=chosen.subject_name, subject_out=str(target))
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _take_over(context, summary, True)
@@ -97,8 +98,8 @@ class PERFANIM_OT_record_t_pose(_Recording, bpy.types.Operator):
     bl_label = "Record T Pose"
     title = "Recording the T pose"
 
-    def request(self, context: bpy.types.Context) -> dict[str, Any]:
-        return _recording(context, "record pose", CALIBRATION[:1], "t-pose.take.npz")
+    def request(self, context: bpy.types.Context) -> RecordPoseRequest:
+        return RecordPoseRequest(**_recording_fields(context, CALIBRATION[:1], "t-pose.take.npz"))
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         _take_over(context, summary, False)
@@ -190,11 +191,12 @@ def cue(before: str, now: str) -> float | None:
     return _TICK_HZ if now.startswith(_TICKS) else None
 
 
-def _recording(context: bpy.types.Context, job: str, poses: tuple[str, ...], take: str) -> dict[str, Any]:
+def _recording_fields(context: bpy.types.Context, poses: tuple[str, ...], take: str) -> dict[str, Any]:
+    """Return the fields of a request that records poses."""
     chosen = settings(context)
+    rig = None if readiness.is_known(chosen) else capture_request.calibration(chosen, True)
     return {
-        **capture_request.cameras(chosen),
-        "job": job,
+        **capture_request.camera_fields(chosen, rig),
         "marker_set": readiness.marker_set_source(chosen),
         "poses": poses,
         "countdown_s": chosen.countdown_s,

@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 
 from ...core.solver.settings import METHODS
+from ...core.vision.sources.source_requests import CameraControls
 from . import diagnostics_ui, sidebar_tab
 from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
 from .property_kinds import choice, draw_props, file_path, folder_path, number, string, switch, whole_number
@@ -113,18 +114,18 @@ def draw_camera_controls(layout: bpy.types.UILayout, preferences: PERFANIM_AP_pr
             value.prop(controls, "exposure_ms" if name == "exposure" else name, text="")
 
 
-def camera_controls(context: bpy.types.Context) -> list[dict[str, float | None]]:
+def camera_controls(context: bpy.types.Context) -> tuple[CameraControls, ...]:
     """Return the controls of the left and right camera for the worker."""
     found = chosen(context)
-    return [_controls(found.left_camera), _controls(found.right_camera)] if found else []
+    return (_controls(found.left_camera), _controls(found.right_camera)) if found else ()
 
 
-def _controls(camera: PERFANIM_PG_camera_controls) -> dict[str, float | None]:
-    return {
-        "exposure_s": None if camera.exposure_auto else camera.exposure_ms / 1000.0,
-        "gain": None if camera.gain_auto else camera.gain,
-        "focus": None if camera.focus_auto else camera.focus,
-    }
+def _controls(camera: PERFANIM_PG_camera_controls) -> CameraControls:
+    return CameraControls(
+        exposure_s=None if camera.exposure_auto else camera.exposure_ms / 1000.0,
+        gain=None if camera.gain_auto else camera.gain,
+        focus=None if camera.focus_auto else camera.focus,
+    )
 
 
 def chosen(context: bpy.types.Context) -> PERFANIM_AP_preferences | None:

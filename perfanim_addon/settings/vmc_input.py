@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ...core.formats.vmc.ports import PERFORMER_PORT
+from ...core.worker.requests import TrackerSource
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.online import is_online_allowed, is_this_computer
 from ..preferences.property_kinds import string, whole_number
@@ -31,10 +32,10 @@ def problem(chosen: Any) -> str:
     return f"Online access is off: only programs on this computer ({THIS_COMPUTER}) can send"
 
 
-def source(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Return the description of the source for the worker."""
+def source(scene: bpy.types.Scene) -> TrackerSource:
+    """Return the trackers as a source for the worker."""
     chosen = scene.perfanim_receiving
-    return {"kind": "vmc", "port": chosen.port, "sender": chosen.sender.strip()}
+    return TrackerSource(chosen.port, sender=chosen.sender.strip())
 
 
 register, unregister = attach_property_group(bpy.types.Scene, "perfanim_receiving", PERFANIM_PG_receiving)

@@ -5,6 +5,7 @@ from typing import Any
 import bpy
 
 from ...core.formats.vmc.ports import MARIONETTE_PORT
+from ...core.worker.requests import VmcTarget
 from ..preferences.attach_settings import attach_property_group
 from ..preferences.online import is_online_allowed, is_this_computer
 from ..preferences.property_kinds import string, switch, whole_number
@@ -30,10 +31,10 @@ def problem(chosen: Any) -> str:
     return ""
 
 
-def target(scene: bpy.types.Scene) -> list[Any]:
-    """Return host and port of the receiver, [] if sending is off."""
+def target(scene: bpy.types.Scene) -> VmcTarget | None:
+    """Return the receiver, None if sending is off."""
     chosen = scene.perfanim_sending
-    return [chosen.host.strip(), chosen.port] if chosen.on and not problem(chosen) else []
+    return VmcTarget(chosen.host.strip(), chosen.port) if chosen.on and not problem(chosen) else None
 
 
 register, unregister = attach_property_group(bpy.types.Scene, "perfanim_sending", PERFANIM_PG_sending)

@@ -13,11 +13,11 @@ import numpy as np
 
 from ...core.errors import PerfanimError, SettingsError
 from ...core.geometry.arrays import Array
-from ...core.markers.subject import skeleton_table
 from ...core.sketch.sketch_file import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import MessageKind
+from ...core.worker.requests import SketchEdit, SketchRequest
 from ..animation.action_placement import fit_strips
 from ..animation.actions import is_keyed_in_each_frame, refill_action
 from ..capture.armature_driver import ArmatureDriver
@@ -59,16 +59,9 @@ class LiveSketch:
         self._filling: Iterator[None] | None = None
         self._filled = "", 0  # action, and its address
         self._kept = ""  # what the message adds on an action that is left alone
-        self._client = WorkerClient(
-            {
-                "job": "sketch",
-                "live": True,
-                "skeleton": skeleton_table(self.body.skeleton),
-                "database": database,
-                **self._request(context, *self._read(context)),
-            },
-            python,
-        )
+        fields = self._next_fields(context, *self._read(context))
+        request = SketchRequest(live=True, skeleton=self.body.skeleton, database=database, **fields)
+        self._client = WorkerClient(request, python)
 
     def _read(self, context: bpy.types.Context) -> tuple[Sketch, dict[str, Any]]:
         """Return the sketch, and it and its settings as the worker takes them."""
@@ -77,8 +70,8 @@ class LiveSketch:
         chosen = found.perfanim_sketch.solver_settings()
         return sketch, {"sketch": sketch_table(sketch), "settings": settings_table(chosen)}
 
-    def _request(self, context: bpy.types.Context, sketch: Sketch, table: dict[str, Any]) -> dict[str, Any]:
-        """Return the next request."""
+    def _next_fields(self, context: bpy.types.Context, sketch: Sketch, table: dict[str, Any]) -> dict[str, Any]:
+        """Return the fields of the next request."""
         self._number, self._sent = self._number + 1, table
         self._sketches[self._number] = sketch
         return {"number": self._number, "frame": context.scene.frame_current, **table}
@@ -97,7 +90,7 @@ class LiveSketch:
                 activity.set_message(KEY, str(error), "ERROR")
             else:
                 if table != self._sent:
-                    self._client.request_again(self._request(context, sketch, table))
+                    self._client.request_again(SketchEdit(**self._next_fields(context, sketch, table)))
         newest = None
         for message in self._client.poll():
             if message.kind is MessageKind.ERROR:

@@ -3,7 +3,7 @@
 It costs nothing while it is off, and leaves nothing once it is hidden.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,7 +16,6 @@ from ...core.body.scene_pose import PerformerPose, ScenePose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.geometry.arrays import Array
 from ...core.geometry.camera import CameraRig
-from ...core.geometry.rig_file import rig_from
 from ...core.markers.subject import Subject
 from ...core.simulate.studio.studio_rig import default_rig
 from ...core.vision.common_space import CommonSpace, common_space
@@ -62,12 +61,12 @@ class Scene:
     def of(
         cls,
         performers: Sequence[Subject],
-        calibration: Mapping[str, Any] | None,
+        calibration: CameraRig | None,
         placed: Callable[[Array], Array],
         simulated: bool = False,
     ) -> "Scene":
         """Return the scene of a capture; without a calibration, the simulated cameras'."""
-        rig = rig_from(calibration, "calibration") if calibration else default_rig()
+        rig = calibration or default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
         bodies = tuple((subject.skeleton, subject.marker_set.names) for subject in performers)
         return cls(bodies, cameras_m, placed, rig if simulated or "floor" in rig.metadata else None)

@@ -1,4 +1,5 @@
 import importlib
+from dataclasses import astuple
 from types import ModuleType
 
 import bpy
@@ -55,13 +56,13 @@ def test_what_the_cameras_are_told_is_kept_in_the_preferences(addon: ModuleType,
     settings = bpy.context.scene.perfanim
     settings.source = "CAMERAS"
     try:
-        told = setup.source(settings)["controls"]
-        assert told == [{"exposure_s": None, "gain": None, "focus": None}] * 2
+        told = setup.source(settings).controls
+        assert [astuple(each) for each in told] == [(None, None, None)] * 2
         left.exposure_auto, left.exposure_ms = False, 2.5
         left.gain_auto, left.gain = False, 12.0
-        told = setup.source(settings)["controls"]
-        assert told[0]["exposure_s"] == pytest.approx(0.0025) and told[0]["gain"] == 12.0
-        assert told[0]["focus"] is None and told[1]["exposure_s"] is None
+        told = setup.source(settings).controls
+        assert told[0].exposure_s == pytest.approx(0.0025) and told[0].gain == 12.0
+        assert told[0].focus is None and told[1].exposure_s is None
     finally:
         left.exposure_auto = left.gain_auto = True
         settings.source = "SIMULATED"

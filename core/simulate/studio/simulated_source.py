@@ -15,11 +15,13 @@ from ...geometry.camera import CameraRig
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.prop import load_prop
 from ...markers.subject import Subject
+from ...system.schema import Table
 from ...vision.sources.image_set import ClosableSource
 from ..shipped_performance import DEMO, performance, with_return
 from .carried_prop import Carried, in_hand
 from .filmed_motion import Performance, make_performance
 from .render import Renderer, StudioFrame
+from .simulated_performer import SIMULATED, SimulatedPerformer
 from .stage_placement import with_poses
 from .studio_rig import FPS, default_rig
 from .studio_settings import StudioSettings
@@ -103,51 +105,36 @@ class SimulatedSource(ClosableSource):
         return moment % (self.motion.duration_s + 1.0 / self.motion.fps) if self.loop else moment
 
 
-def open_simulated(spec: Mapping[str, Any]) -> SimulatedSource:
-    """Return the simulated performer as described; every key has a default.
-
-    Keys: behaviour ("demo" or one of `BEHAVIOURS`), seconds of it (as shipped), mirrored (False), height_m (1.75),
-    marker_set ("boxing"), cameras (2), fps (60), live (False), loop (as live), poses (calibration poses held before it,
-    none) and held_s (each of them, 2), prop (name or file of the object in the right hand, none), partners (tables of
-    the performers beside the first, to the right as the cameras see it: keys behaviour, mirrored, height_m and
-    marker_set, by default the first's, mirrored; without any the first is in the middle), and studio: a table of
-    `StudioSettings`.
+def open_simulated(asked: SimulatedPerformer | Table) -> SimulatedSource:
+    """Return the simulated performer as described.
 
     Raises:
-        SettingsError: an unknown key, behaviour or setting.
-        MarkerSetError: the marker set is unknown or has no offsets. PropError: the prop is unknown or unusable.
+        SettingsError: An unknown key, behaviour or setting.
+        MarkerSetError: The marker set is unknown or has no offsets.
+        PropError: The prop is unknown or unusable.
     """
-    known = {"kind", "behaviour", "seconds", "mirrored", "height_m", "marker_set", "cameras", "fps", "live"}
-    unknown = sorted(set(spec) - known - {"loop", "studio", "poses", "held_s", "prop", "partners"})
-    if unknown:
-        raise SettingsError("unknown setting " + ", ".join(unknown), where="simulated performer")
-    live = bool(spec.get("live", False))
-    loop = bool(spec.get("loop", live))
-    fps = float(spec.get("fps") or FPS)
-    partners = [_partner(spec, table) for table in spec.get("partners", ())]
-    if len(partners) > _MOST_PARTNERS:
+    if not isinstance(asked, SimulatedPerformer):
+        asked = SIMULATED.read({"kind": "simulated", **asked}, "simulated performer")
+    if len(asked.partners) > _MOST_PARTNERS:
         raise SettingsError(
-            f"{len(partners)} partners of the simulated performer", advice=f"ask for {_MOST_PARTNERS} at most"
+            f"{len(asked.partners)} partners of the simulated performer", advice=f"ask for {_MOST_PARTNERS} at most"
         )
+    partners = [asked.partner(partner) for partner in asked.partners]
     places_m = _SPACING_M * (np.arange(1 + len(partners)) - 0.5 * len(partners))
-    poses, held_s = spec.get("poses", ()), float(spec.get("held_s", 2.0))
-    motions = [with_poses(_motion(one, fps), poses, held_s) for one in (spec, *partners)]
+    motions = [with_poses(_motion(one), asked.poses, asked.held_s) for one in (asked, *partners)]
     motion, *others = (
         replace(motion, root_positions_m=motion.root_positions_m + np.array([place_m, 0.0, 0.0]))
         for motion, place_m in zip(motions, places_m, strict=True)
     )
-    renderer = Renderer(default_rig(int(spec.get("cameras", 2))), studio_settings(spec.get("studio", {})))
-    carried = in_hand(load_prop(str(spec["prop"]))) if spec.get("prop") else None
-    marker_set = str(spec.get("marker_set", "boxing"))
-    sets = [str(one.get("marker_set", marker_set)) for one in partners]
+    carried = in_hand(load_prop(asked.prop)) if asked.prop else None
     return simulated_source(
         motion,
-        marker_set,
-        renderer,
-        fps=fps,
-        live=live,
-        loop=loop,
-        extras=Extras(carried, tuple(zip(others, sets, strict=True))),
+        asked.marker_set,
+        Renderer(default_rig(asked.cameras), studio_settings(asked.studio)),
+        fps=asked.fps,
+        live=asked.live,
+        loop=asked.live if asked.loop is None else asked.loop,
+        extras=Extras(carried, tuple(zip(others, (one.marker_set for one in partners), strict=True))),
     )
 
 
@@ -186,14 +173,6 @@ def _performed(motion: Motion, markers: MarkerSet, loop: bool, carried: Carried 
     return make_performance(shown, markers.names, markers.joint_indices(motion.skeleton), markers.offsets_m, carried)
 
 
-def _partner(spec: Mapping[str, Any], table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the spec of another performer; SettingsError for an unknown key."""
-    unknown = sorted(set(table) - {"behaviour", "mirrored", "height_m", "marker_set"})
-    if unknown:
-        raise SettingsError("unknown setting " + ", ".join(unknown), where="partner of the simulated performer")
-    return {**spec, "mirrored": not spec.get("mirrored", False), **table}
-
-
 def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
     """Return settings from a table; SettingsError for an unknown name or wrong value."""
     try:
@@ -205,10 +184,11 @@ def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
         raise SettingsError(f"simulated studio: {error}") from error
 
 
-def _motion(spec: Mapping[str, Any], fps: float) -> Motion:
-    """Return the performance that a spec asks for: T pose, then the behaviour."""
-    behaviour = str(spec.get("behaviour", DEMO))
-    seconds = float(spec["seconds"]) + _AROUND_S if "seconds" in spec else None
-    height_m = spec.get("height_m", None if behaviour == DEMO else DEFAULT_HEIGHT_M)
-    skeleton = None if height_m is None else default_skeleton(float(height_m))
-    return performance(behaviour, seconds, fps, skeleton, bool(spec.get("mirrored", False)))
+def _motion(asked: SimulatedPerformer) -> Motion:
+    """Return T pose and behaviour."""
+    seconds = None if asked.seconds is None else asked.seconds + _AROUND_S
+    height_m = asked.height_m
+    if height_m is None and asked.behaviour != DEMO:
+        height_m = DEFAULT_HEIGHT_M
+    skeleton = None if height_m is None else default_skeleton(height_m)
+    return performance(asked.behaviour, seconds, asked.fps, skeleton, asked.mirrored)

@@ -6,49 +6,19 @@ seconds. Gain and focus are numbers of the camera's own.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
 
-from ...errors import SettingsError
+from .source_requests import CameraControls
 
-_LONGEST_S = 1.0
 _V4L2 = "V4L2"
 _V4L2_UNITS_PER_S = 10_000.0
 _MANUAL = {_V4L2: 1.0}
 _AUTOMATIC = {_V4L2: 3.0}
 _STEP = 1.5  # an exposure read back that is farther off than by this factor was not taken: drivers know steps of 2
 _NEAR = 1.0  # the same for gain and focus, in their own numbers
-
-
-@dataclass(frozen=True)
-class CameraControls:
-    """Settings of a camera; None leaves one to the camera.
-
-    Args:
-        gain, focus: in the camera's own numbers.
-    """
-
-    exposure_s: float | None = None
-    gain: float | None = None
-    focus: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.exposure_s is not None and not 0.0 < self.exposure_s <= _LONGEST_S:
-            raise SettingsError(
-                f"an exposure of {self.exposure_s:g} s cannot be",
-                advice="use a few milliseconds: markers then are sharp",
-            )
-
-    @classmethod
-    def of_spec(cls, spec: Mapping[str, Any]) -> "CameraControls":
-        """Return the controls of a description (JSON); raise SettingsError."""
-        try:
-            return cls(**{name: None if value is None else float(value) for name, value in spec.items()})
-        except (TypeError, ValueError) as error:
-            raise SettingsError(f"cannot be a camera's controls: {dict(spec)}") from error
 
 
 def apply_controls(capture: Any, controls: CameraControls) -> Sequence[str]:

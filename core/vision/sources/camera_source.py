@@ -15,11 +15,12 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from .addresses import camera_name
-from .camera_controls import CameraControls, apply_controls
+from .camera_controls import apply_controls
 from .device_names import device_numbers
 from .image_files import open_address
 from .image_set import ClosableSource, ImageSet
 from .pairing import ImagePairing
+from .source_requests import CameraControls
 
 _WARM_UP_READS = 5
 _HELD = 12  # images that wait for who takes them; then the oldest are lost

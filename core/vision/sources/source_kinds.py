@@ -1,15 +1,10 @@
-"""Image sources and their descriptions, JSON for the capture process.
+"""Image sources, opened from texts."""
 
-Kinds: {"kind": "simulated", ...} (see `simulate.studio.open_simulated`), {"kind": "videos", "paths": [...]},
-{"kind": "images", "paths": [...]}, {"kind": "cameras", "devices": [0, 1], "size": [640, 480], "controls": [{...}, ...]}
-(see `CameraControls`); all take "fps". A device, or a video's path, may be the address of a network camera.
-"""
-
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from ...errors import CaptureError, SettingsError
+from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import is_file, is_folder
 from .addresses import camera_name, is_address, is_stream
@@ -106,22 +101,3 @@ def _kind(text: str) -> str:
     raise CaptureError(
         what, where=text, advice="give a video, a folder, a pattern like take/*_1.jpg, a device number or an address"
     )
-
-
-def frame_rate(spec: Mapping[str, Any]) -> float | None:
-    """Return the frame rate of a description, None if it gives none."""
-    value = spec.get("fps")
-    if value is None:
-        return None
-    rate = float(value)
-    if not 0.1 <= rate <= 1000.0:
-        raise SettingsError(f"a frame rate of {rate:g} per second cannot be", advice="use 1 to 1000")
-    return rate
-
-
-def listed_values(spec: Mapping[str, Any], key: str) -> Sequence[Any]:
-    """Return the list under `key`; raise SettingsError when it is empty."""
-    value = spec.get(key)
-    if not isinstance(value, list | tuple) or not value:
-        raise SettingsError(f"the image source lacks {key!r}")
-    return list(value)

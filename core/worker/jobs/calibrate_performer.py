@@ -1,21 +1,18 @@
 """Record a performer's calibration poses and calibrate the subject from them.
 
-Request: that of `record_pose`, and "name" (of the performer) and "subject_out" (subject to write). The RESULT is
-that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "advice".
+The RESULT is that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "advice".
 """
-
-from collections.abc import Mapping
-from typing import Any
 
 from ...markers.marker_set import load_marker_set
 from ...markers.subject import save_subject
 from ...subjects.pose_calibration import calibrate_subject, pose_points
 from ...subjects.prototype_bodies import load_bodies
 from ..channel import Channel
+from ..requests import CalibratePerformerRequest
 from .record_pose import record_poses
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: CalibratePerformerRequest, channel: Channel) -> None:
     """Record and calibrate; there is no RESULT after a STOP.
 
     Raises:
@@ -23,9 +20,9 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     """
     take, result = record_poses(request, channel)
     channel.send_status("measuring the performer")
-    marker_set, poses = load_marker_set(request["marker_set"]), [str(pose) for pose in request["poses"]]
-    points = pose_points(take, marker_set, poses)
-    found = calibrate_subject(points, marker_set, load_bodies(), str(request["name"]), *poses)
-    save_subject(found.subject, request["subject_out"])
+    marker_set = load_marker_set(request.marker_set)
+    points = pose_points(take, marker_set, request.poses)
+    found = calibrate_subject(points, marker_set, load_bodies(), request.name, *request.poses)
+    save_subject(found.subject, request.subject_out)
     measured = {"residual_mm": 1e3 * found.subject.residual_m, "verdict": found.verdict, "advice": list(found.advice)}
-    channel.send_result({**result, **measured, "subject": str(request["subject_out"])})
+    channel.send_result({**result, **measured, "subject": request.subject_out})

@@ -1,15 +1,7 @@
-"""Images to marker frames until STOP or the end of the source.
-
-Request: "source" (see `source_kinds`), "rig" (tables of a calibration; null for the simulated performer with known
-cameras), "background_s" (seconds to learn the empty room, cameras only), "threshold" (grey levels or null), "in_flight"
-(frames that may be on their way; null: no limit. Cameras cannot wait, all other sources can), "preview" (see
-`preview_sender`), "background_file" (keeps the backgrounds for a process that takes this one's place).
-A process that takes another's place also gets "after" (`RestartPoint` as a table). It uses the other's backgrounds, as
-the performer stands before the cameras now.
-"""
+"""Images to marker frames until STOP or the end of the source."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import dropwhile, islice
@@ -24,7 +16,7 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
 from ...geometry.npz import read_arrays, write_arrays
-from ...geometry.rig_file import rig_from
+from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...system.files import reading
 from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
@@ -33,20 +25,19 @@ from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel, Stopped, open_when_free
 from ..open_source import open_source
-from ..source_traits import is_live, is_repeatable, is_simulated
+from ..requests import CamerasRequest
 from .preview_sender import PreviewSender
 
 _EMPTY_FRAMES = 30  # of the simulated room
 _SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: CamerasRequest, channel: Channel) -> None:
     """Send marker frames.
 
     Raises:
         PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
     """
-    in_flight = request.get("in_flight")
     # images of this size are done before a second thread has begun, and Blender draws on the other core
     cv2.setNumThreads(1)
     with open_pipeline(request, channel) as (source, pipeline):
@@ -54,15 +45,17 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         for warning in getattr(source, "warnings", ()):
             channel.send_warning(warning)
         remaining = _remaining(request, source)
-        images = _Images(channel.stop_requested, remaining if is_live(request) else _pace(remaining))
-        preview = PreviewSender(request, channel)
+        images = _Images(channel.stop_requested, remaining if request.source.is_live else _pace(remaining))
+        preview = PreviewSender(request.preview, channel)
         thresholds = [detector.threshold for detector in pipeline.detectors]
-        for stamp_s, frame in live_frames(images, pipeline, channel.send_warning, exact=is_simulated(request)):
+        for stamp_s, frame in live_frames(
+            images, pipeline, channel.send_warning, exact=isinstance(request.source, SimulatedPerformer)
+        ):
             channel.slowness.add(time.perf_counter() - stamp_s, time.thread_time() - images.processor_s)
             channel.send_frame(stamp_s, frame)
             preview.send(images.newest, partial(draw_blobs, frame, thresholds, pipeline.rig))
-            if in_flight is not None:
-                channel.wait_for_ack(int(in_flight))
+            if request.in_flight is not None:
+                channel.wait_for_ack(request.in_flight)
 
 
 class _Images:
@@ -88,19 +81,18 @@ class _Images:
 
 
 @contextmanager
-def open_pipeline(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
+def open_pipeline(request: CamerasRequest, channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
     """Yield the source and its pipeline with the backgrounds learned.
 
     Raises:
         Stopped: a stop was requested meanwhile. PerfanimError: the source cannot be opened or lacks a calibration.
     """
-    spec = dict(request["source"])
     channel.send_status("opening the cameras")
-    takes_place = request.get("after") is not None
-    source = open_when_free(lambda: open_source(spec), takes_place, channel.stop_requested)
+    takes_place = request.after is not None
+    source = open_when_free(lambda: open_source(request.source), takes_place, channel.stop_requested)
     try:
-        pipeline = MarkerPipeline(_rig(request, source), live_settings(request.get("threshold")))
-        kept = Path(request.get("background_file") or "")
+        pipeline = MarkerPipeline(_rig(request, source), live_settings(request.threshold))
+        kept = Path(request.background_file)
         if takes_place and kept.is_file():
             pipeline.set_backgrounds(_read_backgrounds(kept))
         else:
@@ -127,36 +119,36 @@ def _read_backgrounds(path: Path) -> list[Background]:
         return [Background(mean, deviation) for mean, deviation in zip(arrays[::2], arrays[1::2], strict=True)]
 
 
-def _remaining(request: Mapping[str, Any], source: Any) -> Iterable[ImageSetLike]:
+def _remaining(request: CamerasRequest, source: Any) -> Iterable[ImageSetLike]:
     """Return the images that the process before did not process."""
-    if request.get("after") is None or not is_repeatable(request):
+    if request.after is None or not request.source.is_repeatable:
         return source
-    after = int(request["after"]["number"])
-    if is_simulated(request):
+    after = request.after.number
+    if isinstance(request.source, SimulatedPerformer):
         source.first = after + 1
         return source
     return dropwhile(lambda images: images.number <= after, source)
 
 
-def _rig(request: Mapping[str, Any], source: ImageSource) -> CameraRig:
-    if request.get("rig"):
-        return rig_from(request["rig"], "calibration")
+def _rig(request: CamerasRequest, source: ImageSource) -> CameraRig:
+    if request.rig is not None:
+        return request.rig
     rig = getattr(source, "rig", None)
     if not isinstance(rig, CameraRig):
         raise CaptureError("the cameras are not calibrated", advice="calibrate them first")
     return rig
 
 
-def learn_room(source: Any, request: Mapping[str, Any], channel: Channel) -> list[Background]:
+def learn_room(source: Any, request: CamerasRequest, channel: Channel) -> list[Background]:
     """Return the learned backgrounds of the cameras; none of a film of unknown length.
 
     Raises:
         Stopped: a stop was requested meanwhile. PerfanimError: the source gives no images.
     """
-    if is_simulated(request):
+    if isinstance(request.source, SimulatedPerformer):
         return learn_backgrounds(_report_learning(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
-    if is_live(request):
-        count = max(2, round(float(request.get("background_s", 2.0)) * source.fps))
+    if request.source.is_live:
+        count = max(2, round(request.background_s * source.fps))
         return learn_backgrounds(_report_learning(source.samples(count), count, ": stay out of sight", channel))
     moments = list(_report_learning(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
     return [background_from_take(column) for column in zip(*moments, strict=True)]

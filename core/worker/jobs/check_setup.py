@@ -1,19 +1,15 @@
 """Check of light, cameras and markers before a capture.
 
-Request: that of `cameras`, and "marker_set" (name or file), "countdown_s" (time to walk before the cameras and take the
-T pose), "fault" (of `Fault`: pictures of a studio with it, and its calibration, stand for the source's; "" for none),
-"ignored" (places to ignore, as `CameraRig.ignored`, where no calibration of the source says it).
-
-Without "rig" only what single pictures show is judged. The RESULT has "findings" (tables with "fault", "text" and
+The RESULT has "findings" (tables with "fault", "text" and
 "places") and "space" (where all cameras see a performer; "" without a calibration that knows the floor). A last PREVIEW
 has rings around the places of the findings, reflections numbered from 1 in the RESULT's order, crosses on ignored ones,
 and that space on the floor.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from itertools import islice
-from typing import Any
 
 import cv2
 import numpy as np
@@ -22,9 +18,9 @@ from ...body.calibration_poses import INSTRUCTIONS
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.camera import Camera, CameraRig
-from ...geometry.rig_file import rig_from
 from ...markers.marker_set import load_marker_set
 from ...simulate.practice_studio import FPS, SECONDS, studio_with
+from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...subjects.setup_check.find_faults import check_pictures, check_setup
 from ...subjects.setup_check.finding import Fault, Finding
 from ...vision.blob_preview import cross_out, reduced
@@ -33,7 +29,7 @@ from ...vision.detection.background import learn_backgrounds
 from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
 from ..open_source import open_source
-from ..source_traits import is_live, is_simulated
+from ..requests import CheckSetupRequest
 from .camera_frames import learn_room
 from .preview_sender import PreviewSender
 from .record_board import camera_names
@@ -47,51 +43,51 @@ _TEXT = 1.2  # size of its number
 _SPACE = (80, 255, 80)
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: CheckSetupRequest, channel: Channel) -> None:
     """Check and send the RESULT.
 
     Raises:
         Stopped: a stop was requested meanwhile. PerfanimError: the source cannot be opened or used.
     """
-    fault = str(request.get("fault") or "")
-    check = _check_studio if fault else _check_source
+    check = _check_studio if request.fault else _check_source
     findings, space = check(request, channel)
     rows = [{"fault": str(found.fault), "text": found.text, "places": found.places} for found in findings]
     channel.send_result({"findings": rows, "space": space.text if space else ""})
 
 
-def _check_source(request: Mapping[str, Any], channel: Channel) -> tuple[list[Finding], CommonSpace | None]:
+def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None]:
     """Return the faults of the request's source, and the space that its cameras see."""
-    spec = dict(request["source"]) | ({"fps": FPS} if is_simulated(request) else {})
-    rig = rig_from(request["rig"], "calibration") if request.get("rig") else None
+    source_asked, rig = request.source, request.rig
+    if isinstance(source_asked, SimulatedPerformer):
+        source_asked = replace(source_asked, fps=FPS)
     channel.send_status("opening the cameras")
-    with closing(open_source(spec)) as source:
+    with closing(open_source(source_asked)) as source:
         backgrounds = learn_room(source, request, channel)
         if not backgrounds:
             raise CaptureError("a film of unknown length cannot be looked through", advice="choose cameras, or files")
         images = iter(source)
-        if is_live(request):
-            count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS["t"])
+        if request.source.is_live:
+            count_down(images, request.countdown_s, channel, INSTRUCTIONS["t"])
         names = [camera.name for camera in rig.cameras] if rig else camera_names(len(backgrounds))[0]
         moments = _Watched(islice(images, round(SECONDS * source.fps)), source.fps, channel)
         if rig is None:
-            ignored = [(int(camera), float(x), float(y)) for camera, x, y in request.get("ignored", ())]
+            ignored = [(int(camera), x, y) for camera, x, y in request.ignored]
             findings = check_pictures(names, backgrounds, moments, ignored)
         else:
             ignored = rig.ignored.tolist()
-            findings = check_setup(rig, backgrounds, moments, load_marker_set(request["marker_set"]))
+            findings = check_setup(rig, backgrounds, moments, load_marker_set(request.marker_set))
         space = common_space(rig) if rig and "floor" in rig.metadata else None
         moments.show(findings, ignored, rig, space)
     return findings, space
 
 
-def _check_studio(request: Mapping[str, Any], channel: Channel) -> tuple[list[Finding], None]:
+def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None]:
     """Return the faults that are found in a studio with the request's."""
-    fault = Fault(str(request["fault"]))
+    fault = Fault(request.fault)
     channel.send_status(f"building a studio: {fault}")
     studio = studio_with(fault, np.random.default_rng(_SEED))
     moments = _Watched(studio.moments, FPS, channel)
-    rig = studio.rig.ignoring(request.get("ignored", ()))
+    rig = studio.rig.ignoring(request.ignored)
     findings = check_setup(rig, learn_backgrounds(studio.empty), moments, studio.marker_set, studio.height_m)
     moments.show(findings, rig.ignored.tolist())
     return findings, None
@@ -102,7 +98,7 @@ class _Watched:
 
     def __init__(self, images: Iterable[ImageSetLike], fps: float, channel: Channel) -> None:
         self._images, self._fps, self._channel = images, fps, channel
-        self._preview = PreviewSender({"preview": True}, channel)
+        self._preview = PreviewSender(True, channel)
         self._last: Sequence[Image] = ()
 
     def __iter__(self) -> Iterator[ImageSetLike]:
@@ -132,7 +128,7 @@ class _Watched:
             _ring(findings, camera, picture, image_width)
 
         if self._last:
-            PreviewSender({"preview": True}, self._channel).send(self._last, draw)
+            PreviewSender(True, self._channel).send(self._last, draw)
 
 
 def _draw_nothing(camera: int, picture: Image, image_width: int) -> None:

@@ -1,11 +1,7 @@
-"""Small pictures of the cameras' images for Blender to show.
-
-Request: "preview" (true to send them).
-"""
+"""Small pictures of the cameras' images for Blender to show."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -18,11 +14,11 @@ _EVERY_S = 0.2
 
 
 class PreviewSender:
-    """Sends the cameras' images side by side, five times a second, if requested."""
+    """Sends the cameras' images side by side, five times a second, if they are wanted."""
 
-    def __init__(self, request: Mapping[str, Any], channel: Channel) -> None:
+    def __init__(self, wanted: bool, channel: Channel) -> None:
         self._channel = channel
-        self._wanted = bool(request.get("preview", False))
+        self._wanted = wanted
         self._due_s = 0.0
 
     def send(self, images: Sequence[Image], draw: Callable[[int, Image, int], None]) -> None:

@@ -1,27 +1,23 @@
 """Calibrate the cameras from a board carried before them.
 
-Request: "source" (see `source_kinds`), "board" (its SPEC), "limit" (views at which it ends though the result is not
-good), "every_s" (null: a view is taken when the board is held still; else seconds between two views), "out" (folder;
-gets a folder for each camera with the pictures taken), "preview" (see `preview_sender`).
-
 A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, "pictures", the
 folders, and "rig", the calibration as tables: Blender writes it, so that a cancelled calibration replaces none.
 """
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...geometry.rig_file import rig_tables
 from ...simulate.studio.boards import BoardPose, CarriedBoard, board_poses
 from ...simulate.studio.render import Renderer
+from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...simulate.studio.studio_rig import default_rig
 from ...subjects.setup_check.board_faults import board_faults
 from ...vision.calibration.board_preview import draw_corners, draw_coverage, draw_taken, draw_wanted
@@ -33,30 +29,30 @@ from ...vision.sources.image_set import camera_title, moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSetLike, ImageSource
 from ..channel import Channel
 from ..open_source import open_source
+from ..requests import ImageSourceRequest, RecordBoardRequest
 from .preview_sender import PreviewSender
 
 _SIMULATED_PLACES = 40
 _SHOWN_S = 0.6  # that a view was taken
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: RecordBoardRequest, channel: Channel) -> None:
     """Calibrate and send the RESULT.
 
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the board.
     """
-    board, folder = parse_board(request["board"]), Path(request["out"])
+    board, folder = parse_board(request.board), Path(request.out)
     channel.send_status("opening the cameras", 0.0)
-    with closing(open_board(request["source"], board)) as source, ThreadPoolExecutor(1) as later:
+    with closing(open_board(request.source, board)) as source, ThreadPoolExecutor(1) as later:
         images = iter(source)
         first = next(images, None)
         if first is None:
             raise CaptureError("the cameras gave no images", advice="check the source")
         names, titles = camera_names(len(first.images))
         folders = [_empty_folder(folder / name) for name in names]
-        every_s = None if request.get("every_s") is None else float(request["every_s"])
-        session = BoardSession(board, names, titles, later.submit, int(request["limit"]), every_s)
-        _watch(chain([first], images), session, folders, PreviewSender(request, channel), channel)
+        session = BoardSession(board, names, titles, later.submit, request.limit, request.every_s)
+        _watch(chain([first], images), session, folders, PreviewSender(request.preview, channel), channel)
         channel.send_status("calibrating", 1.0)
         result = session.finish()
     summary = calibration_summary(result, board.square_m)
@@ -79,11 +75,11 @@ def _empty_folder(folder: Path) -> Path:
     return folder
 
 
-def open_board(spec: Mapping[str, Any], board: Board, poses: Sequence[BoardPose] = ()) -> ImageSource:
+def open_board(asked: ImageSourceRequest, board: Board, poses: Sequence[BoardPose] = ()) -> ImageSource:
     """Return the source; a simulated one shows the board in these poses, or in many."""
-    if spec.get("kind") != "simulated":
-        return open_source(spec)
-    rig = default_rig(int(spec.get("cameras", 2)))
+    if not isinstance(asked, SimulatedPerformer):
+        return open_source(asked)
+    rig = default_rig(asked.cameras)
     return CarriedBoard(Renderer(rig), board, poses or board_poses(rig, board, _SIMULATED_PLACES))
 
 

@@ -1,21 +1,17 @@
 """Find the floor from the board lying on it.
 
-Request: "source" (see `source_kinds`), "board" (its SPEC), "rig" (tables of a calibration), "preview" (see
-`preview_sender`).
 The RESULT has "rig", the calibration as tables in a world with its origin in the board's middle and its floor at y = 0,
 and "scale", size of the board by the calibration / by its SPEC. There is none after a STOP.
 """
 
-from collections.abc import Mapping
 from contextlib import closing
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Image
-from ...geometry.rig_file import rig_from, rig_tables
+from ...geometry.rig_file import rig_tables
 from ...simulate.studio.boards import board_on_floor
 from ...vision.calibration.board_preview import draw_corners
 from ...vision.calibration.board_watch import BoardObservation, BoardWatch
@@ -24,20 +20,21 @@ from ...vision.calibration.rig_on_floor import board_in_space, rig_on_floor
 from ...vision.sources.image_set import moment_of, usable_images
 from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel
+from ..requests import RecordFloorRequest
 from .preview_sender import PreviewSender
 from .record_board import camera_names, open_board
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: RecordFloorRequest, channel: Channel) -> None:
     """Find the floor.
 
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show the board on the floor.
     """
-    board, rig = parse_board(request["board"]), rig_from(request["rig"], "calibration")
+    board, rig = parse_board(request.board), request.rig
     channel.send_status("opening the cameras", 0.0)
-    with closing(open_board(request["source"], board, [board_on_floor(board)[0]])) as source:
-        look = _still_board(source, board, PreviewSender(request, channel), channel)
+    with closing(open_board(request.source, board, [board_on_floor(board)[0]])) as source:
+        look = _still_board(source, board, PreviewSender(request.preview, channel), channel)
     if look is None:
         return
     points_m = board_in_space(rig, [view for view in look.views if view is not None], board)

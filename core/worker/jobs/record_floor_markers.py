@@ -1,19 +1,17 @@
 """Find the floor, and optionally the scale, from markers lying on it.
 
-Request: that of `cameras`, and "height_m" (of the markers' middles above the floor) and "longest_m" (measured between
-the two farthest apart; null: the calibration's scale is kept).
 The RESULT has "rig", the calibration as tables in a world with its origin in the markers' middle and its floor at
 y = 0, "markers", their number, and "scale", the factor applied to the calibration. There is none after a STOP.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Any
 
 from ...errors import CalibrationError
-from ...geometry.rig_file import rig_from, rig_tables
+from ...geometry.rig_file import rig_tables
 from ...simulate.studio.floor_marker_source import FloorMarkers
+from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...simulate.studio.studio_rig import default_rig
 from ...vision.blob_preview import draw_blobs
 from ...vision.calibration.floor_watch import FloorWatch, scaled_to
@@ -23,39 +21,38 @@ from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import moment_of
 from ...vision.sources.source_kinds import ImageSource
 from ..channel import Channel, Stopped
-from ..source_traits import is_simulated
+from ..requests import FloorMarkersRequest
 from .camera_frames import open_pipeline
 from .preview_sender import PreviewSender
 
 _EMPTY_FRAMES = 30  # of the simulated room
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: FloorMarkersRequest, channel: Channel) -> None:
     """Find the floor.
 
     Raises:
         PerfanimError: the source cannot be opened or used, or does not show markers that lie still.
     """
     with _open(request, channel) as (source, pipeline):
-        watch = _watch(source, pipeline, PreviewSender(request, channel), channel)
+        watch = _watch(source, pipeline, PreviewSender(request.preview, channel), channel)
     if watch.points_m is None:
         raise CalibrationError("no markers were seen lying still on the floor", advice=watch.advice)
     rig, points_m, scale = pipeline.rig, watch.points_m, 1.0
-    if request.get("longest_m"):
-        rig, points_m, scale = scaled_to(rig, points_m, float(request["longest_m"]))
-    level = rig_on_floor(rig, points_m, above_m=float(request.get("height_m", 0.0)))
+    if request.longest_m:
+        rig, points_m, scale = scaled_to(rig, points_m, request.longest_m)
+    level = rig_on_floor(rig, points_m, above_m=request.height_m)
     channel.send_result({"rig": rig_tables(level), "markers": len(points_m), "scale": scale})
 
 
 @contextmanager
-def _open(request: Mapping[str, Any], channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
-    if not is_simulated(request):
+def _open(request: FloorMarkersRequest, channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
+    if not isinstance(request.source, SimulatedPerformer):
         with open_pipeline(request, channel) as pair:
             yield pair
         return
-    source = FloorMarkers(default_rig(int(request["source"].get("cameras", 2))))
-    rig = rig_from(request["rig"], "calibration")
-    pipeline = MarkerPipeline(rig, live_settings(request.get("threshold")))
+    source = FloorMarkers(default_rig(request.source.cameras))
+    pipeline = MarkerPipeline(request.rig, live_settings(request.threshold))
     pipeline.learn_empty(source.background_frames(_EMPTY_FRAMES))
     yield source, pipeline
 

@@ -1,16 +1,12 @@
 """Record the performer in calibration poses, one after the other.
 
-Request: that of `cameras`, and "marker_set" (name or file), "poses" (of `POSES`, upright one first), "countdown_s"
-(time to take the first pose, cameras only), "between_s" (time from each pose to the next), "seconds" (how long each is
-held), "out" (take to write), "floor_out" (calibration to write in a world with the floor under the feet, if the present
-one has no floor).
-
 The take continues between the poses, so that its trajectories do; `pose_points` finds the poses in it.
 """
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from ...body.calibration_poses import INSTRUCTIONS, POSES
@@ -22,18 +18,19 @@ from ...labelling.trajectory_naming import name_trajectories
 from ...markers.floor_from_feet import floor_points, to_rig_world
 from ...markers.marker_set import load_marker_set
 from ...markers.marker_take import MarkerTake
+from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...simulate.studio.stage_placement import ARRIVAL_S
 from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
-from ..source_traits import is_live, is_simulated
+from ..requests import RecordPoseRequest
 from .camera_frames import open_pipeline
 
 _LONGEST_S = 60.0  # of a recording in which poses are looked for
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: RecordPoseRequest, channel: Channel) -> None:
     """Record and send a RESULT with the files written; none after a STOP.
 
     Raises:
@@ -42,7 +39,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     channel.send_result(record_poses(request, channel)[1])
 
 
-def record_poses(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTake, dict[str, Any]]:
+def record_poses(request: RecordPoseRequest, channel: Channel) -> tuple[MarkerTake, dict[str, Any]]:
     """Write a take of the poses; return it and the RESULT.
 
     The feet of the first pose give the floor where the calibration has none.
@@ -50,49 +47,46 @@ def record_poses(request: Mapping[str, Any], channel: Channel) -> tuple[MarkerTa
     Raises:
         Stopped: a stop was requested meanwhile. PerfanimError: as in `run`.
     """
-    marker_set = load_marker_set(request["marker_set"])
-    poses = [str(pose) for pose in request["poses"]]
+    marker_set, poses = load_marker_set(request.marker_set), request.poses
     check_poses(poses)
-    if is_simulated(request):
-        held = {"poses": poses, "held_s": float(request["seconds"])}
-        request = {**request, "source": {**request["source"], **held}, "between_s": ARRIVAL_S}
+    if isinstance(request.source, SimulatedPerformer):
+        performer = replace(request.source, poses=poses, held_s=request.seconds)
+        request = replace(request, source=performer, between_s=ARRIVAL_S)
     with open_pipeline(request, channel) as (source, pipeline):
-        frames = [pipeline.process(images) for images in _moments(request, poses, iter(source), channel)]
+        frames = [pipeline.process(images) for images in _moments(request, iter(source), channel)]
     if not frames:
         raise CaptureError("there were no images of the poses", advice="check the source")
     rig = pipeline.rig
     channel.send_status("joining the markers to trajectories")
     take = name_trajectories(track_markers(frames, "calibration", source.fps, len(marker_set)).take, marker_set)
-    result: dict[str, Any] = {"frames": take.frames, "out": str(request["out"])}
-    if request.get("rig") and "floor" not in rig.metadata:
+    result: dict[str, Any] = {"frames": take.frames, "out": request.out}
+    if request.rig is not None and "floor" not in rig.metadata:
         try:
             level = rig_on_floor(rig, floor_points(take, marker_set, POSES[poses[0]]))
         except (TakeError, CalibrationError) as error:
             result["floor_advice"] = str(error)
         else:
-            save_rig(level, request["floor_out"])
+            save_rig(level, request.floor_out)
             take = to_rig_world(take, rig, level)
-            result["calibration"] = str(request["floor_out"])
-    write_take(take, request["out"])
+            result["calibration"] = request.floor_out
+    write_take(take, request.out)
     return take, result
 
 
-def _moments(
-    request: Mapping[str, Any], poses: list[str], images: Iterator[ImageSetLike], channel: Channel
-) -> Iterator[ImageSetLike]:
+def _moments(request: RecordPoseRequest, images: Iterator[ImageSetLike], channel: Channel) -> Iterator[ImageSetLike]:
     """Yield the image sets from the first pose to the last; send the instructions."""
-    hold_s, between_s = float(request["seconds"]), float(request["between_s"])
-    if is_live(request):
-        count_down(images, float(request["countdown_s"]), channel, INSTRUCTIONS[poses[0]])
-    elif not is_simulated(request) and len(poses) > 1:
+    poses = request.poses
+    if request.source.is_live:
+        count_down(images, request.countdown_s, channel, INSTRUCTIONS[poses[0]])
+    elif not isinstance(request.source, SimulatedPerformer) and len(poses) > 1:
         # no instructions can be given: the poses are somewhere in the recording
         yield from _for_seconds(images, _LONGEST_S, channel, "looking for the markers")
         return
     for number, pose in enumerate(poses):
         words = INSTRUCTIONS[pose]
         if number:
-            yield from _for_seconds(images, between_s, channel, f"{{left}}: {words}")
-        yield from _for_seconds(images, hold_s, channel, f"hold still: {words}")
+            yield from _for_seconds(images, request.between_s, channel, f"{{left}}: {words}")
+        yield from _for_seconds(images, request.seconds, channel, f"hold still: {words}")
 
 
 def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> None:

@@ -3,35 +3,26 @@
 Three processes share the work: the cameras' (OpenCV), this one (the solver) and Blender, where only the drawing is
 left, so the window stays as quick as without a capture. When the cameras' process dies or hangs, this one starts
 another; when this one does, Blender does. Either continues the same take, which records the gap.
-
-Request: "cameras" (request of the job `cameras` or `trackers`), "performers" and "props" (tables as in their files),
-"database" (file), "settings" (of `SolveSettings`), "take" (file to write, see `take_file`; optional), "character" (that
-is driven), "shape" (settings of the pose filter, see `pose_filters`; the take keeps the poses unfiltered), "vmc" (host
-and port of a program that gets the poses, too; optional).
-A process that takes another's place also gets "after" (`RestartPoint` as a table) and "cause" (in plain words).
 """
 
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ...body.foot_lock import floor_of
 from ...database.store import Database, identity, open_database
 from ...errors import PerfanimError, SettingsError
 from ...formats.take_file.take_setup import TakeNotes, TakeSetup
 from ...formats.take_file.take_writer import TakeWriter
-from ...geometry.camera import CameraRig
-from ...geometry.rig_file import rig_from
-from ...markers.prop import prop_from
-from ...markers.subject import subject_from
-from ...session.pose_filters import FilterSettings, PoseFilter
+from ...session.pose_filters import PoseFilter
+from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...simulate.studio.studio_rig import default_rig
 from ...solver.settings import SolveSettings
 from ...system.files import reading
+from ...system.schema import table_of
 from ..channel import Channel
 from ..client import WorkerClient
-from ..restart_point import RestartPoint
-from ..source_traits import has_no_cameras, is_live, is_repeatable, is_simulated
+from ..requests import CamerasRequest, CaptureRequest, TrackerSource, TrackersRequest
 from .capture_loop import CaptureLoop
 from .capture_stages import FrameRecorder, PoseOutput
 
@@ -44,34 +35,36 @@ _FRAMES_AHEAD = 2  # of the solver, for sources that can wait
 _POSES_AHEAD = 1
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: CaptureRequest, channel: Channel) -> None:
     """Send poses until STOP or the end of the source.
 
     Raises:
         PerfanimError: a file is bad, or the cameras' process failed.
     """
-    cameras = dict(request["cameras"])
-    if not is_live(cameras):
-        cameras["in_flight"] = _FRAMES_AHEAD
+    cameras, source = request.cameras, request.cameras.source
+    if not source.is_live:
+        cameras = replace(cameras, in_flight=_FRAMES_AHEAD)
     channel.send_status("opening the cameras")
     take, client = None, None
     try:
         # its Python starts while the files are opened here, and it opens the cameras while the session is prepared
-        trackers = {"job": "trackers", "marker_set": request["performers"][0]["marker_set"]}
-        client = WorkerClient({**cameras, **(trackers if has_no_cameras(cameras) else {"job": "cameras"})})
-        database = open_database(request["database"])
+        if isinstance(source, TrackerSource):
+            client = WorkerClient(TrackersRequest(source=source, marker_set=request.performers[0].marker_set))
+        else:
+            client = WorkerClient(cameras)
+        database = open_database(request.database)
         setup, settings = _setup(request, cameras, database)
-        point = RestartPoint.of_table(request["after"]) if request.get("after") else None
+        point = request.after
         take = _open_take(request, setup, channel)
         if point is not None and take is not None and take.last_frame is not None:
             # the last tenth of a second of Blender's poses may not have been written: it comes once more
             point = point.moved_to(*take.last_frame)
-        client.ask(after=point.table() if point is not None else None)
-        recorder = FrameRecorder(take, channel, is_repeatable(cameras))
+        client.ask(point)
+        recorder = FrameRecorder(take, channel, source.is_repeatable)
         if point is not None:
-            recorder.expect_restart(point, str(request.get("cause", "")))
-        session, output = _session(setup, database, settings), _output(request, setup, cameras, channel)
-        CaptureLoop(client, recorder, session, output, channel, take, is_live=is_live(cameras)).run()
+            recorder.expect_restart(point, request.cause)
+        session, output = _session(setup, database, settings), _output(request, setup, channel)
+        CaptureLoop(client, recorder, session, output, channel, take, is_live=source.is_live).run()
     except PerfanimError as error:
         if take is not None:
             take.add_event(f"ended: {error}")
@@ -83,26 +76,17 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
                 take.path.unlink(missing_ok=True)
         if client is not None:
             client.close()
-        if cameras.get("background_file"):
-            Path(cameras["background_file"]).unlink(missing_ok=True)
+        if cameras.background_file:
+            Path(cameras.background_file).unlink(missing_ok=True)
 
 
-def _setup(
-    request: Mapping[str, Any], cameras: Mapping[str, Any], database: Database
-) -> tuple[TakeSetup, SolveSettings]:
-    given = request.get("settings") or {}
+def _setup(request: CaptureRequest, cameras: CamerasRequest, database: Database) -> tuple[TakeSetup, SolveSettings]:
     with reading("solver", SettingsError, "choose the method again"):
-        settings = SolveSettings.of_table(given)
-    performers = [subject_from(table, "performer") for table in request["performers"]]
-    props = [prop_from(table, "prop") for table in request.get("props") or ()]
-    asked = {key: value for key, value in cameras.items() if key != "rig"}  # which the take has beside it
-    return TakeSetup.of(_rig(cameras), performers, given, identity(database), asked, props), settings
-
-
-def _rig(cameras: Mapping[str, Any]) -> CameraRig | None:
-    if has_no_cameras(cameras):
-        return None
-    return rig_from(cameras["rig"], "calibration") if cameras.get("rig") else default_rig()
+        settings = SolveSettings.of_table(request.settings)
+    rig = None if isinstance(cameras.source, TrackerSource) else cameras.rig or default_rig()
+    asked = table_of(replace(cameras, rig=None))  # the take has the calibration elsewhere
+    facts = (request.settings, identity(database), asked)
+    return TakeSetup.of(rig, request.performers, *facts, request.props), settings
 
 
 def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "MultiTargetSession":
@@ -111,33 +95,33 @@ def _session(setup: TakeSetup, database: Database, settings: SolveSettings) -> "
     return CaptureSetup.from_tables(setup, database, settings).make_session()
 
 
-def _output(request: Mapping[str, Any], setup: TakeSetup, cameras: Mapping[str, Any], channel: Channel) -> PoseOutput:
+def _output(request: CaptureRequest, setup: TakeSetup, channel: Channel) -> PoseOutput:
     """Return the output to Blender, and by VMC if the request names a program."""
-    floor_m = floor_of(setup.camera_rig()) if cameras.get("rig") else 0.0  # the simulated performer's is known
+    floor_m = floor_of(setup.camera_rig()) if request.cameras.rig else 0.0  # the simulated performer's is known
     skeletons = [subject.skeleton for subject in setup.subjects()]
-    shaper = PoseFilter(skeletons, floor_m, FilterSettings.of_table(request.get("shape") or {}))
-    ahead = _POSES_AHEAD if is_simulated(cameras) else None
-    if not request.get("vmc"):
+    shaper = PoseFilter(skeletons, floor_m, request.shape)
+    ahead = _POSES_AHEAD if isinstance(request.cameras.source, SimulatedPerformer) else None
+    if request.vmc is None:
         return PoseOutput(shaper, channel, ahead)
     from ..vmc_sender import VmcSender  # a capture that sends nothing does not load it
 
-    host, port = request["vmc"]
-    return PoseOutput(shaper, channel, ahead, VmcSender(skeletons[0], str(host), int(port), channel.send_warning))
+    sender = VmcSender(skeletons[0], request.vmc.host, request.vmc.port, channel.send_warning)
+    return PoseOutput(shaper, channel, ahead, sender)
 
 
-def _open_take(request: Mapping[str, Any], setup: TakeSetup, channel: Channel) -> TakeWriter | None:
+def _open_take(request: CaptureRequest, setup: TakeSetup, channel: Channel) -> TakeWriter | None:
     """Return the take to write; warn, and return None, when it cannot be written."""
-    if not request.get("take"):
+    if not request.take:
         return None
-    notes = TakeNotes(character=str(request.get("character", "")))
+    notes = TakeNotes(character=request.character)
 
     def warn(problem: str) -> None:
         channel.send_warning(problem, standing=True)
 
     try:
         # a full disk may have kept the first process from beginning the take
-        resumed = bool(request.get("after")) and Path(request["take"]).exists()
-        return TakeWriter(str(request["take"]), setup, notes, warn, resumed=resumed)
+        resumed = request.after is not None and Path(request.take).exists()
+        return TakeWriter(request.take, setup, notes, warn, resumed=resumed)
     except PerfanimError as error:
         warn(f"this capture is not kept as a take: {error}")
         return None

@@ -1,21 +1,16 @@
-"""A command of the command line, run in the worker for Blender.
-
-Request: "arguments", and "gently" where other processes go first.
-"""
-
-from collections.abc import Mapping
-from typing import Any
+"""A command of the command line, run in the worker for Blender."""
 
 from ...cli.guarded_run import guarded_run
 from ...cli.main import COMMANDS, build_parser
 from ...errors import CaptureError
 from ...system.priority import step_back
 from ..channel import Channel
+from ..requests import CommandRequest
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
-    """Run request["arguments"]; progress as STATUS messages, the summary as RESULT."""
-    arguments = [str(argument) for argument in request.get("arguments", [])]
+def run(request: CommandRequest, channel: Channel) -> None:
+    """Run the command; progress as STATUS messages, the summary as RESULT."""
+    arguments = request.arguments
     if not arguments or arguments[0] not in COMMANDS:
         raise CaptureError(f"was asked for an unknown command: {' '.join(arguments)}", where="worker")
     try:
@@ -23,7 +18,7 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
     except SystemExit as error:
         raise CaptureError(f"was asked for wrong options: {' '.join(arguments)}", where="worker") from error
 
-    if request.get("gently"):
+    if request.gently:
         step_back()
 
     def progress(fraction: float, text: str) -> None:

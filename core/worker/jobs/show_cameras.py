@@ -3,9 +3,6 @@
 The RESULT has "cameras": device and size of each, null for one that gives no image. A PREVIEW shows them side by side.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from ...errors import CaptureError
@@ -14,12 +11,13 @@ from ...vision.blob_preview import write_line
 from ...vision.sources.camera_source import find_cameras
 from ...vision.sources.device_names import device_name
 from ..channel import Channel
+from ..requests import ShowCamerasRequest
 from .preview_sender import PreviewSender
 
 _BLANK: Image = np.zeros((480, 640, 3), dtype=np.uint8)
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(_request: ShowCamerasRequest, channel: Channel) -> None:
     """Send the pictures and the RESULT.
 
     Raises:
@@ -37,5 +35,5 @@ def run(request: Mapping[str, Any], channel: Channel) -> None:
         write_line(picture, f"{device_name(found[number].device)}{silent}")
 
     images = [_BLANK if camera.image is None else camera.image for camera in found]
-    PreviewSender({"preview": True}, channel).send(images, draw)
+    PreviewSender(True, channel).send(images, draw)
     channel.send_result({"cameras": [{"device": camera.device, "size": camera.size} for camera in found]})

@@ -1,19 +1,13 @@
-"""Trackers of another program, by VMC, to marker frames: in place of the cameras.
-
-Request: "source" (kind "vmc", "port" to listen on, "sender": name or address of the only computer to accept, "" for
-all), "marker_set" (table of the worn one). A process that takes another's place also gets "after".
-"""
+"""Trackers of another program, by VMC, to marker frames: in place of the cameras."""
 
 import math
 import time
-from collections.abc import Mapping
-from typing import Any
 
 from ...formats.vmc.tracker_stream import TrackerStream
 from ...formats.vmc.vmc_udp import Receiver
 from ...markers.label_matching import join_names
-from ...markers.marker_set import marker_set_from
 from ..channel import Channel, open_when_free
+from ..requests import TrackersRequest
 
 _LOOK_S = 0.1
 _SILENT_S = 1.0  # without a marker until the reason is sent
@@ -21,15 +15,14 @@ _FLOOD_S = 1.0  # after the last packet too many
 _MOST_AHEAD = 60  # frames of a flood that wait for the solver; otherwise none is left out
 
 
-def run(request: Mapping[str, Any], channel: Channel) -> None:
+def run(request: TrackersRequest, channel: Channel) -> None:
     """Send marker frames until STOP.
 
     Raises:
         PerfanimError: the port is taken or the sender is not known.
     """
-    sender = str(request["source"].get("sender", ""))
-    stream = TrackerStream(marker_set_from(request["marker_set"], "trackers"))
-    port, takes_place = int(request["source"]["port"]), request.get("after") is not None
+    port, sender = request.source.port, request.source.sender
+    stream, takes_place = TrackerStream(request.marker_set), request.after is not None
     with open_when_free(lambda: Receiver(port, sender), takes_place, channel.stop_requested) as receiver:
         channel.send_status(f"waiting for trackers on port {receiver.port}")
         silence, flood = _Silence(receiver, stream, sender, channel), _Flood(receiver, stream, channel)

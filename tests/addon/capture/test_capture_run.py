@@ -1,6 +1,6 @@
 """The course of a capture without Blender's window: a worker played by the test."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,12 +34,12 @@ class PlayedWorker:
     taken: int = 0
     closed: bool = False
     may_restart: bool = False
-    tuned: Mapping[str, Any] = field(default_factory=dict)
-    restarted: list[dict[str, Any]] = field(default_factory=list)
+    tuned: Any = None
+    restarted: list[tuple[Any, str]] = field(default_factory=list)
 
-    def restart(self, **changes: Any) -> None:
+    def restart(self, after: Any, cause: str) -> None:
         self.failure = None
-        self.restarted.append(changes)
+        self.restarted.append((after, cause))
 
     def say(self, *data: bytes) -> None:
         self.waiting += Decoder().feed(b"".join(data))
@@ -54,7 +54,7 @@ class PlayedWorker:
     def acknowledge(self, frames: int) -> None:
         self.taken = frames
 
-    def set_filter(self, shape: Mapping[str, Any]) -> None:
+    def set_filter(self, shape: Any) -> None:
         self.tuned = shape
 
     def request_stop(self) -> None:
@@ -183,9 +183,10 @@ def test_a_worker_that_dies_is_replaced_and_the_capture_goes_on() -> None:
     worker.failure = CaptureError("ended by itself")
     run.tick()
     assert run.phase is Phase.RUNNING
-    (asked,) = worker.restarted
-    assert asked["after"] == {"number": 3, "time_s": 3 / 60, "stamp_s": 99.5, "period_s": pytest.approx(1 / 60)}
-    assert asked["cause"] == "the solver's process ended by itself"
+    ((after, cause),) = worker.restarted
+    assert (after.number, after.time_s, after.stamp_s) == (3, 3 / 60, 99.5)
+    assert after.period_s == pytest.approx(1 / 60)
+    assert cause == "the solver's process ended by itself"
     assert run.notice == "the solver's process ended by itself: starting it again"
     worker.say(*poses([60]))
     run.tick()

@@ -382,7 +382,7 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path, monk
     assert text.startswith(f"{count} frames recorded")
     refinement = capture._refinement
     assert refinement.is_closed
-    assert (refinement.take, refinement.database) == (capture.take_path, capture.setup.request["database"])
+    assert (refinement.take, refinement.database) == (capture.take_path, capture.setup.request.database)
     assert refinement.seconds == sorted(refinement.seconds)
     assert 0.0 <= refinement.seconds[-1] <= capture.run.poses[-1].time_s - capture.run.poses[0].time_s
     assert capture.run.statistics.handed_over == count

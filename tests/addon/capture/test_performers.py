@@ -138,10 +138,10 @@ def test_what_the_worker_is_asked_for(part: Any, shown: Any, ben: Any) -> None:
     scene.perfanim.database, scene.perfanim.behaviour = build_path, "boxing"
     setup = part("capture.capture_request").make(scene.perfanim)
     assert [subject.name for subject in setup.performers[1:]] == ["Ben"]
-    assert [table["name"] for table in setup.request["performers"][1:]] == ["Ben"]
-    assert setup.request["cameras"]["source"]["partners"] == [{"behaviour": "kendo"}]
+    assert [subject.name for subject in setup.request.performers[1:]] == ["Ben"]
+    assert [partner.behaviour for partner in setup.request.cameras.source.partners] == ["kendo"]
     shown.entries.clear()
-    assert len(part("capture.capture_request").make(scene.perfanim).request["performers"]) == 1
+    assert len(part("capture.capture_request").make(scene.perfanim).request.performers) == 1
 
 
 def test_a_new_character_stands_beside_the_first_as_the_performers_do(part: Any, play: Any, ben: Any) -> None:

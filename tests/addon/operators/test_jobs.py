@@ -103,21 +103,21 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str)
     chosen.source = "CAMERAS"
     chosen.board_square_mm = 31.5
     asked = operator.request(SimpleNamespace(), bpy.context)
-    assert asked["source"]["devices"] == [0, 1]
-    assert asked["board"] == "chessboard:9x6:31.5mm"
-    assert asked["every_s"] is None
+    assert asked.source.devices == (0, 1)
+    assert asked.board == "chessboard:9x6:31.5mm"
+    assert asked.every_s is None
     chosen.further_devices = "4, 2"
-    assert operator.request(SimpleNamespace(), bpy.context)["source"]["devices"] == [0, 1, 4, 2]
+    assert operator.request(SimpleNamespace(), bpy.context).source.devices == (0, 1, 4, 2)
     errors = sys.modules[f"{extension}.core.errors"]
     for chosen.further_devices, problem in (("two", "not a device number or an address"), ("2 1", "chosen twice")):
         with pytest.raises(errors.CaptureError, match=problem):
             operator.request(SimpleNamespace(), bpy.context)
     chosen.right_device, chosen.board_timed, chosen.board_every_s = -1, True, 4.0
     asked = operator.request(SimpleNamespace(), bpy.context)
-    assert asked["source"]["devices"] == [0]
-    assert asked["every_s"] == 4.0
+    assert asked.source.devices == (0,)
+    assert asked.every_s == 4.0
     chosen.board_kind, chosen.board_code_mm, chosen.board_dictionary = "CHARUCO", 22.5, "DICT_5X5_100"
-    assert operator.request(SimpleNamespace(), bpy.context)["board"] == "charuco:9x6:31.5mm:22.5mm:DICT_5X5_100"
+    assert operator.request(SimpleNamespace(), bpy.context).board == "charuco:9x6:31.5mm:22.5mm:DICT_5X5_100"
 
 
 def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
@@ -162,7 +162,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert performer.name == "Zoë 2"
     lengths = [np.linalg.norm(s.offsets_m[1:], axis=1).sum() for s in (performer.skeleton, default_skeleton(1.75))]
     assert lengths[0] == pytest.approx(lengths[1], rel=0.05)
-    assert part("capture.capture_request").cameras(chosen)["rig"]["cam_1"]["name"] == found.cameras[1].name
+    assert part("capture.capture_request").cameras(chosen).rig.cameras[1].name == found.cameras[1].name
 
     text = run_job(part, cameras.PERFANIM_OT_set_floor, SimpleNamespace())
     assert text == "floor set at the board, origin at its middle"

@@ -89,9 +89,9 @@ def test_a_capture_is_asked_for_with_the_method_of_the_preferences(
 ) -> None:
     monkeypatch.setattr(part("settings.readiness"), "database_frames", lambda path: 1)
     make = part("capture.capture_request").make
-    assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "best"}
+    assert make(bpy.context.scene.perfanim).request.settings == {"method": "best"}
     preferences.method = "lwr"
-    assert make(bpy.context.scene.perfanim).request["settings"] == {"method": "lwr"}
+    assert make(bpy.context.scene.perfanim).request.settings == {"method": "lwr"}
 
 
 def test_what_a_killed_blender_has_left_is_removed_before_a_capture(
@@ -100,11 +100,11 @@ def test_what_a_killed_blender_has_left_is_removed_before_a_capture(
     monkeypatch.setattr(part("settings.readiness"), "database_frames", lambda path: 1)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     make = part("capture.capture_request").make
-    kept = Path(make(bpy.context.scene.perfanim).request["cameras"]["background_file"])
+    kept = Path(make(bpy.context.scene.perfanim).request.cameras.background_file)
     for age_s, is_kept in ((7200, True), (90_000, False)):
         kept.touch()
         os.utime(kept, (time.time() - age_s,) * 2)
-        again = Path(make(bpy.context.scene.perfanim).request["cameras"]["background_file"])
+        again = Path(make(bpy.context.scene.perfanim).request.cameras.background_file)
         assert again.parent == kept.parent == tmp_path and again != kept
         assert kept.exists() == is_kept
 

@@ -73,13 +73,13 @@ def test_a_network_camera_is_asked_for_by_its_address(part: Any, choice: Any, ch
     assert chosen.left_device == choice.NETWORK
     assert chosen.left_camera == "NETWORK"
     assert status(part, chosen).ready
-    assert part("capture.capture_request").source(chosen)["devices"] == [STREAM, 1]
+    assert part("capture.capture_request").source(chosen).devices == (STREAM, 1)
     chosen.further_devices = "2, http://192.168.1.21/video"
-    assert part("capture.capture_request").source(chosen)["devices"] == [STREAM, 1, 2, "http://192.168.1.21/video"]
+    assert part("capture.capture_request").source(chosen).devices == (STREAM, 1, 2, "http://192.168.1.21/video")
     chosen.further_devices, chosen.right_camera, chosen.right_address = "", "NETWORK", STREAM
     assert "chosen twice" in status(part, chosen).problem
     chosen.right_camera = "NONE"
-    assert part("capture.capture_request").source(chosen)["devices"] == [STREAM]
+    assert part("capture.capture_request").source(chosen).devices == (STREAM,)
 
 
 @pytest.mark.usefixtures("online")

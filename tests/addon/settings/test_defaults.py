@@ -1,5 +1,6 @@
 """What is set before anybody sets it: sensible for a simulated performer, webcams and fast cameras."""
 
+from dataclasses import asdict
 from typing import Any
 
 import bpy
@@ -46,7 +47,7 @@ def test_cameras_give_the_rate_that_they_have(part: Any, chosen: Any, rate: floa
     chosen.source = "CAMERAS"
     for wanted, given in ((chosen.camera_fps, rate), (60.0, 60.0)):
         chosen.camera_fps = wanted
-        source = open_source(part("capture.capture_request").source(chosen))
+        source = open_source(asdict(part("capture.capture_request").source(chosen)))
         assert source.fps == given
         source.close()
 
@@ -54,7 +55,7 @@ def test_cameras_give_the_rate_that_they_have(part: Any, chosen: Any, rate: floa
 def test_a_camera_that_keeps_its_rate_to_itself_counts_as_a_webcam(part: Any, chosen: Any, monkeypatch: Any) -> None:
     monkeypatch.setattr(cv2, "VideoCapture", lambda _device: Camera(0.0))
     chosen.source = "CAMERAS"
-    assert open_source(part("capture.capture_request").source(chosen)).fps == 30.0
+    assert open_source(asdict(part("capture.capture_request").source(chosen))).fps == 30.0
 
 
 def test_pictures_in_folders_are_those_of_webcams(part: Any, chosen: Any, tmp_path: Any) -> None:
@@ -63,11 +64,11 @@ def test_pictures_in_folders_are_those_of_webcams(part: Any, chosen: Any, tmp_pa
         for number in range(3):
             cv2.imwrite(str(tmp_path / side / f"{number}.png"), np.zeros((48, 64), np.uint8))
     chosen.source, chosen.left_folder, chosen.right_folder = "IMAGES", str(tmp_path / "left"), str(tmp_path / "right")
-    assert open_source(part("capture.capture_request").source(chosen)).fps == 30.0
+    assert open_source(asdict(part("capture.capture_request").source(chosen))).fps == 30.0
 
 
 def test_the_simulated_studio_has_60_images_a_second(part: Any, chosen: Any) -> None:
-    assert open_source(part("capture.capture_request").source(chosen)).fps == 60.0
+    assert open_source(asdict(part("capture.capture_request").source(chosen))).fps == 60.0
 
 
 def test_a_newcomer_sees_the_markers_and_keeps_the_feet(chosen: Any) -> None:

@@ -207,7 +207,7 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     first = places.sentences(chosen)[0]
     assert f"{sum(place[0] == first[0] for place in found.values())} place" in first[1]
     assert first[1].endswith(f"ignored in the {('left', 'right')[first[0]]} camera")
-    assert part("capture.capture_request").calibration(chosen)[f"cam_{first[0]}"]["ignored_px"].shape[1] == 2
+    assert part("capture.capture_request").calibration(chosen).cameras[first[0]].ignored_px.shape[1] == 2
     for camera, _ in places.sentences(chosen):
         assert forget(camera=camera) == {"FINISHED"}
     assert places.sentences(chosen) == []
@@ -280,13 +280,17 @@ def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any
 
 
 def test_a_capture_shows_the_fault_to_practise_on(part: Any, chosen: Any) -> None:
-    practised = part("capture.capture_request")._practised
+    request = part("capture.capture_request")
+
+    def studio() -> Any:
+        return request._with_targets(request.source(chosen), chosen, 0).studio
+
     chosen.practise_fault = "DARK"
-    assert practised(chosen) == {}
+    assert studio() == {}
     chosen.practise = True
-    assert practised(chosen)["studio"]["marker_brightness"] < 50.0
+    assert studio()["marker_brightness"] < 50.0
     chosen.practise_fault = "EXCHANGED"  # the check shows this one
-    assert practised(chosen) == {}
+    assert studio() == {}
 
 
 def test_forgetting_begins_with_the_pictures(part: Any, guide: Any, chosen: Any) -> None:

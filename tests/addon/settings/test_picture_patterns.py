@@ -1,5 +1,6 @@
 """Pictures of both cameras in one folder are told apart by patterns of their names."""
 
+from dataclasses import asdict
 from typing import Any
 
 import bpy
@@ -22,7 +23,7 @@ def test_patterns_tell_the_cameras_of_one_folder_apart(part: Any, chosen: Any, t
             cv2.imwrite(str(tmp_path / f"{number}_{camera}.png"), np.full((48, 64), 100 * camera, np.uint8))
     chosen.left_folder, chosen.right_folder = str(tmp_path / "*_1.png"), str(tmp_path / "*_2.png")
     assert part("settings.readiness").pictures(chosen).ready
-    source = open_source(part("capture.capture_request").source(chosen))
+    source = open_source(asdict(part("capture.capture_request").source(chosen)))
     levels = [[int(image.max()) for image in moment.images] for moment in source]
     assert levels == [[100, 200]] * 3
 

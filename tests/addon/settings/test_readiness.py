@@ -14,7 +14,7 @@ from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.geometry.rig_file import rig_from, save_rig
+from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.simulate.studio.studio_rig import default_rig
@@ -90,8 +90,8 @@ def test_the_chosen_markers_must_be_the_subjects(
     # fewer markers than calibrated may be worn: the choice decides
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("boxing"), 0.006), path)
     assert states.first_missing_step(chosen) == ""
-    captured = setup.make(chosen).request["performers"][0]
-    assert tuple(row["name"] for row in captured["marker_set"]["marker"]) == load_marker_set("locomotion").names
+    captured = setup.make(chosen).request.performers[0]
+    assert captured.marker_set.names == load_marker_set("locomotion").names
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="looks at /proc")
@@ -147,8 +147,8 @@ def test_a_state_does_not_lie_over_its_panel_s_name(addon: ModuleType, extension
     assert len(panels.shortened("x" * 30, 21)) == 21
 
 
-def names_of(rig: dict[str, Any]) -> list[str]:
-    return [camera.name for camera in rig_from(rig, "request").cameras]
+def names_of(rig: Any) -> list[str]:
+    return [camera.name for camera in rig.cameras]
 
 
 def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any, chosen: Any, tmp_path: Path) -> None:
@@ -161,8 +161,8 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
     assert states.cameras(chosen).text == "one camera"
     assert "use an average body" in states.performer(chosen).problem
     asked = setup.cameras(chosen)
-    assert asked["source"]["paths"] == [str(video)]
-    assert names_of(asked["rig"]) == ["left"]
+    assert asked.source.paths == (str(video),)
+    assert names_of(asked.rig) == ["left"]
     # a calibration of one camera leaves a right source out
     save_rig(CameraRig(default_rig().cameras[:1]), tmp_path / "one.toml")
     chosen.right_video, chosen.calibration = str(video), str(tmp_path / "one.toml")

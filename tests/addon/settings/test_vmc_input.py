@@ -27,7 +27,7 @@ def test_only_programs_of_this_computer_without_online_access(part: Any, monkeyp
     assert states.cameras(chosen).text == f"port {told.port}"  # no calibration is asked for
     assert "use an average body" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.calibrate_performer.poll()
-    assert part("capture.capture_request").cameras(chosen)["source"] == {
+    assert part("capture.capture_request").cameras(chosen).to_json()["source"] == {
         "kind": "vmc",
         "port": 39540,
         "sender": "127.0.0.1",

@@ -11,7 +11,6 @@ from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.rig_file import rig_tables
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.studio_rig import default_rig
@@ -103,9 +102,9 @@ def test_the_space_that_all_cameras_see_lies_on_the_floor_with_its_size() -> Non
 
 
 def test_without_a_floor_no_space_is_drawn() -> None:
-    tables = rig_tables(default_rig())
+    rig = default_rig()
     for simulated, there in ((False, False), (True, True)):
-        scene = overlay.Scene.of([], tables, from_the_front, simulated)
+        scene = overlay.Scene.of([], rig, from_the_front, simulated)
         shapes, _ = overlay.shapes_of(scene, ScenePose(()), frozenset({"SPACE"}), from_the_front, 1.0)
         assert bool(shapes.corners) == there
 
@@ -148,10 +147,9 @@ def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
 @pytest.mark.parametrize("calibrated", [False, True])
 def test_the_scene_is_that_of_the_capture(calibrated: bool) -> None:
     from perfanim.core.geometry.camera import CameraRig
-    from perfanim.core.geometry.rig_file import rig_tables
 
     marker_set, rig = load_marker_set("boxing"), default_rig()
-    calibration = rig_tables(CameraRig(rig.cameras[:1], rig.metadata)) if calibrated else None
+    calibration = CameraRig(rig.cameras[:1], rig.metadata) if calibrated else None
     scene = overlay.Scene.of([Subject("Anna", SKELETON, marker_set)], calibration, from_the_front)
     assert scene.performers[0][1] == marker_set.names
     wanted = [camera.centre_m for camera in rig.cameras[: 1 if calibrated else 2]]

@@ -117,7 +117,7 @@ CASES = [
     (SUBJECT.replace("walk.take.npz", "unseen.take.npz"), "fewer than three"),
     # track
     (TRACK.replace("cameras.toml", "words.toml"), "words.toml: is not valid TOML"),
-    (TRACK.replace("cameras.toml", "walker.toml"), r"walker.toml: holds no cameras; use a file of"),
+    (TRACK.replace("cameras.toml", "walker.toml"), r"walker.toml: holds no cameras; use a calibration of"),
     (TRACK.replace("--right right", "--right gone"), "gone: not found"),
     (TRACK.replace("--right right", "--right empty"), "empty: holds no image files"),
     (TRACK.replace("--right right", "--right left"), "two cameras have one source"),

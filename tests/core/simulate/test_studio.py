@@ -146,8 +146,8 @@ def test_partners_perform_beside_the_first() -> None:
     assert second.motion.skeleton.offsets_m[1, 1] != first.motion.skeleton.offsets_m[1, 1]
     assert not np.array_equal(third.motion.rotations, first.motion.rotations)  # not in step
     assert source.frame(0).truth.markers_m.shape == (27, 3)
-    with pytest.raises(SettingsError, match="unknown setting heigth_m"):
-        open_simulated({"partners": [{"heigth_m": 1.6}]})
+    with pytest.raises(SettingsError, match=r"performer, partners 1: height_m must be a number from 0\.5 to 3 m"):
+        open_simulated({"partners": [{"height_m": 160}]})
 
 
 def test_sword_is_held_and_does_not_hide_its_own_marker(scene: Any) -> None:

@@ -24,6 +24,7 @@ from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop, prop_tables
 from perfanim.core.markers.subject import Subject, subject_tables
+from perfanim.core.session.pose_filters import FilterSettings
 from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
@@ -115,7 +116,7 @@ def test_stop_ends_the_chain_and_loses_nothing(request_files: dict[str, Any], tm
     client = WorkerClient(asked)
     try:
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= 20 and bool(of(MessageKind.PREVIEW, m)))
-        client.set_filter({})
+        client.set_filter(FilterSettings())
         tuned_at = len(of(MessageKind.POSE, messages))
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= tuned_at + 10, messages)
         client.request_stop()
@@ -271,8 +272,8 @@ def test_processes_that_die_or_hang_are_replaced_and_the_take_goes_on(
         count = len(of(MessageKind.POSE, messages))
         last = read_take_file(path).poses[-1]
         assert client.may_restart
-        table = RestartPoint(last.pose.number, last.pose.time_s, last.stamp_s).table()
-        client.restart(after=table, cause="the solver's process hung")
+        point = RestartPoint(last.pose.number, last.pose.time_s, last.stamp_s)
+        client.restart(point, "the solver's process hung")
         messages = collect(client, lambda m: len(of(MessageKind.POSE, m)) >= count + 10, messages)
         wait_until_gone([first_cameras, solver, second_cameras])
         client.request_stop()

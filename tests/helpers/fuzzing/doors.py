@@ -28,9 +28,8 @@ from perfanim.core.markers.label_matching import load_names
 from perfanim.core.markers.marker_frame_codec import unpack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.markers.subject import load_subject, subject_from
+from perfanim.core.markers.subject import load_subject
 from perfanim.core.retarget.bone_map_files import read_bone_map
-from perfanim.core.session.pose_filters import FilterSettings
 from perfanim.core.sketch.sketch_file import read_sketch
 from perfanim.core.sketch.sketch_messages import settings_from, sketch_from
 from perfanim.core.system.files import read_bytes
@@ -40,8 +39,7 @@ from perfanim.core.vision.sources.video_source import VideoSource
 from perfanim.core.worker.open_source import open_source
 from perfanim.core.worker.process import JOBS
 from perfanim.core.worker.protocol import Decoder, Message, MessageKind
-from perfanim.core.worker.requests import check_request
-from perfanim.core.worker.restart_point import RestartPoint
+from perfanim.core.worker.requests import read_request
 
 from .containers import damaged_database, damaged_take, damaged_tar, damaged_zip
 from .damage import Damage, damaged_bytes, damaged_json, damaged_packet, damaged_text, damaged_toml
@@ -255,15 +253,10 @@ def _request_door(samples: Samples) -> Door:
         job = str(request.get("job"))
         if job not in JOBS:
             raise CaptureError("does not know the job")
-        check_request(job, request)
-        for table in request.get("performers") or ():
-            subject_from(table, "performer")
+        asked = read_request(job, request)
         if job == "sketch":
-            sketch_from(request["sketch"])
-            settings_from(request["settings"])
-        if request.get("after"):
-            RestartPoint.of_table(request["after"])
-        FilterSettings.of_table(request.get("shape") or {})
+            sketch_from(asked.sketch)
+            settings_from(asked.settings)
 
     return Door("worker requests", samples.requests(), damaged_json, read)
 

@@ -23,6 +23,7 @@ from perfanim.core.session.session import Session
 from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.sketch_messages import settings_table, sketch_table
 from perfanim.core.sketch.solve_sketch import SketchSettings
+from perfanim.core.system.schema import table_of
 from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, encode_json
 from perfanim.core.worker.restart_point import RestartPoint
 
@@ -110,11 +111,11 @@ class Samples:
         rows: Sequence[dict[str, Any]] = (
             {
                 "job": "capture",
-                "cameras": {**cameras, "after": RestartPoint(3, 0.1, 5.0).table()},
+                "cameras": {**cameras, "after": table_of(RestartPoint(3, 0.1, 5.0))},
                 "performers": [subject_tables(self._subject)],
                 "database": "/no/a.pfdb",
                 "shape": {"smoothing_s": 0.1, "feet": "auto"},
-                "vmc": ["localhost", 39_539],
+                "vmc": {"host": "localhost", "port": 39_539},
             },
             {
                 "job": "record pose",

@@ -144,11 +144,11 @@ def test_the_kind_of_source_is_told_from_its_text(tmp_path):
 def test_sources_are_opened_from_their_description(tmp_path):
     clips = [str(video(tmp_path / name, 3)) for name in ("left.avi", "right.avi")]
     assert isinstance(open_source({"kind": "videos", "paths": clips, "fps": 30}), VideoSource)
-    with pytest.raises(SettingsError, match="unknown image source"):
+    with pytest.raises(SettingsError, match="source: kind must be one of simulated, videos, images, cameras, vmc"):
         open_source({"kind": "radio"})
     with pytest.raises(SettingsError, match="lacks 'paths'"):
         open_source({"kind": "images"})
-    with pytest.raises(SettingsError, match="frame rate"):
+    with pytest.raises(SettingsError, match=r"fps must be a number from 0\.1 to 1,000 frames per second"):
         open_source({"kind": "videos", "paths": clips, "fps": 0})
 
 

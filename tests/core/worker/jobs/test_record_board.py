@@ -18,6 +18,7 @@ from perfanim.core.vision.sources.image_files import read_image
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.worker.jobs import record_board, record_floor
 from perfanim.core.worker.protocol import Message, MessageKind, encode_preview
+from perfanim.core.worker.requests import read_request
 
 
 def asked(source: dict[str, Any], folder: Path, **more: Any) -> dict[str, Any]:
@@ -99,14 +100,15 @@ def test_what_is_wrong_with_a_camera_is_told(monkeypatch: pytest.MonkeyPatch, tm
         ImageSet(0, (np.nan, np.nan), black, ("no camera gives images",), (False, False)),
         ImageSet(1, (np.nan, 0.5), black, (note,), (False, True)),
     ]
-    for job in (record_board, record_floor):
+    for name, job in (("record board", record_board), ("record floor", record_floor)):
         told: list[str] = []
         channel: Any = SimpleNamespace(
             stop_requested=threading.Event(), send_status=lambda text, *_, told=told, **__: told.append(text)
         )
         monkeypatch.setattr(record_board, "open_source", lambda _spec: PlayedSource(moments))
         with pytest.raises(CalibrationError):
-            job.run({**asked({"kind": "cameras"}, tmp_path), "rig": rig_tables(default_rig())}, channel)
+            table = asked({"kind": "cameras", "devices": [0, 1]}, tmp_path) | {"rig": rig_tables(default_rig())}
+            job.run(read_request(name, table), channel)
         assert "no camera gives images" in told
         assert note in told
 

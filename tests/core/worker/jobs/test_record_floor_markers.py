@@ -12,11 +12,12 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.geometry.rig_file import load_rig, rig_from, rig_tables
+from perfanim.core.geometry.rig_file import load_rig, rig_from, save_rig
 from perfanim.core.simulate.studio.floor_marker_source import PLACES_M, SETTINGS, FloorMarkers
+from perfanim.core.simulate.studio.simulated_performer import SimulatedPerformer
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.system.files import write_toml
 from perfanim.core.worker.jobs import record_floor_markers
+from perfanim.core.worker.requests import FloorMarkersRequest
 
 # Centres known to 0.05 px are 1 mm off in depth; over four of them on 1 m x 0.6 m the floor tilts by 1.7 mrad, which is
 # 6 mm at the cameras; five times that.
@@ -27,13 +28,13 @@ LONGEST_M = float(np.linalg.norm(PLACES_M[:, None] - PLACES_M, axis=2).max())
 
 
 @pytest.fixture
-def elsewhere() -> dict[str, Any]:
+def elsewhere() -> CameraRig:
     """The cameras in another world, a tenth too large."""
     cameras = [
         Camera(c.name, c.image_size, c.matrix, c.distortion, c.rotation,
                FACTOR * (c.translation_m + c.rotation @ SHIFT_M)) for c in default_rig().cameras
     ]  # fmt: skip
-    return rig_tables(CameraRig(tuple(cameras)))
+    return CameraRig(tuple(cameras))
 
 
 def check(found: CameraRig) -> None:
@@ -55,11 +56,16 @@ def channel_into(results: list[dict[str, Any]], told: list[str]) -> Any:
     )
 
 
-def test_floor_and_scale_are_found_in_the_sidebar(elsewhere: dict[str, Any]) -> None:
+def test_floor_and_scale_are_found_in_the_sidebar(elsewhere: CameraRig) -> None:
     results: list[dict[str, Any]] = []
     told: list[str] = []
-    request = {"source": {"kind": "simulated"}, "rig": elsewhere, "preview": True}
-    request |= {"height_m": SETTINGS.marker_radius_m, "longest_m": LONGEST_M}
+    request = FloorMarkersRequest(
+        source=SimulatedPerformer(),
+        rig=elsewhere,
+        preview=True,
+        height_m=SETTINGS.marker_radius_m,
+        longest_m=LONGEST_M,
+    )
     record_floor_markers.run(request, channel_into(results, told))
     (result,) = results
     assert result["markers"] == len(PLACES_M)
@@ -69,11 +75,12 @@ def test_floor_and_scale_are_found_in_the_sidebar(elsewhere: dict[str, Any]) -> 
     assert "picture" in told
 
 
-def test_without_markers_it_says_what_to_do(elsewhere: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_markers_it_says_what_to_do(elsewhere: CameraRig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FloorMarkers, "__iter__", lambda self: iter(empty_room(self)))
     results: list[dict[str, Any]] = []
     with pytest.raises(CalibrationError, match="lay 3 or more markers on the floor"):
-        record_floor_markers.run({"source": {"kind": "simulated"}, "rig": elsewhere}, channel_into(results, []))
+        request = FloorMarkersRequest(source=SimulatedPerformer(), rig=elsewhere)
+        record_floor_markers.run(request, channel_into(results, []))
     assert not results
 
 
@@ -83,7 +90,7 @@ def empty_room(source: FloorMarkers) -> Any:
 
 
 def test_floor_and_scale_are_found_on_the_command_line(
-    elsewhere: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    elsewhere: CameraRig, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = FloorMarkers(default_rig())
     kinds = {"room": list(source.background_frames(8)), "floor": [frame.images for frame in source][:75]}
@@ -94,7 +101,7 @@ def test_floor_and_scale_are_found_on_the_command_line(
             for images in moments:
                 writer.write(images[side])
             writer.release()
-    write_toml(tmp_path / "rig.toml", elsewhere)
+    save_rig(elsewhere, tmp_path / "rig.toml")
     arguments = ["calibrate", "floor", "--cameras", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "level.toml")]
     arguments += ["--height-mm", str(1e3 * SETTINGS.marker_radius_m), "--longest-mm", str(1e3 * LONGEST_M), "--json"]
     arguments += ["--left", str(tmp_path / "floor0.avi"), "--right", str(tmp_path / "floor1.avi")]

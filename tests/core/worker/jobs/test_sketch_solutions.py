@@ -26,6 +26,7 @@ from perfanim.core.sketch.sketch_messages import (
 from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.jobs import sketch_solutions as job
+from perfanim.core.worker.requests import read_request
 
 WALK = sliced(resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0), 0, 31)
 
@@ -76,7 +77,7 @@ def sketch() -> Sketch:
 def request(database: Path, sketch: Sketch, number: int, **more: Any) -> dict[str, Any]:
     edit = {"number": number, "frame": 15, "sketch": sketch_table(sketch), "settings": settings_table(SketchSettings())}
     whole = {"skeleton": skeleton_table(WALK.skeleton), "database": str(database), **edit, **more}
-    return dict(json.loads(json.dumps(whole, default=np.ndarray.tolist)))
+    return dict(json.loads(json.dumps(whole)))
 
 
 def test_messages_come_back_as_they_were(database: Path, sketch: Sketch) -> None:
@@ -107,13 +108,13 @@ def test_damaged_messages_are_refused(damaged: dict[str, Any]) -> None:
 def test_a_newer_edit_ends_the_older(database: Path, sketch: Sketch) -> None:
     edits = [request(database, sketch, number) for number in (2, 3)]
     channel = PlayedChannel([*edits, {}])
-    job.run(request(database, sketch, 1, live=True), channel)
+    job.run(read_request("sketch", request(database, sketch, 1, live=True)), channel)
     assert [(each.number, each.whole) for each in channel.sent] == [(3, True)]
 
 
 def test_an_edit_is_answered_by_the_shown_frame_before_the_whole(database: Path, sketch: Sketch) -> None:
     channel = PlayedChannel([request(database, sketch, 2), {}], waits=False)
-    job.run(request(database, sketch, 1, live=True), channel)
+    job.run(read_request("sketch", request(database, sketch, 1, live=True)), channel)
     assert [(each.number, each.whole, len(each.rotations)) for each in channel.sent] == [
         (1, True, 31), (2, False, 1), (2, True, 31),
     ]  # fmt: skip
@@ -125,7 +126,7 @@ def test_a_bad_live_edit_is_answered(database: Path, sketch: Sketch) -> None:
     bad = request(database, sketch, 2)
     bad["settings"]["behaviours"] = ["swim*"]
     channel = PlayedChannel([bad, request(database, sketch, 3), {}], waits=False)
-    job.run(request(database, sketch, 1, live=True), channel)
+    job.run(read_request("sketch", request(database, sketch, 1, live=True)), channel)
     errors = {each.number: each.error for each in channel.sent if each.error}
     assert list(errors) == [2]
     assert "swim" in errors[2]

@@ -4,7 +4,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,13 +15,15 @@ from perfanim.core.formats.vmc.vmc_packets import BONE
 from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.system.schema import table_of
 from perfanim.core.worker.jobs import tracker_frames
+from perfanim.core.worker.requests import TrackerSource, TrackersRequest
+from perfanim.core.worker.restart_point import RestartPoint
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 60.0
-MARKER_SET = table_of(load_marker_set("boxing"))
-NAMES = load_marker_set("boxing").names
+MARKER_SET = load_marker_set("boxing")
+NAMES = MARKER_SET.names
+AFTER = RestartPoint(7, 0.1, 5.0)
 
 
 class Blender:
@@ -50,9 +52,9 @@ class Blender:
 class Running:
     """The job in a thread of its own."""
 
-    def __init__(self, sender: str = "127.0.0.1", **more: Any) -> None:
+    def __init__(self, sender: str = "127.0.0.1") -> None:
         self.port, self.blender = free_port(), Blender()
-        request = {"source": {"kind": "vmc", "port": self.port, "sender": sender}, "marker_set": MARKER_SET, **more}
+        request = TrackersRequest(source=TrackerSource(self.port, sender=sender), marker_set=MARKER_SET)
         self._thread = threading.Thread(target=tracker_frames.run, args=(request, self.blender))
 
     def __enter__(self) -> "Running":
@@ -115,19 +117,19 @@ def test_others_than_the_sender_are_not_listened_to() -> None:
 def test_a_port_that_is_taken_and_a_sender_that_is_not_known_are_told() -> None:
     blender = Blender()
     with Receiver(0, "127.0.0.1") as other:
-        taken = {"source": {"kind": "vmc", "port": other.port, "sender": ""}, "marker_set": MARKER_SET}
+        taken = TrackersRequest(source=TrackerSource(other.port), marker_set=MARKER_SET)
         with pytest.raises(CaptureError, match=f"port {other.port}: cannot be listened to .* choose another port"):
             tracker_frames.run(taken, blender)
         # who takes the place of a process that has not given it back yet waits for it, while it is wanted
         blender.stop_requested.set()
         with pytest.raises(CaptureError):
-            tracker_frames.run({**taken, "after": {"number": 7}}, blender)
+            tracker_frames.run(replace(taken, after=AFTER), blender)
         blender.stop_requested.clear()
         threading.Timer(0.2, other._socket.close).start()
         threading.Timer(0.5, blender.stop_requested.set).start()
-        tracker_frames.run({**taken, "after": {"number": 7}}, blender)
+        tracker_frames.run(replace(taken, after=AFTER), blender)
     assert blender.told[0] == f"waiting for trackers on port {other.port}"
-    unknown = {"source": {"kind": "vmc", "port": 0, "sender": "no such computer"}, "marker_set": MARKER_SET}
+    unknown = TrackersRequest(source=TrackerSource(0, sender="no such computer"), marker_set=MARKER_SET)
     with pytest.raises(CaptureError, match="no such computer: is not a known computer"):
         tracker_frames.run(unknown, blender)
 

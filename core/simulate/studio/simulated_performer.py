@@ -1,0 +1,74 @@
+"""Description of the simulated performer, light to import."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+from ...errors import SettingsError
+from ...system.schema import About, Schema
+
+_BODY_M = About("body height; by default the shipped performer's", "m", 0.5, 3.0)
+
+
+@dataclass(frozen=True)
+class Partner:
+    """A further simulated performer; what is left out is as the first one's."""
+
+    behaviour: Annotated[str, About('"demo" or a behaviour')] = ""
+    mirrored: Annotated[bool | None, About("whether left and right are exchanged; by default unlike the first")] = None
+    height_m: Annotated[float | None, _BODY_M] = None
+    marker_set: Annotated[str, About("shipped marker set or its file")] = ""
+
+
+@dataclass(frozen=True)
+class SimulatedPerformer:
+    """The simulated performer before simulated cameras.
+
+    Partners stand to the right of the first performer, as the cameras see it; without any the first is in the middle.
+    """
+
+    kind: Annotated[str, About("kind of source", choices=("simulated",), optional=False)] = "simulated"
+    behaviour: Annotated[str, About('"demo", or a behaviour or its beginning')] = "demo"
+    seconds: Annotated[float | None, About("duration of the behaviour; by default as shipped", "s")] = None
+    mirrored: Annotated[bool, About("whether left and right are exchanged")] = False
+    height_m: Annotated[float | None, _BODY_M] = None
+    marker_set: Annotated[str, About("shipped marker set or its file, with offsets")] = "boxing"
+    cameras: Annotated[int, About("number of cameras", "", 1, 8)] = 2
+    fps: Annotated[float, About("frame rate", "frames per second", 0.1, 1000.0)] = 60.0
+    live: Annotated[bool, About("whether frames come by the clock, and late ones are left out")] = False
+    loop: Annotated[bool | None, About("whether the performance starts again; by default as `live`")] = None
+    poses: Annotated[tuple[str, ...], About("calibration poses held before the behaviour")] = ()
+    held_s: Annotated[float, About("duration of each pose", "s")] = 2.0
+    prop: Annotated[str, About("prop in the right hand; its name or file")] = ""
+    partners: Annotated[tuple[Partner, ...], About("further performers, 7 at most")] = ()
+    studio: Annotated[Mapping[str, Any], About("`StudioSettings`")] = field(default_factory=dict)
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the source cannot wait; the simulated one always can."""
+        return False
+
+    @property
+    def is_repeatable(self) -> bool:
+        """Whether the images can be read again."""
+        return not self.live
+
+    def partner(self, partner: Partner) -> "SimulatedPerformer":
+        """Return a partner as a performer."""
+        return replace(
+            self,
+            behaviour=partner.behaviour or self.behaviour,
+            mirrored=not self.mirrored if partner.mirrored is None else partner.mirrored,
+            height_m=self.height_m if partner.height_m is None else partner.height_m,
+            marker_set=partner.marker_set or self.marker_set,
+        )
+
+
+SIMULATED = Schema(
+    SimulatedPerformer,
+    "Simulated performer",
+    "Image source for practice and tests.",
+    SettingsError,
+    "choose the source again",
+    closed=True,
+)
