@@ -17,7 +17,9 @@ from typing import Any, TypeVar
 from ..errors import CaptureError, PerfanimError
 from ..geometry.arrays import Image
 from ..markers.marker_frame import MarkerFrame
+from ..system.schema import table_of
 from ..system.slowness import Slowness
+from .job_status import JobStatus
 from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json, encode_preview
 
 HEARTBEAT_S = 0.5
@@ -118,11 +120,15 @@ class Channel:
         self._queue.put(encode_preview(picture))
 
     def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
-        """Send the present activity, and the `fraction` done where it is known."""
+        """Send the present activity, and the `fraction` done where it is known.
+
+        Args:
+            details: Further fields of `JobStatus`.
+        """
         self.activity = activity
         queued = self._queue.qsize()  # messages that Blender has not taken, those in the socket's buffer excluded
-        content = {"activity": activity, "fraction": fraction, "frames": self.frames, "queued": queued}
-        self._queue.put(encode_json(MessageKind.STATUS, {**content, **details}))
+        status = JobStatus(activity, fraction, frames=self.frames, queued=queued, **details)
+        self._queue.put(encode_json(MessageKind.STATUS, table_of(status)))
 
     def send_warning(self, text: str, standing: bool = False) -> None:
         """Send a warning; a `standing` one holds until the next standing one, or until ""."""
@@ -169,7 +175,7 @@ class Channel:
 
     def _heartbeat(self) -> bytes:
         stalled_s = 0.0 if self.progress_s is None else time.monotonic() - self.progress_s
-        return encode_json(MessageKind.STATUS, {"stalled_s": stalled_s, "slowness": self.slowness.factor})
+        return encode_json(MessageKind.STATUS, table_of(JobStatus(stalled_s=stalled_s, slowness=self.slowness.factor)))
 
     def _request_stop(self) -> None:
         with self._state_changed:
@@ -181,7 +187,7 @@ class Channel:
             self._request_stop()
         elif message.kind is MessageKind.ACK:
             with self._state_changed:
-                self.acknowledged = int(message.json().get("frames", 0))
+                self.acknowledged = max(message.count("frames"), 0)
                 self._state_changed.notify_all()
         elif message.kind is MessageKind.FILTER:
             self._filter_settings = message.json()

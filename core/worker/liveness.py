@@ -38,9 +38,9 @@ class Liveness:
                 self.frames += 1
                 self._stalled_s = 0.0
             elif message.kind is MessageKind.STATUS:
-                content = message.json()
-                self._stalled_s = float(content.get("stalled_s", 0.0))
-                self.slowness = float(content.get("slowness", self.slowness))
+                status = message.status()
+                self._stalled_s = status.stalled_s
+                self.slowness = status.slowness or self.slowness
 
     def check(self, connected: bool) -> None:
         """Raise CaptureError when the process hangs; its first frame may take longer."""

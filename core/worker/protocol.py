@@ -21,13 +21,12 @@ from ..geometry.arrays import Image
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_codec import pack_stamped
 from ..system.files import reading
+from .job_status import STATUS, JobStatus
 
 VERSION = 1
 MAX_PAYLOAD = 64 * 1024 * 1024
 
 _MAX_CONTROL = 1 << 20
-_LARGEST_NUMBER = 1e12
-_NUMBERS = frozenset(("stalled_s", "slowness", "fraction", "frames", "skew_s", "blind", "handed_over"))
 
 _HEADER = struct.Struct("<2sBBI")
 _PICTURE = struct.Struct("<HH")  # width, height
@@ -42,7 +41,7 @@ class MessageKind(IntEnum):
     ACK = 3  # JSON: frames that the receiver has dealt with, so that a source that can wait does not run ahead
     FILTER = 4  # JSON: settings of the pose filter from now on (`session.pose_filters`)
     HELLO = 10  # JSON: token, process id
-    STATUS = 11  # JSON: activity, fraction, frames, queued; a sign of life: stalled_s, slowness; skew_s, blind
+    STATUS = 11  # JSON: `JobStatus`
     FRAME = 12  # stamp and marker frame
     RESULT = 13  # JSON: summary of the finished job
     ERROR = 14  # JSON: what, where, advice
@@ -72,9 +71,16 @@ class Message:
             value = json.loads(self.payload)
         if not isinstance(value, dict):
             raise CaptureError(f"a {self.kind.name} message is not an object", where="worker")
-        if self.kind in (MessageKind.STATUS, MessageKind.ACK, MessageKind.END):
-            return {key: item for key, item in value.items() if key not in _NUMBERS or _is_number(item)}
         return value
+
+    def status(self) -> JobStatus:
+        """Return the content of a STATUS message."""
+        return STATUS.read(self.json(), "worker")
+
+    def count(self, key: str) -> int:
+        """Return a number of frames that an ACK or END message carries, -1 without one."""
+        value = self.json().get(key)
+        return value if isinstance(value, int) and 0 <= value < 1 << 53 else -1
 
     def error(self) -> CaptureError:
         """Return the error of an ERROR message."""
@@ -98,10 +104,6 @@ class Message:
         if len(values) != width * height * 3:
             raise CaptureError("a picture is damaged", where="worker", advice="start again")
         return values.reshape(height, width, 3)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and abs(value) < _LARGEST_NUMBER
 
 
 def encode(kind: MessageKind, payload: bytes = b"") -> bytes:

@@ -3,12 +3,11 @@
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import CaptureError, PerfanimError
@@ -16,6 +15,7 @@ from ...core.geometry.arrays import Image
 from ...core.session.pose_filters import FilterSettings
 from ...core.system.slowness import BUSY
 from ...core.worker.client import WorkerClient
+from ...core.worker.job_status import JobStatus
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import RestartPoint
 from ...core.worker.supervised_client import SupervisedClient
@@ -179,7 +179,7 @@ class CaptureRun:
         if message.kind is MessageKind.POSE:
             self._take_pose(message)
         elif message.kind is MessageKind.STATUS:
-            self._note_status(message.json())
+            self._note_status(message.status())
         elif message.kind is MessageKind.WARNING:
             self._warn(message)
         elif message.kind is MessageKind.PREVIEW:
@@ -187,18 +187,14 @@ class CaptureRun:
         elif message.kind is MessageKind.ERROR:
             self.error = self.error or message.error()
         elif message.kind is MessageKind.END:
-            self.statistics.handed_over = int(message.json().get("handed_over", -1))
+            self.statistics.handed_over = message.count("handed_over")
 
-    def _note_status(self, content: Mapping[str, Any]) -> None:
-        self.statistics.slowness = float(content.get("slowness", self.statistics.slowness))
-        if self.phase is Phase.STARTING and "activity" in content:
-            self.activity = str(content["activity"])
-            fraction = content.get("fraction")
-            self.fraction = float(fraction) if isinstance(fraction, int | float) else None
-        elif "blind" in content:
-            skew_s = content.get("skew_s")
-            self.statistics.skew_s = float(skew_s) if isinstance(skew_s, int | float) else None
-            self.statistics.blind = int(content["blind"])
+    def _note_status(self, status: JobStatus) -> None:
+        self.statistics.slowness = status.slowness or self.statistics.slowness
+        if self.phase is Phase.STARTING and status.activity is not None:
+            self.activity, self.fraction = status.activity, status.fraction
+        elif status.blind is not None:
+            self.statistics.skew_s, self.statistics.blind = status.skew_s, status.blind
 
     def _warn(self, message: Message) -> None:
         content = message.json()

@@ -5,6 +5,7 @@ from typing import Any
 
 from ...core.geometry.arrays import Image
 from ...core.worker.client import WorkerClient
+from ...core.worker.job_status import PoseCue
 from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.requests import CommandRequest, Request
 
@@ -40,6 +41,7 @@ class Job:
         self.panel = panel
         self.finishable = finishable
         self.text = "starting"
+        self.cue: PoseCue | None = None
         self.heading = ""  # progress for the panel's header
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
@@ -75,14 +77,14 @@ class Job:
         if message.kind is MessageKind.PREVIEW:
             self._preview = message
             return
-        content = message.json()
         if message.kind is MessageKind.STATUS:
-            self.text = str(content.get("activity", self.text))
-            self.heading = str(content.get("heading", self.heading))
-            fraction = content.get("fraction")
-            self.fraction = float(fraction) if isinstance(fraction, int | float) else self.fraction
+            status = message.status()
+            if status.activity is not None:
+                self.text, self.cue = status.activity, status.cue
+            self.heading = self.heading if status.heading is None else status.heading
+            self.fraction = self.fraction if status.fraction is None else status.fraction
         elif message.kind is MessageKind.RESULT:
-            self.summary = content
+            self.summary = message.json()
         elif message.kind is MessageKind.ERROR:
             raise message.error()
 

@@ -10,6 +10,7 @@ from ...core.body.standard_skeleton import default_skeleton
 from ...core.errors import SubjectError
 from ...core.markers.subject import Subject, save_subject
 from ...core.system.files import is_file
+from ...core.worker.job_status import PoseCue, PoseStage
 from ...core.worker.requests import CalibratePerformerRequest, RecordPoseRequest
 from ..capture import capture_request, sound
 from ..preferences.paths import absolute, user_folder
@@ -22,7 +23,7 @@ from .operator_bases import UndoOperator
 PANEL = "subject"
 HELD_S = 2.0  # each pose
 _TICK_HZ, _HOLD_HZ, _DONE_HZ = 660.0, 1320.0, 880.0
-_TICKS = ("3:", "2:", "1:")  # the seconds before a pose that are heard
+_TICKS_S = (3, 2, 1)  # seconds left before a pose that are heard
 
 
 class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
@@ -65,9 +66,9 @@ class _Recording(JobOperator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Poll the worker at each tick, and beep at each step."""
-        before = self._job.text
+        before = self._job.cue
         result = super().modal(context, event)
-        hertz = cue(before, self._job.text)
+        hertz = pitch(before, self._job.cue)
         if hertz:
             sound.beep(hertz)
         return result
@@ -180,15 +181,13 @@ def profile_path(name: str) -> Path:
     return user_folder("subjects") / f"{plain}.toml"
 
 
-def cue(before: str, now: str) -> float | None:
-    """Return the pitch of the beep for a change of the status text, None for no beep."""
-    if now == before:
-        return None
-    if now.startswith("hold"):
-        return None if before.startswith("hold") else _HOLD_HZ
-    if before.startswith("hold"):
-        return _DONE_HZ
-    return _TICK_HZ if now.startswith(_TICKS) else None
+def pitch(before: PoseCue | None, now: PoseCue | None) -> float | None:
+    """Return the pitch of the beep for a change of the cue, Hz; None for no beep."""
+    was_held, is_held = (cue is not None and cue.stage is PoseStage.HOLD for cue in (before, now))
+    if is_held != was_held:
+        return _HOLD_HZ if is_held else _DONE_HZ
+    is_counted = now is not None and not is_held and now != before and now.left_s in _TICKS_S
+    return _TICK_HZ if is_counted else None
 
 
 def _recording_fields(context: bpy.types.Context, poses: tuple[str, ...], take: str) -> dict[str, Any]:

@@ -111,10 +111,10 @@ class CaptureLoop:
             self._cameras.note_frame(frame.number, frame.time_s, stamp_s)
             self._frames.append((stamp_s, frame))
         elif message.kind is MessageKind.STATUS:
-            content = message.json()
+            status = message.status()
             self._channel.slowness.beside = self._client.slowness
-            if "activity" in content:
-                self._channel.send_status(str(content["activity"]), content.get("fraction"))
+            if status.activity is not None:
+                self._channel.send_status(status.activity, status.fraction)
         elif message.kind is MessageKind.WARNING:
             content = message.json()
             text = str(content.get("text", ""))
@@ -124,7 +124,7 @@ class CaptureLoop:
         elif message.kind is MessageKind.PREVIEW:
             self._channel.send_preview(self._draw_labels(message.preview()))
         elif message.kind is MessageKind.END:
-            self._channel.final["handed_over"] = self._client.earlier_frames + int(message.json().get("frames", -1))
+            self._channel.final["handed_over"] = self._client.earlier_frames + message.count("frames")
         elif message.kind is MessageKind.ERROR:
             raise message.error()
 

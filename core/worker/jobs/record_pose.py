@@ -24,6 +24,7 @@ from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.sources.source_kinds import ImageSetLike
 from ..channel import Channel, Stopped
+from ..job_status import PoseCue, PoseStage
 from ..requests import RecordPoseRequest
 from .camera_frames import open_pipeline
 
@@ -80,13 +81,13 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSetLike], channel
         count_down(images, request.countdown_s, channel, INSTRUCTIONS[poses[0]])
     elif not isinstance(request.source, SimulatedPerformer) and len(poses) > 1:
         # no instructions can be given: the poses are somewhere in the recording
-        yield from _for_seconds(images, _LONGEST_S, channel, "looking for the markers")
+        yield from _for_seconds(images, _LONGEST_S, channel, "looking for the markers", None)
         return
     for number, pose in enumerate(poses):
         words = INSTRUCTIONS[pose]
         if number:
-            yield from _for_seconds(images, request.between_s, channel, f"{{left}}: {words}")
-        yield from _for_seconds(images, request.seconds, channel, f"hold still: {words}")
+            yield from _for_seconds(images, request.between_s, channel, words, PoseStage.GET_READY)
+        yield from _for_seconds(images, request.seconds, channel, words, PoseStage.HOLD)
 
 
 def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> None:
@@ -100,11 +101,13 @@ def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel,
             return
         if left != sent:
             sent = left
-            channel.send_status(f"{left}: {text}")
+            channel.send_status(f"{left}: {text}", cue=PoseCue(PoseStage.GET_READY, left))
 
 
-def _for_seconds(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> Iterator[ImageSetLike]:
-    """Yield the image sets of some time; send the text, with the seconds for {left}."""
+def _for_seconds(
+    images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str, stage: PoseStage | None
+) -> Iterator[ImageSetLike]:
+    """Yield the image sets of some time; send the text, with the time left or the request to hold still."""
     start_s = None
     for image_set in images:
         start_s = image_set.times_s[0] if start_s is None else start_s
@@ -113,5 +116,7 @@ def _for_seconds(images: Iterator[ImageSetLike], seconds: float, channel: Channe
             raise Stopped
         if passed_s >= seconds:
             return
-        channel.send_status(text.format(left=math.ceil(seconds - passed_s)), passed_s / seconds)
+        left = math.ceil(seconds - passed_s)
+        before = {PoseStage.HOLD: "hold still: ", PoseStage.GET_READY: f"{left}: ", None: ""}[stage]
+        channel.send_status(before + text, passed_s / seconds, cue=PoseCue(stage, left) if stage else None)
         yield image_set

@@ -181,10 +181,11 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
 
 
 def test_the_performer_hears_the_last_seconds_and_the_hold(part: Any) -> None:
-    cue = part("operators.subject_operators").cue
-    said = ["learning the background", "4: arms out", "3: arms out", "3: arms out", "2: arms out", "1: arms out"]
-    said += ["hold still: arms out", "hold still: arms out", "5: arms down"]
-    heard = [cue(before, now) for before, now in pairwise(said)]
+    operators = part("operators.subject_operators")
+    ready, hold = operators.PoseStage.GET_READY, operators.PoseStage.HOLD
+    steps = [(ready, 4), (ready, 3), (ready, 3), (ready, 2), (ready, 1), (hold, 2), (hold, 1), (ready, 5)]
+    cues = [None, *(operators.PoseCue(stage, left) for stage, left in steps)]
+    heard = [operators.pitch(before, now) for before, now in pairwise(cues)]
     low, high, done = heard[1], heard[5], heard[7]
     assert heard == [None, low, None, low, low, high, None, done]
     assert len({low, high, done, None}) == 4

@@ -1,0 +1,46 @@
+"""What a job says of its work."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Annotated
+
+from ..errors import CaptureError
+from ..system.schema import About, Schema
+
+_MOST = 1e12
+
+
+class PoseStage(Enum):
+    """Stages of the recording of a calibration pose."""
+
+    GET_READY = "get ready"
+    HOLD = "hold"
+
+
+@dataclass(frozen=True)
+class PoseCue:
+    """What the performer does now."""
+
+    stage: Annotated[PoseStage, About("stage of the pose")]
+    left_s: Annotated[int, About("whole seconds until the next stage", "s", 0, 1e6)]
+
+
+@dataclass(frozen=True)
+class JobStatus:
+    """Activity of a job; without one only a sign of life."""
+
+    activity: Annotated[str | None, About("activity in plain words")] = None
+    fraction: Annotated[float | None, About("share that is done", "", -_MOST, _MOST)] = None
+    heading: Annotated[str | None, About("progress in a word or two")] = None
+    cue: Annotated[PoseCue | None, About("cue for the performer")] = None
+    frames: Annotated[int, About("frames or poses sent", "", 0, _MOST)] = 0
+    queued: Annotated[int, About("messages that the receiver has not taken", "", 0, _MOST)] = 0
+    skew_s: Annotated[
+        float | None, About("delay of the last camera's image behind the first's", "s", -_MOST, _MOST)
+    ] = None
+    blind: Annotated[int | None, About("unusable images of single cameras", "", 0, _MOST)] = None
+    stalled_s: Annotated[float, About("time without progress", "s", 0.0, _MOST)] = 0.0
+    slowness: Annotated[float | None, About("time of work over that on an idle machine", "", 0.0, _MOST)] = None
+
+
+STATUS = Schema(JobStatus, "Status", "Status of a job.", CaptureError, "start again")
