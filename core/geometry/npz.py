@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError, PerfanimError
-from ..system.files import SLACK_BYTES, atomic_path, open_foreign, reading
+from ..system.files import atomic_path, is_over_budget, open_foreign, reading
 
 _MOST_MEMBERS = 200
 _ENTRY = b"PK\x01\x02"  # a member of a zip archive begins with it in the list at the end
 _PIECE = 1 << 16  # bytes
-_MOST_TIMES = 4  # the arrays' bytes by the file's
 _HEADER = re.compile(
     rb"\x93NUMPY(?:\x01\x00..|[\x02\x03]\x00....)\{'descr': '([<>|][biufU?]\d{1,6})', 'fortran_order': (False|True), "
     rb"'shape': \(((?:\d{1,15}, ?)*\d{0,15})\), \} *\n",
@@ -36,7 +35,7 @@ def read_arrays(
         PerfanimError: of `kind`, with `what`: it is none, damaged, or declares far more than it holds.
     """
     with open_foreign(path, kind) as file, reading(path, kind, what=what):
-        most = _MOST_TIMES * file.seek(0, 2) + SLACK_BYTES
+        size = file.seek(0, 2)
         excess = kind("declares far more than it holds", where=str(path), advice="export it again")
 
         def check_count(members: int) -> None:
@@ -45,7 +44,7 @@ def read_arrays(
 
         with open_zip(file, check_count) as archive:
             members = archive.infolist()
-            if sum(member.file_size for member in members) > most:
+            if is_over_budget(sum(member.file_size for member in members), size):
                 raise excess
             if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members):
                 raise ValueError("packed in an unknown way")

@@ -20,7 +20,7 @@ from .lock import is_locked
 from .outputs import LOCK_ENDING, is_claimed, writer_lock
 from .schema import Table, plain
 
-SLACK_BYTES = 64 << 20  # that any input may take beside some times its own size
+SLACK_BYTES = 64 << 20  # memory that any input may take
 _MOST_BYTES = 8 << 30  # of a file that is read whole
 _MOST_TOML = 4 << 20
 _DEEPEST_TOML = 32
@@ -162,6 +162,19 @@ def open_foreign(path: Path | str, kind: type[PerfanimError] = FormatError) -> B
 
 def _unreadable(path: Path | str, error: Exception, kind: type[PerfanimError]) -> PerfanimError:
     return kind(f"cannot be read ({getattr(error, 'strerror', error)})", where=str(path), advice="check the path")
+
+
+def is_over_budget(needed_bytes: int, file_bytes: int, most_times: int = 4) -> bool:
+    """Return whether foreign content declares far more than its file can hold.
+
+    Every reader asks before it takes memory for what a file declares.
+
+    Args:
+        needed_bytes: Memory that the content would take.
+        file_bytes: Size of the file, 0 for a stream.
+        most_times: Memory allowed for each byte of the file, in addition to 64 MiB.
+    """
+    return needed_bytes > most_times * file_bytes + SLACK_BYTES
 
 
 def read_bytes(path: Path | str, most: int = _MOST_BYTES, kind: type[PerfanimError] = FormatError) -> bytes:

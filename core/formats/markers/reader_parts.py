@@ -10,7 +10,7 @@ from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
-from ...system.files import SLACK_BYTES
+from ...system.files import is_over_budget
 from ..unique_names import unique_names
 
 # metres per unit named in marker files
@@ -49,7 +49,7 @@ def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, 
         width: Number of columns.
         size: Bytes of the file, which limit the table.
     """
-    if count * width * 8 > 4 * size + SLACK_BYTES // 2:  # the other half is for the rows of fields
+    if is_over_budget(2 * count * width * 8, size, 8):  # the rows of fields take as much as the numbers
         advice = "export it again, without columns that are empty"
         raise FormatError(
             f"declares {count} rows of {width} columns, far more than it holds", where=where, advice=advice

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 from ...errors import FormatError
 from ...geometry.npz import open_zip
-from ...system.files import SLACK_BYTES, is_file, is_folder, read_bytes, reading
+from ...system.files import is_file, is_folder, is_over_budget, read_bytes, reading
 
 MOTION_SUFFIXES = frozenset((".bvh", ".amc"))
 _USED_SUFFIXES = MOTION_SUFFIXES | {".asf"}
@@ -146,7 +146,7 @@ def check_unpacked_size(source: Path, size: int, most_times: int = 50) -> None:
     Args:
         most_times: Ratio allowed; motion as text is compressed to a fifth, to a twentieth at best.
     """
-    if size > most_times * source.stat().st_size + SLACK_BYTES:
+    if is_over_budget(size, source.stat().st_size, most_times):
         raise FormatError("holds far more than its own size", where=str(source), advice="give its files in a folder")
 
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
-from ...system.files import SLACK_BYTES
+from ...system.files import is_over_budget
 
 _POSE_BYTES = 32  # of a joint in a frame
-_MOST_TIMES = 4  # the poses' bytes by the file's
 
 
 def parse_numbers(text: bytes) -> Array | None:
@@ -41,7 +40,7 @@ def angle_jumps(angles_deg: Array, least_deg: float = 150.0) -> Mask:
 
 def check_pose_bytes(frames: int, joints: int, file_bytes: int, where: str) -> None:
     """Raise FormatError if joints without numbers make poses huge by the file."""
-    if frames * joints * _POSE_BYTES > _MOST_TIMES * file_bytes + SLACK_BYTES:
+    if is_over_budget(frames * joints * _POSE_BYTES, file_bytes):
         raise FormatError(
             f"has {frames} frames of {joints} joints, far more than its bytes", where=where,
             advice="leave out the joints without numbers, or cut it into parts",

@@ -5,9 +5,8 @@ import struct
 from collections.abc import Callable
 
 from ...errors import CaptureError
-from ...system.files import SLACK_BYTES
+from ...system.files import is_over_budget
 
-_MOST_TIMES = 4  # the pixels' bytes by the file's
 _PIXEL_BYTES = 3  # of a BGR image
 _NO_LENGTH = frozenset((0x00, 0x01, *range(0xD0, 0xD9)))  # JPEG's marks without a segment
 _NO_FRAME = frozenset((0xC4, 0xC8, 0xCC))  # tables and reserved among JPEG's frame headers, 0xC0 to 0xCF
@@ -27,7 +26,7 @@ def check_image_size(size: tuple[int, int], file_bytes: int, where: str) -> None
         CaptureError: its pixels have more than four times these bytes and some slack.
     """
     width, height = size
-    if width * height * _PIXEL_BYTES > _MOST_TIMES * file_bytes + SLACK_BYTES:
+    if is_over_budget(width * height * _PIXEL_BYTES, file_bytes):
         raise CaptureError(f"has {width} x {height} pixels", where=where, advice="give smaller pictures")
 
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError, SettingsError
-from perfanim.core.vision.sources import image_header
+from perfanim.core.system import files
 from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_file_source import ImageFileSource
 from perfanim.core.vision.sources.image_header import check_image_size
@@ -162,6 +162,6 @@ def test_the_simulated_performer_is_a_source_too():
 def test_a_small_video_of_huge_images_is_refused_before_one_is_decoded(tmp_path, monkeypatch):
     path = video(tmp_path / "a.avi", 3)
     check_image_size((64, 48), path.stat().st_size, "a")
-    monkeypatch.setattr(image_header, "SLACK_BYTES", 9000 - 4 * path.stat().st_size)
+    monkeypatch.setattr(files, "SLACK_BYTES", 9000 - 4 * path.stat().st_size)
     with pytest.raises(CaptureError, match=r"a\.avi: has 64 x 48 pixels; give smaller pictures"):
         VideoSource([path, path])
