@@ -70,6 +70,14 @@ TOML = [read for name, readers in READERS.items() if name.endswith(".toml") for 
 
 MARKER = '[[marker]]\nname = "A"\njoint = "root"\n'
 SUBJECT = 'kind = "perfanim subject"\nversion = 1\nname = "a"\nresidual_m = 0.0\n'
+JOINT = """[[joint]]
+name = "root"
+parent = ""
+offset_m = [0, 1, 0]
+tip_m = [0, 0, 0]
+angle_axes = [1, 0, 0, 0]
+angle_order = "ZYX"
+"""
 PROP = 'kind = "perfanim prop"\nversion = 1\nname = "x"\n'
 SIZED = "[cam_0]\nsize = [4, 4]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n"
 PLACED = "rotation = [0, 0, 0]\ntranslation = [0, 0, 0]\n"
@@ -173,7 +181,8 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     ],
     "set.toml": [
         ("[[", BAD_TOML),
-        ("", "needs markers"),
+        ("", r"lacks 'marker', a list of tables \[\[marker\]\]"),
+        ("marker = []", "needs markers"),
         ("marker = 5", r"marker must be a list of tables \[\[marker\]\]"),
         ("marker = [1, 2]", r"marker must be a list of tables \[\[marker\]\]"),
         (MARKER + "offset_m = [30, 0, 0]", "A: offset_m must be .* from -10 to 10 m"),
@@ -188,10 +197,11 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     "subject.toml": [
         ("", "not a subject file"),
         (SUBJECT.replace("version = 1", "version = 2"), "not a subject file of this version; calibrate"),
-        (SUBJECT, "lacks 'marker_set', a table .marker_set.; calibrate the subject again"),
-        (SUBJECT + "joint = 3\nmarker_set = 3\n", "marker_set must be a table"),
+        (SUBJECT, r"lacks 'joint', a list of tables \[\[joint\]\]; calibrate the subject again"),
+        (SUBJECT + JOINT, r"lacks 'marker_set', a table \[marker_set\]"),
+        (SUBJECT + "marker_set = 3\n" + JOINT, r"marker_set must be a table \[marker_set\]"),
         (SUBJECT + "joint = [1]\n[marker_set]\n", "joint must be a list of tables"),
-        (SUBJECT + 'marker_set = "a"\n[[joint]]\nname = "a"\nparent = "b"', "marker_set must be a table"),
+        (SUBJECT + '[[joint]]\nname = "a"\nparent = "b"', "a: lacks 'offset_m', three numbers from -10 to 10 m"),
     ],
     "prop.toml": [
         ("", "prop"),
