@@ -1,4 +1,4 @@
-"""Files from the network: resumed after a cut, never half under their name."""
+"""Downloads that resume after a cut and never leave half a file under its name."""
 
 import http.client
 import json
@@ -7,35 +7,49 @@ import shutil
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 from urllib.parse import urlsplit
 
 from ..errors import DownloadError, shorten
 from .files import writing
 from .progress import Progress
 
-_STALLED_S = 20.0  # without a byte, after which the connection counts as cut
-_ATTEMPTS = 4  # in a row without a new byte
-_FIRST_WAIT_S, _LONGEST_WAIT_S = 0.5, 8.0  # between them
-_PIECE = 1 << 18  # bytes
-_MOST_BYTES = 64 << 30
-_SPARE_BYTES = 256 << 20  # of the disk that stay free
-_SCHEMES = ("http", "https")
-_DISK_ADVICE = "free some space, or choose another folder"
-_RESUME_ADVICE = "start it again: it goes on where it stopped"
+
+@dataclass(frozen=True)
+class DownloadSettings:
+    """Limits of a download.
+
+    Args:
+        stalled_s: Time without a byte after which the connection counts as cut.
+        attempts: Attempts in a row without a new byte.
+        first_wait_s: Wait before the second attempt; each further wait is twice as long.
+        longest_wait_s: Longest wait between two attempts.
+        most_bytes: Size above which a file is refused.
+        spare_bytes: Disk space that stays free.
+    """
+
+    stalled_s: float = 20.0
+    attempts: int = 4
+    first_wait_s: float = 0.5
+    longest_wait_s: float = 8.0
+    most_bytes: int = 64 << 30
+    spare_bytes: int = 256 << 20
+
+
+SETTINGS = DownloadSettings()
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Facts of a file that is not whole yet.
+    """Facts of a file of which only a part is here.
 
     Args:
-        validator: ETag or date of the server's file; without one nobody can tell whether it is still the same.
-        total: bytes of the whole, -1 unknown.
+        validator: ETag or date of the server's file; without one it cannot be told whether the file has changed.
+        total: Bytes of the whole file, -1 if unknown.
     """
 
     url: str
@@ -45,30 +59,23 @@ class _Part:
 
 def check_address(url: str) -> None:
     """Raise DownloadError for anything but an http or https address."""
-    try:
+    with suppress(ValueError):
         parts = urlsplit(url)
-        if parts.scheme in _SCHEMES and parts.hostname and url.isascii() and url.isprintable() and " " not in url:
+        is_plain = url.isascii() and url.isprintable() and " " not in url
+        if parts.scheme in ("http", "https") and parts.hostname and is_plain:
             return
-    except ValueError:
-        pass
     raise DownloadError("is no http or https address", where=shorten(url, 100), advice="copy it from the browser")
 
 
-def download(
-    url: str, target: Path, progress: Progress, *, most_bytes: int = _MOST_BYTES, stalled_s: float = _STALLED_S
-) -> Path:
+def download(url: str, target: Path, progress: Progress, settings: DownloadSettings = SETTINGS) -> Path:
     """Get a file from the network; return `target`.
 
-    What came is kept beside `target` (`.NAME.part`) until it is whole, and the next call goes on from there if the
-    server still has the same file.
-
-    Args:
-        most_bytes: a larger file is refused.
-        stalled_s: without a byte, after which the connection is cut and made again.
+    What has arrived is kept beside `target` (`.NAME.part`) until the file is complete. The next call resumes there if
+    the server still has the same file.
 
     Raises:
-        DownloadError: no such file, no connection, cut again and again, too large, no room on the disk.
-        FormatError: the folder cannot be written.
+        DownloadError: There is no such file or connection, it is cut again and again, or the file is too large.
+        FormatError: The folder cannot be written.
     """
     check_address(url)
     part, facts = target.with_name(f".{target.name}.part"), target.with_name(f".{target.name}.part.json")
@@ -83,19 +90,21 @@ def download(
         if known.validator and had == known.total:
             break
         try:
-            known = _fetch(known, part, facts, progress, most_bytes, stalled_s)
+            known = _fetch(known, part, facts, progress, settings)
             if known.total in (-1, part.stat().st_size):  # a server that names no length ends when it is done
                 break
             reason = f"ended after {part.stat().st_size} of {known.total} bytes"
         except (OSError, http.client.HTTPException) as error:
             reason, known = _reason(error), _read_facts(facts, url)
-        # what cannot be resumed begins from nothing each time
+        # without a validator each attempt begins from nothing, so new bytes are no progress
         failures = 0 if known.validator and part.stat().st_size > had else failures + 1
-        if failures >= _ATTEMPTS:
-            raise DownloadError(f"was cut ({reason})", where=shorten(url, 100), advice=_RESUME_ADVICE)
+        if failures >= settings.attempts:
+            advice = "start it again: it resumes where it stopped"
+            raise DownloadError(f"was cut ({reason})", where=shorten(url, 100), advice=advice)
         if failures:
-            progress(_share(part, known.total), f"waiting for {urlsplit(url).hostname}: {reason}")
-            time.sleep(min(_FIRST_WAIT_S * 2 ** (failures - 1), _LONGEST_WAIT_S))
+            waiting = f"waiting for {urlsplit(url).hostname}: {reason}"
+            progress(part.stat().st_size / known.total if known.total > 0 else 0.0, waiting)
+            time.sleep(min(settings.first_wait_s * 2 ** (failures - 1), settings.longest_wait_s))
     with writing(target):
         with part.open("r+b") as written:
             os.fsync(written.fileno())
@@ -104,55 +113,57 @@ def download(
     return target
 
 
-def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, most_bytes: int, stalled_s: float) -> _Part:
-    """Get the missing bytes over one connection; return the facts of the file there."""
+def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, settings: DownloadSettings) -> _Part:
+    """Get the missing bytes over one connection; return the facts of the server's file."""
     had = part.stat().st_size if known.validator and part.stat().st_size < known.total else 0
     request = urllib.request.Request(known.url, headers={"User-Agent": "perfanim", "Accept-Encoding": "identity"})  # noqa: S310 - checked
     if had:
         request.add_header("Range", f"bytes={had}-")
         request.add_header("If-Range", known.validator)
-    with _answer(request, known.url, stalled_s) as answer:
-        resumed = answer.status == http.client.PARTIAL_CONTENT and _starts_at(answer, had)
+    with _answer(request, known.url, settings.stalled_s) as answer:
+        is_part = str(answer.headers.get("Content-Range", "")).startswith(f"bytes {had}-")
+        is_resumed = answer.status == http.client.PARTIAL_CONTENT and is_part
+        start = had if is_resumed else 0
         length = _length(answer)
-        total = -1 if length is None else length + (had if resumed else 0)
-        if total > most_bytes:
-            raise DownloadError(
-                f"has {total} bytes, {most_bytes} at most", where=shorten(known.url, 100), advice="get a smaller one"
-            )
-        facts_there = _Part(known.url, answer.headers.get("ETag") or answer.headers.get("Last-Modified") or "", total)
-        if facts_there.validator.startswith("W/"):  # may be the same for other bytes
-            facts_there = _Part(known.url, "", total)
-        if resumed and facts_there.total != known.total:
+        total = -1 if length is None else start + length
+        if total > settings.most_bytes:
+            raise _too_large(known.url, settings)
+        validator = answer.headers.get("ETag") or answer.headers.get("Last-Modified") or ""
+        there = _Part(known.url, "" if validator.startswith("W/") else validator, total)  # weak: may be other bytes
+        if is_resumed and total != known.total:
             part.write_bytes(b"")
             raise ConnectionError("the file has changed meanwhile")
-        with writing(part):
+        with writing(part, "free some space, or choose another folder"):
             free = shutil.disk_usage(part.parent).free
-        if total - (had if resumed else 0) + _SPARE_BYTES > free:
-            raise DownloadError(
-                f"needs {total >> 20} MB, {free >> 20} MB are free", where=str(part.parent), advice="free some space"
-            )
-        with writing(part, _DISK_ADVICE):
-            facts.write_text(json.dumps(asdict(facts_there)), encoding="utf-8")
-        with part.open("r+b" if resumed else "wb") as file:
-            file.seek(had if resumed else 0)
-            _receive(answer.read1, file, total, most_bytes, lambda: _tell(progress, part, file.tell(), total))
-    return facts_there
+            if total - start + settings.spare_bytes > free:
+                what = f"needs {total >> 20} MB, {free >> 20} MB are free"
+                raise DownloadError(what, where=str(part.parent), advice="free some space")
+            facts.write_text(json.dumps(asdict(there)), encoding="utf-8")
+        with part.open("r+b" if is_resumed else "wb") as file:
+            file.seek(start)
+            _receive(answer, file, total, progress, settings)
+    return there
 
 
-def _receive(
-    read: Callable[[int], bytes], file: BinaryIO, total: int, most_bytes: int, tell: Callable[[], None]
-) -> None:
+def _receive(answer: Any, file: Any, total: int, progress: Progress, settings: DownloadSettings) -> None:
     """Write pieces to a file as they come, no more than was announced."""
-    limit = total if total >= 0 else most_bytes
-    while piece := read(_PIECE):
-        with writing(file.name, _DISK_ADVICE):
+    part, limit = Path(file.name), total if total >= 0 else settings.most_bytes
+    while piece := answer.read1(1 << 18):
+        with writing(part, "free some space, or choose another folder"):
             file.write(piece[: limit - file.tell()])
             file.flush()
-        tell()
-        if file.tell() >= limit:
+        had = file.tell()
+        of_all = f" of {total / 1e6:.0f}" if total > 0 else ""
+        progress(had / total if total > 0 else 0.0, f"getting {part.name[1:-5]}: {had / 1e6:.0f}{of_all} MB")
+        if had >= limit:
             if total < 0:
-                raise DownloadError(f"has more than {most_bytes} bytes", advice="get a smaller one")
+                raise _too_large(answer.url, settings)
             return
+
+
+def _too_large(url: str, settings: DownloadSettings) -> DownloadError:
+    what = f"has more than {settings.most_bytes} bytes"
+    return DownloadError(what, where=shorten(url, 100), advice="get a smaller one")
 
 
 @contextmanager
@@ -165,15 +176,12 @@ def _answer(request: urllib.request.Request, url: str, stalled_s: float) -> Iter
     except urllib.error.HTTPError as error:
         if error.code in (http.client.REQUEST_TIMEOUT, http.client.TOO_MANY_REQUESTS) or error.code >= 500:
             raise ConnectionError(f"{error.code} {error.reason}") from error
-        raise DownloadError(
-            f"cannot be had ({error.code} {shorten(str(error.reason), 60)})",
-            where=shorten(url, 100),
-            advice="check the address",
-        ) from error
+        what = f"cannot be had ({error.code} {shorten(str(error.reason), 60)})"
+        raise DownloadError(what, where=shorten(url, 100), advice="check the address") from error
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
-    """Follows other addresses of the network only, and none that gives up encryption."""
+    """Follows addresses of the network only, and none that gives up encryption."""
 
     def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
         check_address(newurl)
@@ -182,18 +190,13 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 
-def _starts_at(answer: Any, had: int) -> bool:
-    """Return whether a part of the file begins where ours ends."""
-    return str(answer.headers.get("Content-Range", "")).startswith(f"bytes {had}-")
-
-
 def _length(answer: Any) -> int | None:
     text = str(answer.headers.get("Content-Length", ""))
     return int(text) if text.isdecimal() and len(text) < 16 else None
 
 
 def _read_facts(path: Path, url: str) -> _Part:
-    """Return the facts of a part; of none where missing, damaged or of another."""
+    """Return the facts of a part; none where they are missing, damaged or of another address."""
     with suppress(OSError, ValueError, TypeError):
         facts = _Part(**json.loads(path.read_text(encoding="utf-8")[:4096]))
         if (facts.url, type(facts.validator), type(facts.total)) == (url, str, int):
@@ -205,12 +208,3 @@ def _reason(error: Exception) -> str:
     if isinstance(error, TimeoutError):
         return "nothing came"
     return shorten(str(getattr(error, "reason", "")) or str(error) or type(error).__name__, 80)
-
-
-def _share(part: Path, total: int) -> float:
-    return part.stat().st_size / total if total > 0 else 0.0
-
-
-def _tell(progress: Progress, part: Path, had: int, total: int) -> None:
-    megabytes = f"{had / 1e6:.0f} of {total / 1e6:.0f} MB" if total > 0 else f"{had / 1e6:.0f} MB"
-    progress(had / total if total > 0 else 0.0, f"getting {part.name[1:-5]}: {megabytes}")

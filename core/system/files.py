@@ -1,4 +1,4 @@
-"""Files that are never half written, the door for foreign ones, and TOML."""
+"""Files: written as a whole or not at all, read with care, and TOML."""
 
 import errno
 import os
@@ -21,11 +21,8 @@ from .outputs import LOCK_ENDING, is_claimed, writer_lock
 from .schema import Table, plain
 
 SLACK_BYTES = 64 << 20  # memory that any input may take
-_MOST_BYTES = 8 << 30  # of a file that is read whole
-_MOST_TOML = 4 << 20
-_DEEPEST_TOML = 32
-_MOST_TABLES = 30_000  # of TOML: Python's parser takes a kilobyte for each
-_KEYS_A_TABLE = 8  # that take as much
+_MOST_TABLES = 30_000  # in a TOML file
+_DEEPEST_TOML = 32  # levels of tables and lists, and parts of a key
 # Text and comments of TOML. Possessive, and an end of the file ends them: one pass, without a stack.
 _QUOTED = re.compile(
     r"""#[^\n]*+|\"{3}(?:[^"\\]|\\.?|"(?!""))*+"{0,5}|'{3}(?:[^']|'(?!''))*+'{0,5}"""
@@ -35,9 +32,8 @@ _QUOTED = re.compile(
 _DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with its square
 _LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser takes a hundred bytes for a digit
 _NUMBERS = re.compile(r"\[\s+((?:[\w.+-]+,\s+)+)\]")  # list of numbers, one a line
-_LARGEST_NUMBER = 1e18  # of TOML: its square is still a number
-_LEFT_BEHIND_S = 3600.0  # without a byte written, after which a temporary file's process is gone
-_RANDOM_LETTERS = 8  # of `tempfile`
+_LEFT_BEHIND_S = 3600.0  # age of a temporary file without a living process
+_RANDOM_LETTERS = 8  # in names by `tempfile`
 # `.NAME.RANDOM.ENDING`, of folders without an ending; words of eight letters are no random ones
 _TEMPORARY = re.compile(r"\..*\.(?=[a-z]*[0-9_])[a-z0-9_]{8}(\.\w+)?", re.DOTALL)
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
@@ -47,10 +43,10 @@ _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 def atomic_path(target: Path | str) -> Iterator[Path]:
     """Yield a temporary path; on success sync and rename it onto `target`.
 
-    A link stays one: the file that it names is replaced. Temporary files of processes that were killed are removed.
+    A link stays a link: the file that it names is replaced. Temporary files of killed processes are removed.
 
     Raises:
-        FormatError: the folder cannot be written, `target` is a folder, another program writes it, or the disk is full.
+        FormatError: The target cannot be written, or another program writes it.
     """
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
@@ -89,7 +85,7 @@ def _replacing(target: Path) -> Iterator[Path]:
 
 
 def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _LEFT_BEHIND_S) -> None:
-    """Remove temporary files and folders that nobody has written for long."""
+    """Remove temporary files and folders that have not been written for long."""
     oldest_s = time.time() - age_s
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -99,9 +95,9 @@ def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _
 
 
 def clean_folder(folder: Path | str) -> None:
-    """Remove temporary files and locks of any name that killed processes left.
+    """Remove temporary files and locks of killed processes from a folder of our own.
 
-    For folders of our own: elsewhere others may have files with such names. Those in use, and new ones, stay.
+    Files in use stay, and so do new ones. In other folders such a name may be a user's file.
     """
     oldest_s = time.time() - _LEFT_BEHIND_S
     with suppress(OSError), os.scandir(folder) as entries:  # not there, or not to be read
@@ -112,9 +108,9 @@ def clean_folder(folder: Path | str) -> None:
 
 
 def _remove_old(entry: os.DirEntry[str], oldest_s: float) -> None:
-    """Remove a file or folder that has not been written since, but no link."""
+    """Remove a file or folder that has not been written since; leave links alone."""
+    path = Path(entry.path)
     with suppress(OSError):  # another process may have been first
-        path = Path(entry.path)
         if entry.is_symlink():
             return
         if path.is_dir():
@@ -136,22 +132,22 @@ def writing(
 
 
 def is_file(path: Path | str) -> bool:
-    """Return whether there is a regular file; False for names that none can have."""
+    """Return whether a regular file exists; False for impossible names."""
     return os.path.isfile(path)  # noqa: PTH113 - pathlib's raises for long names and folders that may not be read
 
 
 def is_folder(path: Path | str) -> bool:
-    """Return whether there is a folder; False for names that none can have."""
+    """Return whether a folder exists; False for impossible names."""
     return os.path.isdir(path)  # noqa: PTH112 - as above
 
 
 def exists(path: Path | str) -> bool:
-    """Return whether there is a file or a folder; False for names that none can have."""
+    """Return whether a file or folder exists; False for impossible names."""
     return os.path.exists(path)  # noqa: PTH110 - as above
 
 
 def open_foreign(path: Path | str, kind: type[PerfanimError] = FormatError) -> BinaryIO:
-    """Open a file for reading; `kind` is raised for folders, pipes and devices, too."""
+    """Open a regular file for reading; raise `kind` for anything else."""
     try:
         if not stat.S_ISREG(Path(path).stat().st_mode):  # before it is opened: a pipe waits for its other end
             raise OSError(errno.EINVAL, "it is a folder, a pipe or a device")
@@ -177,8 +173,8 @@ def is_over_budget(needed_bytes: int, file_bytes: int, most_times: int = 4) -> b
     return needed_bytes > most_times * file_bytes + SLACK_BYTES
 
 
-def read_bytes(path: Path | str, most: int = _MOST_BYTES, kind: type[PerfanimError] = FormatError) -> bytes:
-    """Return the content of a file; `kind` is raised if unreadable or too large."""
+def read_bytes(path: Path | str, most: int = 8 << 30, kind: type[PerfanimError] = FormatError) -> bytes:
+    """Return the content of a file; raise `kind` if it is unreadable or larger than `most` bytes."""
     with open_foreign(path, kind) as file:
         try:
             size = os.fstat(file.fileno()).st_size
@@ -193,10 +189,7 @@ def read_bytes(path: Path | str, most: int = _MOST_BYTES, kind: type[PerfanimErr
 def reading(
     where: Path | str, kind: type[PerfanimError] = FormatError, advice: str = "check the file", what: str = "is damaged"
 ) -> Iterator[None]:
-    """Raise `kind` for all that damaged content makes a parser raise.
-
-    Parsers of others raise what they like (struct, zlib, lzma, tokenize, ...), so none is listed.
-    """
+    """Raise `kind` for any error that damaged content causes in a parser."""
     try:
         yield
     except Exception as error:
@@ -209,11 +202,10 @@ def read_toml(path: Path | str) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
     Raises:
-        FormatError: it is missing, malformed, holds too many tables or is nested too deeply, or a number is not finite
-            or beyond all use.
+        FormatError: The file is missing, malformed, too large or too deep, or a number is not finite.
     """
     with reading(path, what="is not valid TOML"):
-        text = read_bytes(path, _MOST_TOML).decode("utf-8")
+        text = read_bytes(path, 4 << 20).decode("utf-8")
         _check_toml_text(text)
         tables = tomllib.loads(text)
         for key, value in tables.items():
@@ -222,24 +214,24 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 
 def _check_toml_text(text: str) -> None:
-    """Raise ValueError for a text of few bytes and much work for the parser."""
+    """Raise ValueError for a short text that takes the parser much time or memory."""
     bare = _QUOTED.sub("", text)
     if _DEEP_KEY.search(bare):
         raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
     if _LONG_WORD.search(bare):
         raise ValueError("a number or key without quotes has more than 1000 letters")
-    tables = sum(map(bare.count, ".[{")) + bare.count("=") // _KEYS_A_TABLE  # a number's point counts, too
-    if tables > _MOST_TABLES:
+    # Python's parser takes a kilobyte for a table, a fraction or eight keys
+    if sum(map(bare.count, ".[{")) + bare.count("=") // 8 > _MOST_TABLES:
         raise ValueError(f"more than {_MOST_TABLES} tables and fractions")
 
 
 def _check_toml_value(key: str, value: Any, levels: int) -> None:
-    """Raise ValueError for numbers and texts that no file needs."""
+    """Raise ValueError for values that no file needs."""
     if levels == 0:
         raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
-    if isinstance(value, int | float) and not abs(value) < _LARGEST_NUMBER:
+    if isinstance(value, int | float) and not abs(value) < 1e18:  # so that its square is a number
         raise ValueError(f"a number of {shorten(key, 40)} is not finite, or too large")
-    if isinstance(value, str) and "\0" in value:  # no path can hold it
+    if isinstance(value, str) and "\0" in value:  # impossible in paths
         raise ValueError(f"a text of {shorten(key, 40)} holds NUL")
     if isinstance(value, dict):
         for name, item in value.items():
