@@ -133,16 +133,21 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
 def _pipeline(request: TrackRequest, source: Any, progress: Progress) -> MarkerPipeline:
     pipeline = make_pipeline(request.rig, request.threshold, request.background, progress)
     if not request.background and not _is_endless(source):
-        samples = list(source.samples(_SETTINGS.background_samples))
-        if len(samples) > 1:
-            pipeline.learn_from_take(samples)
+        learn_from_source(pipeline, source)
     return pipeline
+
+
+def learn_from_source(pipeline: MarkerPipeline, source: Any) -> None:
+    """Learn the background from images of the take itself; a single image shows none."""
+    samples = list(source.samples(_SETTINGS.background_samples))
+    if len(samples) > 1:
+        pipeline.learn_from_take(samples)
 
 
 def _detect(
     request: TrackRequest, pipeline: MarkerPipeline, source: Any, spent_s: list[float], progress: Progress
 ) -> Iterator[MarkerFrame]:
-    """Yield the marker frames; add the time that each took."""
+    """Yield the marker frames; append the computing time of each, s, to `spent_s`."""
     if request.seconds is None and _is_endless(source):
         raise SettingsError("a camera has no end", advice="say how many seconds to record")
     total = int(getattr(source, "frames", 0)) or round((request.seconds or 0.0) * source.fps)
@@ -158,7 +163,7 @@ def _detect(
 
 
 def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: bool) -> Facts:
-    """Write a recorded take while its frames come, and return its figures."""
+    """Write a recorded take while its frames arrive, and return its figures."""
     performers = (request.subject,) if request.subject is not None else ()
     known = identity(request.database) if request.database is not None else {}
     capture = {"tracked": list(request.sources), "threshold": request.threshold}
@@ -180,7 +185,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
 
 
 def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
-    """Return the frames at one time of all cameras, and their figures."""
+    """Return the frames with the blobs of all cameras at one time, and their figures."""
     aligned: Facts = {}
     if len(request.rig) > 1 and request.time_offsets:
         frames, offsets = synchronise_frames(request.rig, frames)
@@ -242,7 +247,7 @@ def _label(
 
 
 def _guess(request: TrackRequest, frames: Sequence[MarkerFrame], fps: float) -> tuple[MarkerTake, Facts]:
-    """Return the take of two or more cameras with labels by votes, and its figures."""
+    """Return the take of two or more cameras with labels that all frames vote for, and its figures."""
     tracking = track_markers(frames, request.name, fps, request.worn)
     take = name_trajectories(tracking.take, request.marker_set) if request.marker_set else tracking.take
     return take, {
@@ -304,7 +309,7 @@ def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None
 
 
 def _compare_takes(take: MarkerTake, truth: MarkerTake) -> Facts:
-    """Return the distances to true trajectories, paired to fit best over the take."""
+    """Return the distances to true trajectories; they are paired so that they fit best over the whole take."""
     frames = min(take.frames, truth.frames)
     own, other = take.positions_m[:frames], truth.positions_m[:frames]
     # a truth in the left camera's frame (x right, y down, z forward) is turned into the world

@@ -1,6 +1,6 @@
 """`perfanim bench`: benchmarks of a source checkout (tools/bench).
 
-The extension does not ship them.
+Neither the wheel nor the extension has them.
 """
 
 import argparse
@@ -27,4 +27,4 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _refuse(args: argparse.Namespace, progress: object) -> dict[str, Any]:
-    raise SettingsError("benchmarks are not shipped with the extension", advice="run them in a source checkout")
+    raise SettingsError("benchmarks are not installed", advice="run them in a source checkout")

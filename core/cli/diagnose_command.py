@@ -1,4 +1,4 @@
-"""`perfanim diagnose`: installed versions, and cameras found."""
+"""`perfanim diagnose`: installed versions, and the cameras found."""
 
 import argparse
 import importlib

@@ -1,4 +1,4 @@
-"""A command's run, with its outputs guarded."""
+"""Protection of the outputs of a running command."""
 
 import argparse
 from collections.abc import Iterator
@@ -16,20 +16,20 @@ def guarded_run(args: argparse.Namespace, progress: Any) -> Any:
     """Run a command and return its summary.
 
     Raises:
-        PerfanimError: of the command; an output is one of its inputs, or another program is writing it.
+        PerfanimError: The command failed, an output is one of its inputs, or another program is writing it.
     """
     outputs = [Path(value) for name in _OUTPUTS if (value := getattr(args, name, None))]
     inputs = [path for name, value in vars(args).items() if name not in _OUTPUTS for path in _paths(value)]
     with ExitStack() as stack:
         for out in outputs:
             check_no_input(out, [path for path in inputs if is_file(path)])
-        if outputs and outputs[0].suffix and not is_folder(outputs[0]):  # folders have locks of their own
+        if outputs and outputs[0].suffix and not is_folder(outputs[0]):  # commands lock their output folders themselves
             stack.enter_context(claimed(outputs[0]))
         return args.run(args, progress)
 
 
 def _paths(value: Any) -> Iterator[str]:
-    """Yield the texts of an option's value that may be paths, NAME=PATH too."""
+    """Yield each text in an option's value that may be a path, also in NAME=PATH."""
     if isinstance(value, list | tuple):
         for item in value:
             yield from _paths(item)

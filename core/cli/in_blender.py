@@ -1,4 +1,4 @@
-"""The command line for Blender, in a Python of its own."""
+"""The command line as Blender starts it, in a Python process beside it."""
 
 import os
 import signal
@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command and return its exit status; end with standard input."""
-    from .main import main  # settings of its libraries are made for a process, not for Blender
+    """Run a command and return its exit status; end when standard input closes because Blender has ended."""
+    from .main import main  # it sets environment variables for the whole process
 
     signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=_end_with_blender, daemon=True).start()

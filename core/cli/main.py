@@ -25,13 +25,13 @@ COMMANDS = (
     "demo", "check", "calibrate", "track", "take", "database", "solve", "sketch", "evaluate", "retarget", "vmc",
     "batch", "simulate", "bench", "diagnose",
 )  # fmt: skip
-_PACKAGES = ("calibrate", "take", "batch")  # commands with a package of their own
+_PACKAGES = ("calibrate", "take", "batch")  # commands that are packages, with a module NAME_command
 
 # The solver's matrices are small: threads cost more than they gain, most of all beside other processes. NumPy's
 # libraries read this when they are loaded, which is after a command is chosen.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# OpenCV and its video reader would write their own lines beside ours.
+# Keep OpenCV and its video reader from printing lines of their own.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
@@ -59,7 +59,7 @@ class Progress:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser, also of each command, with short messages on one line."""
+    """Parser of the program and of each command, with short messages on one line."""
 
     def error(self, message: str) -> NoReturn:
         """End with exit status 2 and a message of limited length."""
@@ -79,7 +79,7 @@ def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
 
 
 def _add_json_option(parser: argparse.ArgumentParser) -> None:
-    """Give every command that runs something the --json option."""
+    """Add --json to every command that runs something."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for child in set(action.choices.values()):

@@ -1,4 +1,4 @@
-"""Options, and kinds of their values, that several commands share."""
+"""Options and types of their values that several commands share."""
 
 import argparse
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from ..retarget.retargeter import RootMotion
 
 
 def add_text(parser: Any, flag: str, metavar: str, description: str, **more: Any) -> None:
-    """Add an option with a value, text unless `type` says otherwise."""
+    """Add an option with a value, a text unless `type` is given."""
     parser.add_argument(flag, metavar=metavar, help=description, **more)
 
 
@@ -26,7 +26,7 @@ def add_repeated(parser: Any, flag: str, metavar: str, description: str) -> None
 
 
 def add_choice(parser: Any, flag: str, choices: Iterable[str], description: str, **more: Any) -> None:
-    """Add an option with one of some words."""
+    """Add an option with one of several words."""
     parser.add_argument(flag, choices=tuple(choices), help=description, **more)
 
 
@@ -36,7 +36,7 @@ def add_switch(parser: Any, flag: str, description: str) -> None:
 
 
 def add_command(group: Any, name: str, run: Any, description: str) -> argparse.ArgumentParser:
-    """Add a command, or one of a group, and return its parser; `run` takes the options and the progress."""
+    """Add a command to the commands of a group and return its parser; `run` takes the options and the progress."""
     parser: argparse.ArgumentParser = group.add_parser(name, help=description)
     parser.set_defaults(run=run, wrong_usage=parser.error)
     return parser
@@ -89,7 +89,7 @@ def check_height(height_m: float | None) -> None:
 
 
 def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
-    """Add how a motion is written, see `write_motion`; without `defaults`, options that are not given are None."""
+    """Add the options of a motion file, see `write_motion`; without `defaults`, those that are not given are None."""
     units, naming = ("m", OWN) if defaults else (None, None)
     add_choice(parser, "--units", ("m", "cm"), "unit of a BVH file (default m)", default=units)
     names = f"names of the joints in BVH and CSV files (default {OWN}: the standard skeleton's)"
@@ -98,22 +98,17 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
 
 
 def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
-    """Add how a motion goes onto a character, with the default of --root-motion."""
+    """Add the options for putting a motion onto a character, with this default of --root-motion."""
     add_text(parser, "--map", "PRESET_OR_FILE", "bone map: rigify-controls or a TOML file (default: detected)")
     carriers = [kind.name.lower().replace("_", "-") for kind in RootMotion]
-    carrier = "bone that carries the character through the scene (default hips)"
+    carrier = "bone or object that receives the root motion (default hips)"
     add_choice(parser, "--root-motion", carriers, carrier, default=root_motion)
     add_text(parser, "--blender", "FILE", "Blender to do it with (default: its Python module, bpy)")
 
 
 def add_source_options(parser: Any, source: str) -> None:
-    """Add the calibration, and a source of images per camera with this description."""
+    """Add the calibration and a source of images for each camera, with this description."""
     add_text(parser, "--cameras", "cameras.toml", "the calibration", required=True)
     add_text(parser, "--left", "SRC", source, required=True)
     add_text(parser, "--right", "SRC", "the same for the right camera", required=True)
     add_repeated(parser, "--camera", "SRC", "any further camera, in the calibration's order")
-
-
-def add_background_option(parser: Any, description: str, **more: Any) -> None:
-    """Add --background, a source per camera."""
-    add_text(parser, "--background", "SRC", description, nargs="+", **more)

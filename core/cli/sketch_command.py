@@ -108,7 +108,7 @@ def _solve(
     assert solver is not None  # noqa: S101 - a sketch without a skeleton comes with --skeleton or --subject
     solution = solver.solve(sketch, settings, progress)
     first = int(sketch.frames[0])
-    # files of motion count frames from 0: so a frame of the file is the same of the sketch
+    # motion files count frames from 0: with the first pose held before, frames have the sketch's numbers
     lead_in = first if 0 < first <= LIMITS.most_frames else 0
     written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
     return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}

@@ -3,7 +3,9 @@
 import argparse
 from typing import Any
 
+from ...api.calibration import calibrate_cameras
 from ...errors import SettingsError
+from ...geometry.rig_file import save_rig
 from ...system.progress import Progress
 from ..options import add_command, add_repeated, add_text
 
@@ -42,9 +44,7 @@ def write_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def calibrate(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ...api.calibration import calibrate_cameras  # OpenCV is slow to load
-    from ...geometry.rig_file import save_rig
-    from ...vision.calibration.board_points import load_board_points
+    from ...vision.calibration.board_points import load_board_points  # OpenCV is slow to load
     from ...vision.calibration.calibrate import calibrate_from_points, calibration_summary
     from ...vision.calibration.calibration_board import parse_board
 

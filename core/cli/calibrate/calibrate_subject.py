@@ -1,4 +1,4 @@
-"""`perfanim calibrate subject`: skeleton and marker offsets from a held pose."""
+"""`perfanim calibrate subject`: skeleton and marker offsets from held poses, or from motion alone."""
 
 import argparse
 from dataclasses import replace

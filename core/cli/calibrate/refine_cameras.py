@@ -59,6 +59,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _detected(args: argparse.Namespace, rig: Any, progress: Progress) -> list[list[Any]]:
     """Return the blobs of each camera at up to 300 moments of the take."""
+    from ...api.tracking import learn_from_source  # OpenCV is slow to load
     from ...vision.pipeline import MarkerPipeline
     from ...vision.sources.source_kinds import open_image_source
 
@@ -66,9 +67,7 @@ def _detected(args: argparse.Namespace, rig: Any, progress: Progress) -> list[li
     with closing(open_image_source(args.left, args.right, *args.camera)) as source:
         pipeline = MarkerPipeline(rig)
         progress(0.0, "learning the background")
-        samples = list(source.samples(31))
-        if len(samples) > 1:
-            pipeline.learn_from_take(samples)
+        learn_from_source(pipeline, source)
         for number, images in enumerate(source.samples(most)):
             sizes = [(image.shape[1], image.shape[0]) for image in images]
             expected = [camera.image_size for camera in rig.cameras]

@@ -70,7 +70,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _performer_index(take: TakeFile, name: str | None) -> int:
-    """Return the index of the performer; TakeError when there is none of that name."""
+    """Return the index of a performer, 0 for None; TakeError where nobody has the name."""
     if name is None:
         return 0
     names = [subject.name for subject in take.setup.subjects()[1:]]

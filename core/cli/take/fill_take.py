@@ -1,4 +1,4 @@
-"""`perfanim take fill`: gaps and noise of a marker take mended by the body."""
+"""`perfanim take fill`: gaps and noise of a marker take removed with the help of the body."""
 
 import argparse
 from dataclasses import replace
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     lengths = [gap.frames for gap in find_gaps(take.visible) if new[gap.start, gap.marker]]
     warnings = rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)
     left = sorted({name for name, open_ in zip(read.names, ~filled.visible.all(axis=0), strict=True) if open_})
-    warnings += [f"gaps are left in {', '.join(left)}: no markers of the set, or never seen"] * bool(left)
+    warnings += [f"gaps are left in {', '.join(left)}: they are not in the marker set, or never seen"] * bool(left)
     return {
         "frames": take.frames,
         "gaps": len(lengths),

@@ -53,7 +53,7 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Keep marker takes as recorded ones; a bad one does not keep the others out."""
+    """Solve marker takes and keep them as recorded takes; a bad one does not stop the others."""
     progress(0.0, "reading")
     if args.subject is None:
         check_height(args.height)
@@ -112,7 +112,7 @@ def _import_one(
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
     out = unused_path(Path(args.out), take.name)
-    take = replace(take, name=take_name(out))  # takes of one name differ in a list, too
+    take = replace(take, name=take_name(out))  # so that takes of one name differ in lists
     solved = solve_markers(take, subject, database, SolveRequest(args.method), progress)
     solved.save(out, capture={"imported": str(path), "up": args.up})
     figures = solved.summary()

@@ -17,7 +17,7 @@ from ...system.lock import is_locked
 from ...system.progress import Progress
 from ..options import add_command
 
-_MAIN = ("frames", "fps", "markers", "visible_fraction", "problems")  # of many takes
+_MAIN = ("frames", "fps", "markers", "visible_fraction", "problems")  # facts that are listed for each of several takes
 _UNSOLVED = "has no labels and poses yet: perfanim solve finds them"
 _NOBODY = ", with --subject, or --skeleton and --marker-set"
 

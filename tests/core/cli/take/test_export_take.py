@@ -207,7 +207,7 @@ def test_a_cut_take_is_recovered_and_solved(tmp_path, recorded, capsys):
     assert again["frames"] == facts["frames"]
     assert cut.read_bytes() == before
     assert main(["take", "recover", str(cut)]) == 1
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bvh", "cut-recovered.perftake", "cut.perftake"]
 
 
