@@ -1,11 +1,11 @@
-"""Types of NumPy arrays, and runs in masks."""
+"""Types of NumPy arrays, and runs of set flags."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-FloatArray = NDArray[np.float32]  # of 32 bits, where memory or time counts
+FloatArray = NDArray[np.float32]  # 32 bits, where memory or time counts
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]  # (height, width) grey, or (height, width, 3)

@@ -9,14 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import CalibrationError
-from .arrays import Array, ComplexArray
+from .arrays import Array, ComplexArray, Mask
 
 WORLD_FROM_CAMERA = np.diag([1.0, -1.0, -1.0])
-"""Axes of the world seen by a level camera that the performer faces, used until a floor is known."""
-
-_UNDISTORT_ITERATIONS = 20
-_UNDISTORT_ERROR = 1e-7  # normalised, before the last step
-_LEAST_DETERMINANT = 0.05
+"""Axes of the world for a level first camera that the performer faces, until a floor is known."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +20,12 @@ class Camera:
     """One calibrated camera.
 
     Args:
-        image_size: (width, height), pixels.
-        matrix: (3, 3) intrinsics, pixels; pixel centres lie at whole numbers.
-        distortion: (5,) k1, k2, p1, p2, k3 as in OpenCV.
-        rotation: (3, 3) camera-from-world.
-        translation_m: (3,) with x_camera = rotation @ x_world + translation.
-        ignored_px: (N, 2) places in the image where nothing is taken for a marker: reflections that cannot be covered.
+        image_size: Width and height, pixels.
+        matrix: Intrinsics (3, 3), pixels; pixel centres lie at whole numbers.
+        distortion: k1, k2, p1, p2, k3 (5,) as in OpenCV.
+        rotation: Camera-from-world (3, 3).
+        translation_m: x_camera = rotation @ x_world + translation (3,).
+        ignored_px: Places (N, 2) in the image where nothing is taken for a marker: reflections.
     """
 
     name: str
@@ -68,7 +64,7 @@ class Camera:
 
     @property
     def centre_m(self) -> Array:
-        """(3,) optical centre in the world."""
+        """Optical centre (3,) in the world."""
         return np.asarray(-self.rotation.T @ self.translation_m)
 
     def to_camera(self, points_m: ArrayLike) -> Array:
@@ -81,6 +77,18 @@ class Camera:
         depth = np.where(local[..., 2:] > 1e-9, local[..., 2:], np.nan)
         return self.to_pixels(local[..., :2] / depth)
 
+    def shows(self, points_m: ArrayLike) -> Mask:
+        """Return which world points (..., 3) lie in the image."""
+        local = self.to_camera(points_m)
+        ahead = local[..., 2] > 0.1  # m
+        normalised = local[..., :2] / np.where(ahead, local[..., 2], 1.0)[..., None]
+        pixels = self.to_pixels(normalised)
+        inside = ahead & np.all((pixels >= 0.0) & (pixels <= np.array(self.image_size) - 1.0), axis=-1)
+        # a lens model folds directions far outside the image back into it
+        back = self.undistort(pixels[inside])
+        inside[inside] = np.abs(back - normalised[inside]).max(axis=-1, initial=0.0) < 0.01
+        return np.asarray(inside)
+
     def to_pixels(self, normalised: ArrayLike) -> Array:
         """Return distorted pixels (..., 2) of undistorted normalised coordinates x/z, y/z."""
         points = np.asarray(normalised, dtype=np.float64)
@@ -91,8 +99,7 @@ class Camera:
 
     def undistort(self, pixels: ArrayLike) -> Array:
         """Return undistorted normalised coordinates (..., 2) of pixels."""
-        p = np.asarray(pixels, dtype=np.float64)
-        return _undistort(p, *_intrinsics(self))
+        return _undistort(np.asarray(pixels, dtype=np.float64), *_intrinsics(self))
 
     def rays(self, normalised: ArrayLike) -> Array:
         """Return unit world directions (..., 3) of normalised coordinates (..., 2)."""
@@ -103,15 +110,12 @@ class Camera:
 
     @property
     def focal_px(self) -> float:
-        """Mean focal length in pixels: the inverse of a pixel's normalised size."""
+        """Mean of the two focal lengths, pixels."""
         return float(0.5 * (self.matrix[0, 0] + self.matrix[1, 1]))
 
 
 def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Array]:
-    """Return each camera's undistorted normalised coordinates (n, 2) of its pixels.
-
-    For the few markers of some images this takes as long as for those of one.
-    """
+    """Return each camera's undistorted normalised coordinates (n, 2), all computed at once."""
     counts = [len(rows) for rows in pixels]
     columns = zip(*(_intrinsics(camera) for camera in cameras), strict=True)
     found = _undistort(np.concatenate(pixels), *(np.repeat(column, counts, axis=0) for column in columns))
@@ -125,30 +129,29 @@ def _intrinsics(camera: Camera) -> tuple[Array, Array]:
 
 
 def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
-    """Invert matrix and lens of pixels (..., 2) by Newton's method.
+    """Return normalised coordinates (..., 2) of pixels by Newton's method on x + iy.
 
-    The complex derivatives of a map f of the plane, by z and by its conjugate, take half the work of a real Jacobian:
-    df = f_z dz + f_c conj(dz); f_z of a lens is real.
+    Derivatives by z and its conjugate take half the work of a real Jacobian: df = f_z dz + f_c conj(dz), with f_z real.
 
     Args:
-        intrinsics, distortion: of `_intrinsics`, (5,) for all pixels or (n, 5) for n of them.
+        intrinsics, distortion: Results of `_intrinsics`, (5,) for all pixels or (n, 5).
     """
     fx, skew, cx, fy, cy = intrinsics.T
     k1, k2, _, _, k3 = distortion.T
     target_y = (pixels[..., 1] - cy) / fy
     target = (pixels[..., 0] - cx - skew * target_y) / fx + 1j * target_y
     z = target
-    for _ in range(_UNDISTORT_ITERATIONS):
+    for _ in range(20):
         distorted, radial, r2, decentering = _distorted(z, distortion)
         error = distorted - target
         slope = k1 + r2 * (2.0 * k2 + r2 * (3.0 * k3))
         by_z = radial + slope * r2 + 4.0 * (decentering * z.conj()).real
         by_conjugate = z * (slope * z + 2.0 * decentering)
-        # a lens model that folds back far outside the image must not throw points away
-        determinant = np.maximum(by_z * by_z - _squared(by_conjugate), _LEAST_DETERMINANT)
+        # the bound keeps points finite where the lens model folds back, far outside the image
+        determinant = np.maximum(by_z * by_z - _squared(by_conjugate), 0.05)
         z = z - (by_z * error - by_conjugate * error.conj()) * (1.0 / determinant)
-        # squared by the step that was just taken
-        if not np.max(np.abs(error), initial=0.0) > _UNDISTORT_ERROR:
+        # the step just taken squares this error
+        if not np.max(np.abs(error), initial=0.0) > 1e-7:
             break
     found = np.empty(pixels.shape)
     found[..., 0], found[..., 1] = z.real, z.imag
@@ -171,11 +174,10 @@ def _squared(z: ComplexArray) -> Array:
 
 @dataclass(frozen=True)
 class CameraRig:
-    """Cameras calibrated together; the world is theirs in common.
+    """At least one camera; several are calibrated together, in one world.
 
     Args:
-        cameras: at least one.
-        metadata: facts about the calibration (error, date, ...), kept in the file.
+        metadata: Facts about the calibration (error, date, ...), kept in the file.
     """
 
     cameras: tuple[Camera, ...]
@@ -191,12 +193,12 @@ class CameraRig:
 
     @property
     def ignored(self) -> Array:
-        """(N, 3) ignored places of all cameras: index of the camera, x, y."""
+        """Ignored places (N, 3) of all cameras: index of the camera, x, y."""
         rows = [np.insert(camera.ignored_px, 0, index, axis=1) for index, camera in enumerate(self.cameras)]
         return np.concatenate(rows)
 
     def ignoring(self, places: ArrayLike) -> "CameraRig":
-        """Return the rig with these ignored places (N, 3) alone, as `ignored` gives them."""
+        """Return the rig with other ignored places (N, 3), as in `ignored`."""
         rows = np.asarray(places, dtype=np.float64).reshape(-1, 3)
         cameras = (
             replace(camera, ignored_px=rows[rows[:, 0] == index, 1:]) for index, camera in enumerate(self.cameras)

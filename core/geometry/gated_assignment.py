@@ -9,14 +9,13 @@ from .arrays import IntArray
 def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
     """Return rows (K,) and columns (K,) of the cheapest one-to-one assignment.
 
-    A row or column left over costs the gate, and so does a pair at or above it: such pairs are not returned.
+    Pairs that cost the gate or more are left out.
 
     Args:
-        costs: (N, M); infinite where a pair is forbidden. Gates that differ between pairs: divide by them first.
-            Distances are to be squared where least squares is meant.
-        gate: positive.
+        costs: Costs (N, M), infinite where a pair is forbidden.
+        gate: Positive limit; divide the costs by limits that differ between pairs.
     """
-    # where nothing is assigned, scipy's slow import stays away
+    # scipy imports slowly, and Blender loads this module at its start
     from scipy.optimize import linear_sum_assignment
 
     table = np.asarray(costs, dtype=np.float64)

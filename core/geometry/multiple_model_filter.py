@@ -1,8 +1,7 @@
-"""Kalman filters of several models for points that stand, move and strike.
+"""Interacting multiple models (Blom and Bar-Shalom 1988) for points that stand, move and strike.
 
-Each point is followed by filters with constant acceleration that differ in how suddenly it may change. How well each
-predicts decides how much it counts (interacting multiple models, Blom and Bar-Shalom 1988). So a still point is held
-still and a fast one is not late.
+Kalman filters of constant acceleration differ in how fast it may change; the better a model predicts a point, the more
+it counts. So a still point is held still and a fast one is not late.
 """
 
 import math
@@ -14,20 +13,17 @@ import numpy as np
 from .arrays import Array, Mask
 
 _POWERS, _DIVISORS = np.array([[5, 4, 3], [4, 3, 2], [3, 2, 1]]), np.array([[20, 8, 6], [8, 3, 2], [6, 2, 1]])
-_EXPONENTS = np.arange(6)  # of a time, in what a movement does to a point
-_STAYS_S = 1.0  # mean time for which one of the models holds
-_PAUSE_S = 0.25  # after so long out of sight a point starts over,
-_JUMP_SIGMAS = 8.0  # and where it is so far from every prediction
+_EXPONENTS = np.arange(6)
 
 
 def _movements() -> tuple[Array, Array]:
-    """Return the matrices of a movement, a row for each power of its time.
+    """Return prediction matrices as polynomials in time, a row for each power.
 
     Returns:
-        (6, 18 * 18) of the matrix that rows of states and covariances are multiplied by, and (6, 9) of the covariance
-        that a unit of the jerk's density adds.
+        The transition (6, 18 * 18) of rows of states and covariances, and the covariance (6, 9) that a unit of the
+        jerk's spectral density adds.
     """
-    # position, velocity and acceleration are moved by a polynomial in time, (3, 3, 3) by its powers
+    # the transition of position, velocity and acceleration, by powers of time
     move = np.array([np.eye(3), np.eye(3, k=1), 0.5 * np.eye(3, k=2)])
     rows, jerks = np.zeros((6, 18, 18)), np.zeros((6, 9))
     for power, matrix in enumerate(move):
@@ -44,13 +40,16 @@ _MOVEMENT, _JERKS = _movements()
 
 @dataclass(frozen=True)
 class MotionModels:
-    """How points of one kind move, in their unit.
+    """How points of one kind move; lengths are in the points' unit.
 
     Args:
-        changes: (K,) third differences at 60 Hz of each model.
-        least_sigma: deviation of a coordinate of points without noise.
-        jump: distance from every prediction, beyond which a point starts over.
-        first_speed, first_acceleration: their deviations at a start, per s and s^2.
+        changes: Third differences (K,) at 60 Hz that the models expect.
+        least_sigma: Least standard deviation of a measured coordinate.
+        jump: Distance from every prediction beyond which a point starts over.
+        first_speed, first_acceleration: Standard deviations at the start, per s and s^2.
+        holds_s: Mean time until a point changes its model.
+        pause_s: Time without measurement after which a point starts over.
+        jump_sigmas: Distance from every prediction, in standard deviations, that `jump` requires as well.
     """
 
     changes: tuple[float, ...]
@@ -58,13 +57,16 @@ class MotionModels:
     jump: float
     first_speed: float
     first_acceleration: float
+    holds_s: float = 1.0
+    pause_s: float = 0.25
+    jump_sigmas: float = 8.0
 
 
 class MultipleModelFilter:
-    """Follows points in space.
+    """Filter of points in space.
 
     Args:
-        points: number of points of each kind; all kinds have as many models.
+        kinds: Models and number of the points of each kind; all kinds have as many models and the same times.
     """
 
     def __init__(self, *kinds: tuple[MotionModels, int]) -> None:
@@ -73,7 +75,8 @@ class MultipleModelFilter:
         def of_points(values: list[Any]) -> Array:
             return np.repeat(np.array(values), repeats, axis=0)
 
-        # of the jerk's white noise, unit^2 / s^5
+        self._kind = kinds[0][0]
+        # spectral densities of the jerk's white noise, unit^2 / s^5
         self._densities = np.square(of_points([kind.changes for kind, _ in kinds])) * 60.0**5
         self._least = of_points([kind.least_sigma for kind, _ in kinds])
         self._squared_jump = np.square(of_points([kind.jump for kind, _ in kinds]))[:, None]
@@ -85,8 +88,7 @@ class MultipleModelFilter:
         self._hold(np.zeros((points, models, 18)))
 
     def _hold(self, rows: Array) -> None:
-        """Keep the points' states and covariances, (N, K, 9 + 9)."""
-        # (N, K, 3, 3) position, velocity, acceleration by axis; (N, K, 3, 3) their covariance, the same for each axis
+        """Keep (N, K, 9 + 9): position, velocity, acceleration by axis, and the covariance that all axes share."""
         self._states, self._covariances = (
             part.reshape(*rows.shape[:2], 3, 3) for part in (rows[..., :9], rows[..., 9:])
         )
@@ -94,23 +96,27 @@ class MultipleModelFilter:
 
     @property
     def followed(self) -> Mask:
-        """Points (N,) that were seen a moment ago."""
-        return np.asarray(self._time_s - self._seen_s < _PAUSE_S)
+        """Mask (N,) of the points that were measured lately."""
+        return np.asarray(self._time_s - self._seen_s < self._kind.pause_s)
 
     def forget(self, points: Mask) -> None:
-        """Let these points (N,) start over."""
+        """Start the points of a mask (N,) over."""
         self._seen_s[points] = -np.inf
 
     def predict(self, time_s: float) -> None:
-        """Move to a later time."""
-        self._move(min(max(time_s - self._time_s, 0.0), _PAUSE_S))
+        """Predict the points at a later time."""
+        self._move(min(max(time_s - self._time_s, 0.0), self._kind.pause_s))
         self._time_s = time_s
 
     def observe(self, points: Array, noise: Array) -> Mask:
-        """Correct the prediction by points (N, 3), NaN where unseen, of known noise (N,).
+        """Correct the prediction by measurements.
+
+        Args:
+            points: Measured points (N, 3), NaN where there is none.
+            noise: Standard deviations (N,) of their coordinates.
 
         Returns:
-            Points (N,) that go on from where they were.
+            Mask (N,) of the points that did not start over.
         """
         sigmas = np.maximum(noise, self._least)
         located = np.isfinite(points[:, 0])
@@ -118,10 +124,10 @@ class MultipleModelFilter:
         variances = self._covariances[..., 0, 0] + (sigmas * sigmas)[:, None]
         squares = np.add.reduce(innovations * innovations, axis=-1)
         unlikely = squares / variances
-        far = (squares > self._squared_jump) & (unlikely > _JUMP_SIGMAS**2)
+        far = (squares > self._squared_jump) & (unlikely > self._kind.jump_sigmas**2)
         known = self.followed & ~np.logical_and.reduce(far, axis=1)
         known &= located
-        # of all points, as it usually is, no part has to be picked
+        # slices are faster than masks
         self._update(slice(None) if known.all() else known, innovations, variances, unlikely)
         if (new := located & ~known).any():
             self._start(new, points, sigmas)
@@ -129,7 +135,7 @@ class MultipleModelFilter:
         return known
 
     def means(self) -> tuple[Array, Array]:
-        """Return positions (N, 3) and the deviations (N,) of their coordinates."""
+        """Return positions (N, 3) and the standard deviations (N,) of their coordinates."""
         positions = self._states[:, :, 0]
         means = (self._weights[:, None] @ positions)[:, 0]
         spread = np.add.reduce((positions - means[:, None]) ** 2, axis=-1) / 3.0
@@ -137,16 +143,16 @@ class MultipleModelFilter:
         return means, np.sqrt(np.maximum(variances, 1e-12))
 
     def _move(self, elapsed_s: float) -> None:
-        """Move all models on; each starts from a mixture of all."""
+        """Predict with each model from a mixture of all."""
         models = self._weights.shape[1]
-        stays = math.exp(-elapsed_s / _STAYS_S)
+        stays = math.exp(-elapsed_s / self._kind.holds_s)
         changes = np.full((models, models), (1.0 - stays) / (models - 1))
         changes.flat[:: models + 1] = stays
         shares = self._weights[:, :, None] * changes
         self._weights = np.add.reduce(shares, axis=1)
         shares /= np.maximum(self._weights, 1e-300)[:, None]
-        # of a mixture: means, and the mean covariance plus that of the means (of all three axes alike), which are
-        # taken about the first model's: about the origin, those of points far from it would round
+        # a mixture's covariance is the mean one plus that of the means, averaged over the axes; means are taken
+        # relative to the first model's, which keeps the digits of points far from the origin
         first = self._states[:, :1]
         apart = self._states - first
         self._covariances += apart @ apart.swapaxes(-1, -2) / 3.0
@@ -159,7 +165,7 @@ class MultipleModelFilter:
         self._hold(moved)
 
     def _update(self, seen: Mask | slice, innovations: Array, variances: Array, unlikely: Array) -> None:
-        """Correct the models of the seen points, and how much each counts."""
+        """Correct the models of the seen points, and their weights."""
         covariances, variances = self._covariances[seen], variances[seen]
         gains = (covariances[..., 0] / variances[..., None])[..., None]
         self._states[seen] += gains * innovations[seen][:, :, None]
@@ -170,7 +176,7 @@ class MultipleModelFilter:
         self._weights[seen] = weights / np.add.reduce(weights, axis=1, keepdims=True)
 
     def _start(self, new: Mask, points: Array, sigmas: Array) -> None:
-        """Follow points from where they are."""
+        """Start points at their measurements."""
         self._states[new] = 0.0
         self._states[new, :, 0] = points[new, None]
         self._covariances[new] = 0.0

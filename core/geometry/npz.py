@@ -1,7 +1,6 @@
-"""Arrays in .npz files: all that is declared is checked before memory is taken.
+"""Arrays in .npz files, checked before memory is taken for what they declare.
 
-NumPy's own reader evaluates headers and trusts the sizes that they declare. On a full disk its writer leaves a file
-that closes itself some time later, with a traceback.
+NumPy's reader trusts declared sizes, and its writer leaves a broken file on a full disk.
 """
 
 import re
@@ -16,9 +15,7 @@ from numpy.typing import NDArray
 from ..errors import FormatError, PerfanimError
 from ..system.files import atomic_path, is_over_budget, open_foreign, reading
 
-_MOST_MEMBERS = 200
-_ENTRY = b"PK\x01\x02"  # a member of a zip archive begins with it in the list at the end
-_PIECE = 1 << 16  # bytes
+_ENTRY = b"PK\x01\x02"  # marks each member in a zip archive's list
 _HEADER = re.compile(
     rb"\x93NUMPY(?:\x01\x00..|[\x02\x03]\x00....)\{'descr': '([<>|][biufU?]\d{1,6})', 'fortran_order': (False|True), "
     rb"'shape': \(((?:\d{1,15}, ?)*\d{0,15})\), \} *\n",
@@ -32,14 +29,14 @@ def read_arrays(
     """Return the arrays of a .npz file by name.
 
     Raises:
-        PerfanimError: of `kind`, with `what`: it is none, damaged, or declares far more than it holds.
+        PerfanimError: Of `kind`, with `what`: it is not such a file, damaged, or declares far more than it contains.
     """
     with open_foreign(path, kind) as file, reading(path, kind, what=what):
         size = file.seek(0, 2)
         excess = kind("declares far more than it holds", where=str(path), advice="export it again")
 
         def check_count(members: int) -> None:
-            if members > _MOST_MEMBERS:
+            if members > 200:
                 raise excess
 
         with open_zip(file, check_count) as archive:
@@ -52,12 +49,10 @@ def read_arrays(
 
 
 def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipFile:
-    """Open a zip archive with its members counted before they are listed.
-
-    Python's reader takes a third of a kilobyte for each, and follows the list itself, not the number declared after it.
+    """Open a zip archive, its members counted before Python takes memory for each.
 
     Args:
-        check_count: is called with the members counted so far, and raises its own error for too many.
+        check_count: Gets the number of members so far and raises its own error for too many.
     """
     counted = _CountedList(file, check_count)
     archive = zipfile.ZipFile(cast(BinaryIO, counted))
@@ -66,7 +61,7 @@ def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipF
 
 
 class _CountedList:
-    """A file with the members of each part counted before zipfile gets it."""
+    """A file that counts members in what zipfile reads: their list, not the number declared after it."""
 
     def __init__(self, file: BinaryIO, check_count: Callable[[int], None]) -> None:
         self.is_listed = False
@@ -77,14 +72,14 @@ class _CountedList:
         return getattr(self._file, name)
 
     def read(self, size: int = -1) -> bytes:
-        """Read as from the file; a read of a given size is that of the list."""
+        """Read from the file; a read of a given size is that of the list."""
         if size > 0 and not self.is_listed:
             self._count(size)
         return self._file.read(size)
 
     def _count(self, size: int) -> None:
         start, count, rest = self._file.tell(), 0, b""
-        while size > 0 and (piece := self._file.read(min(size, _PIECE))):
+        while size > 0 and (piece := self._file.read(min(size, 1 << 16))):
             size -= len(piece)
             count += (rest + piece).count(_ENTRY)
             self._check_count(count)
@@ -93,11 +88,7 @@ class _CountedList:
 
 
 def write_arrays(path: Path | str, arrays: Mapping[str, Any], packed: bool = True) -> None:
-    """Write arrays by name; the same ones give the same bytes.
-
-    Raises:
-        FormatError: the file cannot be written.
-    """
+    """Write arrays by name; equal arrays give equal bytes."""
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, array in arrays.items():
             member = zipfile.ZipInfo(f"{name}.npy")

@@ -1,26 +1,24 @@
-"""Matching of points to a rigid marker pattern by their distances."""
+"""Rigid marker patterns: matching by distances, placement."""
 
 import numpy as np
 
 from .arrays import Array, IntArray, Mask
 from .rigid_transform import kabsch, transform
 
-_MOST_WAYS = 2000
-
 
 def match_rigid_pattern(
     points_m: Array, spans_m: Array, tolerances_m: Array, fewest: int, allowed: Mask | None = None
 ) -> IntArray:
-    """Return (H, M) point indices of the markers, -1 for none; fullest first.
+    """Return matches (H, M): the point of each marker, -1 for none; those with most points first.
 
     Args:
-        points_m: (N, 3).
-        spans_m: (M, M) distances between the markers.
-        tolerances_m: (N, N) by which the distance between two points may differ from that of their markers.
-        fewest: markers that must have a point.
-        allowed: (N, M) which point may be which marker; None: any.
+        points_m: Points (N, 3).
+        spans_m: Distances (M, M) between the markers.
+        tolerances_m: Largest difference (N, N) between the distance of two points and that of their markers.
+        fewest: Number of markers that must have a point.
+        allowed: Mask (N, M) of the points that may be a marker; None allows all.
     """
-    if allowed is not None:  # few of many points come into question: the others cost nothing
+    if allowed is not None:
         rows = np.flatnonzero(allowed.any(axis=1))
         points_m, tolerances_m, allowed = points_m[rows], tolerances_m[np.ix_(rows, rows)], allowed[rows]
     between = np.linalg.norm(points_m[:, None] - points_m[None], axis=-1)
@@ -31,7 +29,7 @@ def match_rigid_pattern(
 def _extend_matches(
     between_m: Array, spans_m: Array, tolerances_m: Array, most_missing: int, allowed: Mask | None
 ) -> IntArray:
-    """Extend matches of points with distances (N, N), marker by marker."""
+    """Match points with distances (N, N), marker by marker."""
     chosen = np.empty((1, 0), dtype=np.int64)
     for marker in range(len(spans_m)):
         fits = np.ones((len(chosen), len(between_m)), dtype=bool)
@@ -39,8 +37,8 @@ def _extend_matches(
             fits &= allowed[:, marker]
         for before in range(marker):
             near = np.abs(between_m - spans_m[before, marker]) <= tolerances_m
-            np.fill_diagonal(near, False)  # no point is two markers
-            # the last row is of a marker without a point, -1
+            np.fill_diagonal(near, False)  # a point is one marker only
+            # the last row, -1, stands for a marker without a point
             fits &= np.concatenate((near, np.ones((1, len(near)), dtype=bool)))[chosen[:, before]]
         parent, point = np.nonzero(fits)
         taken = np.column_stack((chosen[parent], point))
@@ -48,18 +46,18 @@ def _extend_matches(
         chosen = np.concatenate((taken, without))
         missing = np.sum(chosen < 0, axis=1)
         order = np.argsort(missing, kind="stable")
-        chosen = chosen[order[missing[order] <= most_missing]][:_MOST_WAYS]
+        chosen = chosen[order[missing[order] <= most_missing]][:2000]  # bounds time and memory
     return chosen
 
 
-def fit_rigid(markers_m: Array, points_m: Array) -> tuple[Array, Array, float]:
-    """Fit markers (N, 3) rigidly to points (N, 3)."""
+def place_pattern(markers_m: Array, points_m: Array) -> tuple[Array, Array, float]:
+    """Return rotation (3, 3), translation and RMS distance of markers (N, 3) fitted to points (N, 3)."""
     turn, shift = kabsch(markers_m, points_m)
     off = points_m - transform(turn, shift, markers_m)
     return turn, shift, float(np.sqrt(np.mean(np.sum(off * off, axis=1))))
 
 
 def planarity_m(points_m: Array) -> float:
-    """Return the RMS distance of points (N, 3) from the line that is nearest to them."""
+    """Return the RMS distance of points (N, 3) from the line nearest to them."""
     sizes = np.linalg.svd(points_m - points_m.mean(axis=0), compute_uv=False)
     return float(np.sqrt(np.sum(sizes[1:] ** 2) / len(points_m)))

@@ -6,9 +6,6 @@ from ..geometry.arrays import Array
 
 
 def principal_components(poses: Array, count: int) -> Array:
-    """Return `count` directions (D, C) of largest variance of poses (N, D).
-
-    Orthonormal columns, largest variance first.
-    """
+    """Return orthonormal columns (D, count): directions of largest variance of poses (N, D)."""
     _, directions = np.linalg.eigh(np.cov(poses.T, ddof=0))
     return np.asarray(directions[:, : -count - 1 : -1])

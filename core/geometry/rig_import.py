@@ -1,9 +1,9 @@
 """Camera calibrations of other programs, converted to metres and OpenCV's frame.
 
-- caliscope: TOML with a table [cameras.N] each, in metres, camera-from-world as a matrix or a rotation vector;
-  cameras that were not placed have "null" there.
-- Qualisys Track Manager: XML (`*.qca.txt`). Millimetres; the camera's own axes are the rows r1x, r2x, r3x, with y up
-  and z backwards; intrinsics in 64ths of a pixel, from the corner of the field of view; distortion as OpenCV's.
+- caliscope: TOML with tables [cameras.N], in metres, camera-from-world as a matrix or a rotation vector; "null" where a
+  camera was not placed.
+- Qualisys Track Manager: XML (`*.qca.txt`) in millimetres. The rows r1x, r2x, r3x are the camera's axes, y up and z
+  backwards; intrinsics are in 64ths of a pixel from the corner of the field of view; distortion is OpenCV's.
 """
 
 import xml.etree.ElementTree as ElementTree
@@ -16,21 +16,18 @@ from ..errors import CalibrationError
 from ..system.files import reading
 from .arrays import Array
 
-_SUBPIXELS = 64.0
 _OPENCV_FROM_QUALISYS = np.diag([1.0, -1.0, -1.0])
-_MOST_BYTES = 10_000_000
-_UPRIGHT = 0.6  # mean of the cameras' upward axes along one axis of the world, if they are held upright in it
 
 
 def caliscope_rows(tables: Mapping[str, Any], where: str) -> list[dict[str, Any]]:
     """Return the camera tables of a caliscope file.
 
     Raises:
-        CalibrationError: a camera has not been placed, or there is none.
+        CalibrationError: A camera has not been placed, or there is none.
     """
     cameras = tables["cameras"]
     if not isinstance(cameras, Mapping) or not all(isinstance(row, Mapping) for row in cameras.values()):
-        raise CalibrationError("[cameras] holds no tables", where=where, advice="export the calibration again")
+        raise CalibrationError("[cameras] has no camera tables", where=where, advice="export the calibration again")
     rows = []
     for key in sorted(cameras, key=lambda name: (len(name), name)):
         row = cameras[key]
@@ -49,15 +46,15 @@ def qualisys_rows(raw: bytes, where: str) -> list[dict[str, Any]]:
     """Return the camera tables of a Qualisys calibration.
 
     Raises:
-        CalibrationError: no such file, or an incomplete one.
+        CalibrationError: It is not a complete calibration.
     """
-    if len(raw) > _MOST_BYTES or b"<!ENTITY" in raw:
-        raise CalibrationError("is no calibration of Qualisys", where=where, advice="export it again")
+    if len(raw) > 10_000_000 or b"<!ENTITY" in raw:
+        raise CalibrationError("is not a Qualisys calibration", where=where, advice="export it again")
     with reading(where, CalibrationError, "export it again", "is not valid XML"):
-        root = ElementTree.fromstring(raw)  # noqa: S314 - entities, which could grow without end, are refused above
+        root = ElementTree.fromstring(raw)  # noqa: S314 - entities, which can expand without limit, are refused above
     cameras = root.findall("cameras/camera")
     if root.tag != "calibration" or not cameras:
-        raise CalibrationError("is XML, but holds no cameras of a calibration", where=where, advice="export it again")
+        raise CalibrationError("is XML that holds no cameras", where=where, advice="export it again")
     return [_qualisys_row(camera, where) for camera in cameras if camera.get("active", "1") != "0"]
 
 
@@ -68,7 +65,7 @@ def _qualisys_row(camera: ElementTree.Element, where: str) -> dict[str, Any]:
     lens = _numbers(
         camera, "intrinsic", ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV", "skew"), place
     )
-    fx, fy, cx, cy, skew = lens / _SUBPIXELS
+    fx, fy, cx, cy, skew = lens / 64.0
     shape = ("radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2")
     axes = _numbers(camera, "transform", tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), place).reshape(3, 3)
     centre_m = _numbers(camera, "transform", ("x", "y", "z"), place) / 1000.0
@@ -93,14 +90,14 @@ def _numbers(camera: ElementTree.Element, tag: str, names: tuple[str, ...], plac
 
 
 def level_from_world(rotations: Array) -> Array:
-    """Return the turn (3, 3) that makes y the upward axis of a world.
+    """Return the rotation (3, 3) that makes y the upward axis of a world.
 
-    Programs differ in which axis of their world points up (down, for one that has the first camera's frame). The
-    cameras tell: most are held upright. Where they do not agree the world stays as it is.
+    Programs differ in the axis that points up. Most cameras are held upright, which tells it; where they disagree, the
+    world stays as it is.
     """
     up = -rotations[:, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(up)))
-    if abs(up[axis]) < _UPRIGHT or (axis == 1 and up[axis] > 0.0):
+    if abs(up[axis]) < 0.6 or (axis == 1 and up[axis] > 0.0):
         return np.eye(3)
     if axis == 1:
         return np.diag([1.0, -1.0, -1.0])

@@ -1,4 +1,4 @@
-"""Fits of rigid transforms and axes to points."""
+"""Rigid transforms and axes fitted to points."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,25 +18,25 @@ _HORN = _HORN.reshape(9, 16)
 
 
 def kabsch(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return R, t that minimise sum w |target - (R source + t)|^2 (Kabsch 1976).
+    """Return R (3, 3) and t (3,) that minimise sum w |target - (R source + t)|^2.
 
     Args:
-        source, target: (N, 3) points, N >= 3 and not all on a line for a unique rotation.
-        weights: (N,) non-negative.
+        source, target: Points (N, 3); three not on a line determine the rotation.
+        weights: Non-negative weights (N,).
     """
     quaternion, translation = fit_rigid(source, target, weights)
     return rot.to_matrix(quaternion), translation
 
 
 def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return the rotation of `kabsch` as a quaternion (Horn 1987), and the same shift."""
+    """Return the transform of `kabsch`, its rotation as a quaternion (Horn 1987)."""
     p = np.asarray(source, dtype=np.float64)
     q = np.asarray(target, dtype=np.float64)
     w = np.ones(len(p)) if weights is None else np.asarray(weights, dtype=np.float64)
     w = w / np.add.reduce(w)
     p_mean, q_mean = w @ p, w @ q
     together = (w[:, None] * (p - p_mean)).T @ (q - q_mean)
-    # a quaternion's product with this matrix and itself is the sum of w q (R p)
+    # q^T (matrix) q is the sum of w target (R source): the largest eigenvalue's vector is the rotation
     _, vectors = np.linalg.eigh((together.ravel() @ _HORN).reshape(4, 4))
     quaternion: Array = vectors[:, 3]
     if quaternion[0] < 0.0:
@@ -57,11 +57,10 @@ def nearest_rotation(matrix: Array) -> Array:
 
 
 def principal_axes(points: Array) -> tuple[Array, Array, Array]:
-    """Fit axes to points (N, 3).
+    """Return the centroid of points (N, 3), their extents (3,) and principal axes (3, 3).
 
-    Returns:
-        The middle (3,), the root of the summed squares along each axis (3,), and the axes (3, 3) in rows, longest
-        first: the last is the normal of the nearest plane.
+    An extent is the root of the summed squares along an axis. The axes are rows, the longest first; the last is the
+    normal of the nearest plane.
     """
     middle = points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points - middle)

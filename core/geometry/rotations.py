@@ -12,9 +12,8 @@ from .arrays import Array
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _CYCLIC = {"X": (0, 1, 2), "Y": (1, 2, 0), "Z": (2, 0, 1)}
-_NEARLY_EQUAL = 1e-7  # radians
-_TINY = 1e-150  # what replaces smaller lengths in divisions: the quotients are as exact, and none divides by zero
-_FEW = 2048  # numbers up to which one product with a constant matrix is quicker than a line for each entry
+_TINY = np.finfo(np.float64).tiny  # replaces zero lengths in divisions
+_FEW = 1 << 11  # array size up to which one product with a constant matrix is quicker than one per entry
 _CROSS = np.zeros((3, 9))  # the entries of `cross_matrices`
 _CROSS[0, [5, 7]] = _CROSS[1, [6, 2]] = _CROSS[2, [1, 3]] = -1.0, 1.0
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
@@ -22,7 +21,7 @@ _UNIT = np.eye(3).ravel()
 
 
 def _table(rows: int, columns: int, text: str) -> Array:
-    """Return a matrix of signs, its columns as the rows that each adds or subtracts."""
+    """Return a matrix of signs; a column's text lists the rows that it adds or subtracts."""
     result = np.zeros((rows, columns))
     for column, entries in enumerate(text.split()):
         for sign, row in zip(entries[::2], entries[1::2], strict=True):
@@ -30,9 +29,9 @@ def _table(rows: int, columns: int, text: str) -> Array:
     return result
 
 
-# of a quaternion's entries, those of the matrix that multiplies another by it from the left, row vectors
+# quaternion @ this: the flat matrix that multiplies row vectors by the quaternion from the left
 _LEFT = _table(4, 16, "+0 +1 +2 +3 -1 +0 +3 -2 -2 -3 +0 +1 -3 +2 -1 +0")
-# of the products of a quaternion's entries (4 i + j), those of the rotation matrix less the unit matrix
+# products of a quaternion's entries, 4 i + j, @ this: the flat rotation matrix less the unit matrix
 _MATRIX = 2.0 * _table(16, 9, "-a-f +6-3 +7+2 +6+3 -5-f +b-1 +7-2 +b+1 -5-a")
 
 
@@ -62,7 +61,7 @@ def lengths(vectors: Array) -> Array:
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> Array:
-    """Return the Hamilton product: left is a_from_b, right b_from_c, the result a_from_c."""
+    """Return the Hamilton product: a_from_c of a_from_b and b_from_c."""
     a = np.asarray(left, dtype=np.float64)
     b = np.asarray(right, dtype=np.float64)
     if max(a.size, b.size) <= _FEW:
@@ -74,9 +73,9 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
 
 
 def multiply_parts(left: Iterable[Array], right: Iterable[Array]) -> tuple[Array, Array, Array, Array]:
-    """Return the parts w, x, y, z of the Hamilton product, from the parts of both.
+    """Return the Hamilton product from and as components w, x, y, z.
 
-    For many: arrays of their own are several times as fast as columns of one.
+    Separate arrays are several times as fast as the columns of one.
     """
     (aw, ax, ay, az), (bw, bx, by, bz) = left, right
     return (
@@ -88,18 +87,18 @@ def multiply_parts(left: Iterable[Array], right: Iterable[Array]) -> tuple[Array
 
 
 def left_matrices(quaternions: Array) -> Array:
-    """Return matrices (..., 4, 4) that multiply a quaternion by these from the left."""
+    """Return the matrices (..., 4, 4) of multiplication by quaternions from the left."""
     return np.asarray((quaternions @ _LEFT).reshape(*quaternions.shape, 4).swapaxes(-1, -2))
 
 
 def conjugate(quaternions: ArrayLike) -> Array:
-    """Return the inverse rotations: b_from_a of a_from_b."""
+    """Return the inverse rotations."""
     q = np.asarray(quaternions, dtype=np.float64)
     return q * _CONJUGATE
 
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> Array:
-    """Return the turned vectors `[..., 3]`."""
+    """Return the rotated vectors `[..., 3]`."""
     q = np.asarray(quaternions, dtype=np.float64)
     v = np.asarray(vectors, dtype=np.float64)
     w, u = q[..., :1], q[..., 1:]
@@ -109,7 +108,7 @@ def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return the cross products (..., 3)."""
-    # np.cross and np.stack spend most of their time on the axes; this is called in every forward kinematics step
+    # several times as fast as np.cross for the few vectors of a forward kinematics step
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
     result = np.empty(np.broadcast_shapes(a.shape, b.shape))
@@ -120,12 +119,12 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def cross_matrices(vectors: Array) -> Array:
-    """Return the matrices (..., 3, 3) that take another vector to v x it."""
+    """Return the matrices (..., 3, 3) of the cross products with these vectors from the left."""
     return np.asarray((vectors @ _CROSS).reshape(*vectors.shape, 3))
 
 
 def from_rotation_vector(vectors: ArrayLike) -> Array:
-    """Return the rotations by |v| about v (exponential map)."""
+    """Return the rotations of rotation vectors (exponential map)."""
     v = np.asarray(vectors, dtype=np.float64)
     half = 0.5 * _length(v)
     safe = np.maximum(half, _TINY)
@@ -150,7 +149,7 @@ def from_matrix(matrices: ArrayLike) -> Array:
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     sx, sy, sz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
     pxy, pxz, pyz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
-    # symmetric; filled in place, as np.stack takes longer than the arithmetic
+    # filled in place: np.stack takes longer than the arithmetic
     candidates = np.empty((*m.shape[:-2], 4, 4))
     candidates[..., 0, 0], candidates[..., 1, 1] = 1 + xx + yy + zz, 1 + xx - yy - zz
     candidates[..., 2, 2], candidates[..., 3, 3] = 1 - xx + yy - zz, 1 - xx - yy + zz
@@ -188,7 +187,7 @@ def from_euler(angles: ArrayLike, order: str) -> Array:
     w, parts = result[..., 0], [result[..., 1 + axis] for axis in range(3)]
     for place, name in enumerate(order.upper()):
         sine, cosine = _sine_and_cosine(half[..., place])
-        # a product with a quaternion of which two parts are zero
+        # product with a quaternion that has two zero components
         i, j, k = _CYCLIC[name]
         w, parts[i] = w * cosine - parts[i] * sine, parts[i] * cosine + w * sine
         parts[j], parts[k] = parts[j] * cosine + parts[k] * sine, parts[k] * cosine - parts[j] * sine
@@ -198,7 +197,7 @@ def from_euler(angles: ArrayLike, order: str) -> Array:
 
 
 def _sine_and_cosine(angles: Array) -> tuple[Array, Array]:
-    """Return sines and cosines of many angles, several times as fast as NumPy's."""
+    """Return sines and cosines, several times as fast as NumPy's for many angles."""
     tangents = np.tan(0.5 * angles)
     squares = tangents * tangents
     scales = 1.0 / (1.0 + squares)
@@ -206,9 +205,9 @@ def _sine_and_cosine(angles: Array) -> tuple[Array, Array]:
 
 
 def to_euler(quaternions: ArrayLike, order: str) -> Array:
-    """Return the angles `[..., 3]` about three different axes, `from_euler`'s inverse.
+    """Return the angles `[..., 3]` about three different axes.
 
-    The middle angle lies in [-pi/2, pi/2]; at its ends the last angle is set to zero (gimbal lock).
+    The middle angle lies in [-pi/2, pi/2]; at its ends, in gimbal lock, the last angle is zero.
     """
     m = to_matrix(quaternions)
     i, j, k = (_AXES[axis] for axis in order.upper())
@@ -246,7 +245,7 @@ def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
     cosine = np.einsum("...i,...i", a, b)
     angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
     sine, _ = _sine_and_cosine(angle)
-    near = sine < _NEARLY_EQUAL  # there the arc is straight
+    near = sine < 1e-7  # the arc is straight
     safe = np.where(near, 1.0, sine)
     of_start = np.where(near, 1.0 - t, _sine_and_cosine((1.0 - t) * angle)[0] / safe)
     of_end = np.where(near, t, _sine_and_cosine(t * angle)[0] / safe)
@@ -273,14 +272,14 @@ def continuous(quaternions: ArrayLike) -> Array:
 
 
 def unwrap_euler(angles: Array) -> Array:
-    """Return angles (F, 3), radians, each in the form nearest to the frame before.
+    """Return Euler angles (F, 3) as near as possible to those of the frame before.
 
-    Three angles about three different axes turn as (a + pi, pi - b, c + pi) do.
+    Angles (a, b, c) about three different axes are the same rotation as (a + pi, pi - b, c + pi).
     """
     other = np.stack((angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi), axis=1)
     turns = ((form[1:] - angles[:-1] + np.pi) % (2.0 * np.pi) - np.pi for form in (angles, other))
     stay, change = (np.sum(np.abs(turn), axis=1) for turn in turns)
-    changed = np.cumsum(change < stay) % 2 == 1  # from frame to frame both forms change alike
+    changed = np.cumsum(change < stay) % 2 == 1
     changed = np.concatenate(([False], changed))
     return np.unwrap(np.where(changed[:, None], other, angles), axis=0)
 

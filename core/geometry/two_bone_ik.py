@@ -7,8 +7,6 @@ from . import quaternion_components as c
 from . import rotations as rot
 from .arrays import Array
 
-_STRAIGHTEST = 0.9995  # of the limb's length: no knee is quite straight
-
 
 def triangle_angle(near: ArrayLike, side: ArrayLike, opposite: ArrayLike) -> Array:
     """Return the angle between the sides `near` and `side` of a triangle."""
@@ -23,11 +21,11 @@ def reach_with_two_bones(
     """Return world rotations (4,) of two bones that put their end at a target.
 
     Args:
-        points: (3,) each: start of the first bone, joint between them, end of the second.
-        rotations: (4,) each, their present world rotations.
-        target: (3,) relative to the start; the bones point at it where it is out of reach.
-        hinge: (3,) unit axis about which a straight limb bends.
-        straightest: share of the limb's length to which it may be stretched, unless it is already longer.
+        points: Start of the first bone, joint between them, end of the second (3,).
+        rotations: Present world rotations (4,) of the bones.
+        target: Target (3,) relative to the start; the bones point at it where it is out of reach.
+        hinge: Unit axis (3,) about which a straight limb bends.
+        straightest: Share of the limb's length to which it may be stretched, unless it is already longer.
     """
     start, middle, end = points
     first, second, reach = middle - start, end - middle, end - start
@@ -48,17 +46,18 @@ def reach_with_two_bones(
 
 
 def two_bone_directions(
-    reach: c.Vector, normal: c.Vector, first_m: float, second_m: float, unreached: c.Vector
+    reach: c.Vector, normal: c.Vector, first_m: float, second_m: float, unreached: c.Vector, straightest: float = 0.9995
 ) -> tuple[c.Vector, c.Vector]:
-    """Return the directions of two bones that end at `reach` from their start.
+    """Return the directions of two bones that put their end at `reach`, relative to their start.
 
     Args:
-        reach: wanted end of the second bone; beyond the bones' length they come as near as possible.
-        normal: of the plane of the bend while the bones end at `unreached`; it turns along with the limb.
-        unreached: present end of the bones.
+        reach: Wanted end of the second bone; beyond the bones' length they come as near as possible.
+        normal: Normal of the plane of the bend while the bones end at `unreached`; it turns along with the limb.
+        unreached: Present end of the bones.
+        straightest: Share of the bones' length to which they are stretched at most.
     """
     way = c.unit(reach)
-    limit = _STRAIGHTEST * (first_m + second_m)
+    limit = straightest * (first_m + second_m)
     distance = c.minimum(c.maximum(c.length(reach), abs(first_m - second_m) + 1e-6), limit)
     across = c.rotate(c.shortest_turn(c.unit(unreached), way), normal)
     across = c.unit(c.minus(across, c.times(c.dot(across, way), way)))

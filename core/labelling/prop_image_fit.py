@@ -11,6 +11,7 @@ import numpy as np
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
+from ..geometry.least_squares import gauss_newton
 from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop
@@ -82,27 +83,30 @@ class PropImages:
         for index, coordinates in enumerate(self._normalised):
             shown = seen[:, index]
             observed[shown, index] = coordinates[blobs[shown, index]]
-        turn, shift = placed.turn, placed.shift
-        errors = np.full(blobs.shape, np.inf)
-        for _ in range(_STEPS):
+
+        def projected(turn: Array, shift: Array) -> tuple[Array, Array, Array]:
             arms = self._markers @ turn.T
             local = np.einsum("cij,mj->mci", self._rotations, arms + shift) + self._shifts
             depth = np.maximum(local[..., 2], _LEAST_DEPTH_M)[..., None]
-            projected = local[..., :2] / depth
-            residual = (projected - observed) * self._focal_px[:, None]
-            errors = np.where(seen, np.linalg.norm(residual, axis=-1), np.inf)
-            slope = self._rotations[None, :, :2] - projected[..., None] * self._rotations[None, :, 2:3]
+            return arms, depth, local[..., :2] / depth
+
+        def linearise(pose: tuple[Array, Array]) -> tuple[Array, Array]:
+            arms, depth, points = projected(*pose)
+            residual = ((points - observed) * self._focal_px[:, None])[seen]
+            slope = self._rotations[None, :, :2] - points[..., None] * self._rotations[None, :, 2:3]
             by_point = slope / depth[..., None] * self._focal_px[:, None, None]
             by_turn = rot.cross(arms[:, None, None], by_point)
-            jacobian = np.concatenate((by_turn, by_point), axis=-1)[seen].reshape(-1, 6)
-            weights = np.repeat(1.0 / (1.0 + (errors[seen] / _CENTRE_PX) ** 2), 2)
-            normal = jacobian.T @ (weights[:, None] * jacobian)
-            step = np.linalg.solve(normal + _DAMPING * np.eye(6), jacobian.T @ (weights * residual[seen].ravel()))
-            turn = rot.to_matrix(rot.from_rotation_vector(-step[:3])) @ turn
-            shift = shift - step[3:]
-            if np.max(np.abs(step)) < _SMALL_STEP:
-                break
-        return Placed(turn, shift, placed.time_s), errors
+            jacobian = np.concatenate((by_turn, by_point), axis=-1)[seen]
+            weights = 1.0 / np.hypot(1.0, np.linalg.norm(residual, axis=-1, keepdims=True) / _CENTRE_PX)
+            rows = ((weights * residual).ravel(), (weights[..., None] * jacobian).reshape(-1, 6))
+            return np.append(rows[0], np.zeros(6)), np.concatenate((rows[1], np.sqrt(_DAMPING) * np.eye(6)))
+
+        def move(pose: tuple[Array, Array], step: Array) -> tuple[Array, Array]:
+            return rot.to_matrix(rot.from_rotation_vector(-step[:3])) @ pose[0], pose[1] - step[3:]
+
+        pose, _, _ = gauss_newton((placed.turn, placed.shift), linearise, _STEPS, smallest=_SMALL_STEP, move=move)
+        errors = np.linalg.norm((projected(*pose)[2] - observed) * self._focal_px[:, None], axis=-1)
+        return Placed(*pose, placed.time_s), np.where(seen, errors, np.inf)
 
     def off_m(self, placed: Placed, blobs: IntArray) -> float:
         """Return the RMS distance of the markers from their blobs' rays, metres."""

@@ -13,7 +13,7 @@ from ..body.scene_pose import PropPose
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
-from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
+from ..geometry.point_patterns import match_rigid_pattern, place_pattern, planarity_m
 from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
@@ -207,7 +207,7 @@ class PropTracker:
                 break  # matches with fewer points follow
             if not self._is_spread(known):
                 continue
-            turn, shift, rms_m = fit_rigid(self.prop.positions_m[known], points_m[points[known]])
+            turn, shift, rms_m = place_pattern(self.prop.positions_m[known], points_m[points[known]])
             if rms_m < _FIT_M:
                 cost_m2 = float(known.mean()) * rms_m**2 + missed
                 found.append(_PoseCandidate(Placed(turn, shift, frame.time_s), points, rms_m, cost_m2))

@@ -14,6 +14,7 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
+from ..geometry.least_squares import gauss_newton
 
 _TURNS_DEG = (-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0)  # from facing the camera
 _PAIRS = 4  # of markers, the farthest apart, that two blobs are taken for
@@ -151,10 +152,10 @@ def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up
     """
     middle = start.mean(axis=0)
     sigma_tilt = (np.eye(3) - np.outer(up, up)) / _TILT_SIGMA_RAD
-    for _ in range(4):
+
+    def linearise(pose: Array) -> tuple[Array, Array]:
         turned = rot.rotate(rot.from_rotation_vector(pose[:3]), start - middle)
-        local = turned + middle + pose[3:]
-        residual = _ray_offsets(local[markers], points)
+        residual = _ray_offsets((turned + middle + pose[3:])[markers], points)
         rows = np.zeros((len(points), 2, 3))
         rows[:, 0, 0] = rows[:, 1, 1] = 1.0
         rows[:, :, 2] = -points
@@ -165,9 +166,10 @@ def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up
         cross[:, 1, 2], cross[:, 2, 0], cross[:, 2, 1] = x, y, -x
         jacobian = np.concatenate((rows @ cross, rows), axis=2).reshape(-1, 6) / _SIGMA_M
         prior = np.hstack((sigma_tilt, np.zeros((3, 3))))
-        matrix = np.vstack((jacobian, prior))
-        right = np.concatenate((residual.ravel() / _SIGMA_M, sigma_tilt @ pose[:3]))
-        pose = pose - np.linalg.lstsq(matrix, right, rcond=None)[0]
+        rows = np.concatenate((residual.ravel() / _SIGMA_M, sigma_tilt @ pose[:3]))
+        return rows, np.vstack((jacobian, prior))
+
+    pose, _, _ = gauss_newton(pose, linearise, 4)
     local = rot.rotate(rot.from_rotation_vector(pose[:3]), start - middle) + middle + pose[3:]
     return local, pose
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import PropError
 from ..geometry.arrays import Array
-from ..geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
+from ..geometry.point_patterns import match_rigid_pattern, place_pattern, planarity_m
 from ..system.assets import PROPS
 from ..system.files import is_file, read_toml, write_toml
 from ..system.schema import About, Schema, Table, Via
@@ -119,7 +119,7 @@ class Prop:
         count = len(self.names)
         for way in match_rigid_pattern(self.positions_m, self.spans_m, np.full((count, count), _ALIKE_SPAN_M), count):
             exchanged = np.flatnonzero(way != np.arange(count))
-            if len(exchanged) and fit_rigid(self.positions_m, self.positions_m[way])[2] < _ALIKE_M:
+            if len(exchanged) and place_pattern(self.positions_m, self.positions_m[way])[2] < _ALIKE_M:
                 exchanged_names = ", ".join(self.names[marker] for marker in exchanged)
                 raise PropError(
                     f"looks the same in another position, with {exchanged_names} exchanged",
@@ -186,7 +186,7 @@ def check_distinct(props: Sequence[Prop]) -> None:
                 continue
             tolerances = np.full((len(second.names), len(second.names)), _ALIKE_SPAN_M)
             for way in match_rigid_pattern(second.positions_m, first.spans_m, tolerances, len(first.names)):
-                if fit_rigid(first.positions_m, second.positions_m[way])[2] < _ALIKE_M:
+                if place_pattern(first.positions_m, second.positions_m[way])[2] < _ALIKE_M:
                     raise PropError(
                         f"{first.name} and {second.name} carry the same pattern of markers",
                         advice="move a marker of one of them by 3 cm or more",

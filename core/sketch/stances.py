@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from ..geometry.arrays import Array, IntArray, Mask, runs
+from ..geometry.least_squares import gauss_newton
 from .key_curves import curve_positions
 
 
@@ -157,14 +158,15 @@ def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
         toes_m: Wanted positions (K, 3); their mean attracts the result.
         lengths_m: Lengths (K,) of the foot.
     """
-    middle = place = toes_m.mean(axis=0)
-    for _ in range(4):  # Gauss-Newton
+    middle = toes_m.mean(axis=0)
+
+    def linearise(place: Array) -> tuple[Array, Array]:
         way = place - ankles_m
         far_m = np.maximum(np.linalg.norm(way, axis=1), 1e-9)
-        rows = np.concatenate((way / far_m[:, None], SETTINGS.pull * np.eye(3)))
         off_m = np.append(far_m - lengths_m, SETTINGS.pull * (place - middle))
-        place = place - np.linalg.lstsq(rows, off_m, rcond=None)[0]
-    return np.asarray(place)
+        return off_m, np.concatenate((way / far_m[:, None], SETTINGS.pull * np.eye(3)))
+
+    return gauss_newton(middle, linearise, steps=4)[0]
 
 
 def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:

@@ -15,15 +15,13 @@ from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import mirrored_name
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
+from ..geometry.least_squares import NormalEquations, levenberg_marquardt
 from ..geometry.rigid_transform import kabsch
 from ..markers.marker_set import MarkerSet
 
 Pose = Callable[[Skeleton], Array]
 
-_ROUNDS = 30
 _STEP_RAD = 1e-5
-_CONVERGED = 1e-3  # of a standard deviation
-_MOST_HALVINGS = 5
 _LEAST_VARIANCE_M = 1e-3  # of a direction in which prototypes differ: below, it is left out
 
 # standard deviations of the unknowns
@@ -210,23 +208,8 @@ class _Fit:
 
     def solved(self) -> BodyFit:
         """Return the fit from the middle body in the exact poses."""
-        state = self._start()
-        cost = self._cost(state)
-        for _ in range(_ROUNDS):
-            normal, gradient = self._normal(state)
-            step = -np.linalg.solve(normal, gradient)
-            for _ in range(_MOST_HALVINGS):
-                moved = self._moved(state, step)
-                moved_cost = self._cost(moved)
-                if moved_cost <= cost:
-                    break
-                step = 0.5 * step
-            else:
-                break
-            state, cost = moved, moved_cost
-            if np.abs(step).max() < _CONVERGED:
-                break
-        return self._result(state, np.linalg.inv(normal))
+        state, near = levenberg_marquardt(self._start(), self._linearise, self._moved)
+        return self._result(state, np.linalg.inv(near.matrix))
 
     def _start(self) -> _State:
         body, offsets = np.zeros(len(self.body.directions)), np.zeros((len(self.joints), 3))
@@ -251,18 +234,8 @@ class _Fit:
     def _shape(self, state: _State) -> tuple[Skeleton, Array]:
         return self.body.skeleton(state.body), self.usual + self.offset_sigmas * state.offsets
 
-    def _cost(self, state: _State) -> float:
-        """Return the sum of squares over their variances."""
-        skeleton, offsets = self._shape(state)
-        cost = float(state.body @ state.body + np.sum(state.offsets**2))
-        for i, held in enumerate(self.held):
-            local, _ = self._markers(held, state.angles[i], skeleton, offsets)
-            error = local @ state.matrices[i].T + state.places[i] - self.points[i]
-            cost += float(np.nansum(error**2)) / _SEEN_M**2 + float(np.sum((state.angles[i] / held.sigmas_rad) ** 2))
-        return cost
-
-    def _normal(self, state: _State) -> tuple[Array, Array]:
-        """Return the normal matrix and the gradient of half the cost."""
+    def _linearise(self, state: _State) -> NormalEquations:
+        """Return the normal equations of the squares over their variances."""
         skeleton, offsets = self._shape(state)
         prior = [state.body, state.offsets.ravel()]
         for angles, held in zip(state.angles, self.held, strict=True):
@@ -271,14 +244,16 @@ class _Fit:
         free = np.isnan(values)  # root of each pose
         normal = np.diag(np.where(free, 0.0, 1.0))
         gradient = np.where(free, 0.0, values)
+        cost = float(gradient @ gradient)
         first = len(state.body) + state.offsets.size
         for i, held in enumerate(self.held):
             columns, error = self._columns(state, i, skeleton, offsets)
             here = np.r_[0 : len(state.body) + state.offsets.size, first : first + len(held.turns) + 6]
             normal[np.ix_(here, here)] += columns.T @ columns
             gradient[here] += columns.T @ error
+            cost += float(error @ error)
             first += len(held.turns) + 6
-        return normal, gradient
+        return NormalEquations(normal, gradient, cost)
 
     def _columns(self, state: _State, i: int, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
         """Return Jacobian and error of a pose's seen markers.

@@ -5,13 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.arrays import Array, Mask
-from ..geometry.camera import Camera, CameraRig
-
-_STEP_M = 0.05
-_PIECES = 12  # of a side of the outline
-_REACH_M = 6.0  # from the middle between the cameras, to all sides
-SMALLEST_PX = 1.5  # radius of a marker in the image: a smaller one has no exact centre
-_FOLDED = 0.01  # a lens model folds directions far outside the image back into it, which moves them
+from ..geometry.camera import CameraRig
+from ..geometry.triangulation import depths
 
 
 @dataclass(frozen=True)
@@ -19,9 +14,9 @@ class CommonSpace:
     """Floor positions that all cameras see, on a grid in world metres.
 
     Args:
-        x_m, z_m: (X,), (Z,) positions of the grid.
-        seen: (Z, X) whether a performer who stands there is seen whole by all cameras.
-        rectangle_m: least x, least z, greatest x and greatest z of the largest rectangle in it; zeros without one.
+        x_m, z_m: Positions (X,) and (Z,) of the grid.
+        seen: Mask (Z, X) of the places where all cameras see a whole performer.
+        rectangle_m: Least x, least z, greatest x and greatest z of the largest rectangle of these; zeros without one.
     """
 
     x_m: Array
@@ -37,15 +32,15 @@ class CommonSpace:
 
     @property
     def outline_m(self) -> Array:
-        """(K, 3) closed line around the rectangle, on the floor; empty without one.
+        """Closed line (K, 3) around the rectangle, on the floor; empty without one.
 
-        It has many points, as lenses bend lines, and part of it may lie behind the viewer.
+        Many points: lenses bend lines, and a part may lie behind the viewer.
         """
         left, back, right, front = self.rectangle_m
         if min(self.size_m) <= 0.0:
             return np.empty((0, 3))
         corners = np.array([(left, 0.0, back), (right, 0.0, back), (right, 0.0, front), (left, 0.0, front)])
-        along = np.linspace(0.0, 1.0, _PIECES, endpoint=False)[:, None]
+        along = np.linspace(0.0, 1.0, 12, endpoint=False)[:, None]
         sides = [a + along * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
         return np.concatenate([*sides, corners[:1]])
 
@@ -59,36 +54,30 @@ class CommonSpace:
 
 
 def common_space(
-    rig: CameraRig, height_m: float = 1.8, around_m: float = 0.35, marker_radius_m: float = 0.0125
+    rig: CameraRig,
+    height_m: float = 1.8,
+    around_m: float = 0.35,
+    marker_radius_m: float = 0.0125,
+    smallest_px: float = 1.5,
 ) -> CommonSpace:
-    """Return the floor where all cameras see a performer, large enough.
+    """Return the floor within 6 m of the cameras where all of them see a performer large enough.
 
     Args:
-        rig: its world has the floor at y = 0.
-        height_m: of the performer, floor to head.
-        around_m: room for arms and steps on each side.
+        rig: Cameras in a world with the floor at y = 0.
+        height_m: Height of the performer.
+        around_m: Space for arms and steps on each side.
+        smallest_px: Least radius of a marker in the image that has an exact centre.
     """
     middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
-    steps = np.arange(-_REACH_M, _REACH_M + 0.5 * _STEP_M, _STEP_M)
+    steps = np.linspace(-6.0, 6.0, 241)
     x_m, z_m = middle[0] + steps, middle[2] + steps
     corners = [(x, y, z) for x in (-around_m, around_m) for y in (0.0, height_m) for z in (-around_m, around_m)]
     floor = np.stack((*np.meshgrid(x_m, z_m), np.zeros((len(z_m), len(x_m)))), axis=-1)[..., [0, 2, 1]]
     points = floor[..., None, :] + np.array(corners)
-    farthest_m = marker_radius_m / SMALLEST_PX
-    seen = np.all([_in_image(c, points, farthest_m * c.focal_px).all(axis=-1) for c in rig.cameras], axis=0)
-    return CommonSpace(x_m, z_m, seen, _largest_rectangle(seen, x_m, z_m))
-
-
-def _in_image(camera: Camera, points_m: Array, farthest_m: float) -> Mask:
-    """Return (...) whether a camera's image shows points (..., 3) no farther away."""
-    local = camera.to_camera(points_m)
-    ahead = (local[..., 2] > 0.1) & (local[..., 2] < farthest_m)
-    normalised = local[..., :2] / np.where(ahead, local[..., 2], 1.0)[..., None]
-    pixels = camera.to_pixels(normalised)
-    inside = ahead & np.all((pixels >= 0.0) & (pixels <= np.array(camera.image_size) - 1.0), axis=-1)
-    back = camera.undistort(pixels[inside])
-    inside[inside] = np.abs(back - normalised[inside]).max(axis=-1, initial=0.0) < _FOLDED
-    return np.asarray(inside)
+    farthest_m = marker_radius_m / smallest_px
+    seen = [(c.shows(points) & (depths(c, points) < farthest_m * c.focal_px)).all(axis=-1) for c in rig.cameras]
+    space = np.all(seen, axis=0)
+    return CommonSpace(x_m, z_m, space, _largest_rectangle(space, x_m, z_m))
 
 
 def _largest_rectangle(seen: Mask, x_m: Array, z_m: Array) -> tuple[float, float, float, float]:

@@ -1,4 +1,4 @@
-"""Advice to the person with the board: the next place to hold it in, and how."""
+"""Advice to the person with the board: where to hold it next, and how."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...geometry.arrays import Image
-from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered
-from .board_watch import BoardObservation, BoardPlacement
+from .board_coverage import CameraCoverage, least_covered
+from .board_watch import GUIDANCE, BoardObservation
 from .calibration_board import Board
 
 Region = tuple[int, int]
@@ -22,49 +22,32 @@ _REGION_NAMES = (
     ("left", "middle", "right"),
     ("lower left", "bottom", "lower right"),
 )
-_NEW_PLACE = 0.1  # of the image width
-_NEW_SIZE = 1.2
-_NEW_TILT_RAD = np.radians(12.0)
-_TILTED_RAD = np.radians(20.0)
-_TILTED_VIEWS = 0.5
-_LARGE = 0.25  # of the image width: the root of the board's area
-_ASKED_BEFORE = 0.3  # coverage that a region is taken to have for each time that it was the target in vain
-_UNSEEN_S = 4.0  # without the board, then boards with other numbers of corners are searched for
 
 
-class TargetRegions:
-    """Choice of the image region for the next view."""
+def next_target(cameras: Sequence[CameraCoverage], asked: Counter[Target]) -> Target | None:
+    """Return the camera and region that the board is wanted in; None when enough is covered.
 
-    def __init__(self) -> None:
-        self._asked: Counter[Target] = Counter()
-
-    def next(self, cameras: Sequence[CameraCoverage]) -> Target | None:
-        """Return the least covered camera and region; None when enough is covered."""
-        if not cameras or not cameras[0].views or least_covered(cameras) >= ENOUGH_COVERED:
-            return None
-        rows = [
-            (covered + _ASKED_BEFORE * self._asked[index, region], index, region)
-            for index, camera in enumerate(cameras)
-            for region, covered in np.ndenumerate(camera.region_fractions())
-            if np.isfinite(covered) and len(region) == 2
-        ]
-        if not rows:  # next to nothing is seen by all cameras
-            return None
-        _, index, region = min(rows)
-        return index, (int(region[0]), int(region[1]))
-
-    def note_view(self, target: Target | None) -> None:
-        """Count a view that was taken while a target was set."""
-        if target is not None:
-            self._asked[target] += 1
+    Args:
+        asked: Views that were taken while each target was wanted.
+    """
+    if not cameras or not cameras[0].views or least_covered(cameras) >= GUIDANCE.enough_covered:
+        return None
+    rows = [
+        (float(covered) + GUIDANCE.asked_before * asked[index, (row, column)], index, (row, column))
+        for index, camera in enumerate(cameras)
+        for row, fractions in enumerate(camera.region_fractions())
+        for column, covered in enumerate(fractions)
+        if np.isfinite(covered)
+    ]
+    return min(rows)[1:] if rows else None  # without rows, the cameras share hardly any region
 
 
 class OtherBoardProbe:
     """Search for a chessboard of another size while the right one is out of sight.
 
     Args:
-        find_grid: finds the grid of any board in an image.
-        start: begins a computation in the background, as `Executor.submit` does.
+        find_grid: Finds the grid of any board in an image.
+        start: Begins a computation in the background, as `Executor.submit` does.
     """
 
     def __init__(self, board: Board, find_grid: Callable[[Image, Grid], Grid | None], start: Start) -> None:
@@ -82,9 +65,9 @@ class OtherBoardProbe:
             self._seen_s, self._last, self._other = time_s, None, None
         if self._running is not None and self._running.done():
             found, self._running = self._running.result(), None
-            self._other = found if found == self._last else None  # once may be the pattern of a curtain
+            self._other = found if found == self._last else None  # a single find may be the pattern of a curtain
             self._last = found
-        if self._board.kind == "chessboard" and self._running is None and time_s - self._seen_s > _UNSEEN_S:
+        if self._board.kind == "chessboard" and self._running is None and time_s - self._seen_s > GUIDANCE.unseen_s:
             self._seen_s = time_s
             self._running = self._start(self._find_grid, image, self._board.corner_grid)
 
@@ -108,24 +91,15 @@ def visibility_advice(cameras: Sequence[CameraCoverage], seen: BoardObservation)
 
 def move_advice(cameras: Sequence[CameraCoverage], target: Target | None, calibration_advice: Sequence[str]) -> str:
     """Return advice for the next view."""
-    if not cameras[0].views:
-        return "hold it still"
     placements = cameras[0].placements
-    tilted = sum(placement.tilt_rad > _TILTED_RAD for placement in placements) / len(placements)
-    tilt = "tilt it another way" if tilted < _TILTED_VIEWS else ""
+    if not placements:
+        return "hold it still"
+    tilted = np.mean([placement.tilt_rad > np.radians(GUIDANCE.tilted_deg) for placement in placements])
+    tilt = "tilt it another way" if tilted < GUIDANCE.tilted_views else ""
     if target is None:
         return next(iter(calibration_advice), tilt or "hold it nearer or farther, tilted another way")
     camera, region = target
     move = f"move it to the {_REGION_NAMES[region[0]][region[1]]} of {cameras[camera].title}'s picture"
-    if max(placement.size for placement in cameras[camera].placements) < _LARGE:
+    if max(placement.size for placement in cameras[camera].placements) < GUIDANCE.large:
         move += ", nearer"
     return f"{move} and {tilt}" if tilt else move
-
-
-def is_alike(placement: BoardPlacement, other: BoardPlacement) -> bool:
-    """Return whether two placements agree in place, size and tilt."""
-    return (
-        float(np.linalg.norm(placement.centre - other.centre)) < _NEW_PLACE
-        and max(placement.size / other.size, other.size / placement.size) < _NEW_SIZE
-        and float(np.arccos(np.clip(placement.normal @ other.normal, -1.0, 1.0))) < _NEW_TILT_RAD
-    )

@@ -1,7 +1,6 @@
 """The calibration board as a PDF to print: vector squares, true to scale.
 
-The file is written directly (PDF 32000-1:2008, sections 7.5 and 8.5): one page, one content stream of filled
-rectangles in millimetres.
+PDF 32000-1:2008, sections 7.5 and 8.5: one page, one content stream of filled rectangles in millimetres.
 """
 
 from pathlib import Path
@@ -19,7 +18,6 @@ _PAPERS_MM = {
     "A1": (594.0, 841.0),
     "A0": (841.0, 1189.0),
 }
-_MARGIN_MM = 8.0
 _POINTS_PER_MM = 72.0 / 25.4
 
 Rectangle = tuple[float, float, float, float]
@@ -29,7 +27,7 @@ def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
     """Write the board on the smallest paper that holds it; return the paper's name.
 
     Raises:
-        CalibrationError: it is larger than A0.
+        CalibrationError: The board is larger than A0.
     """
     black, width, height = _rectangles(board)
     paper, page_width, page_height = _paper(width, height)
@@ -47,7 +45,7 @@ def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
 
 
 def _rectangles(board: Board) -> tuple[list[Rectangle], float, float]:
-    """Black rectangles (x, y, width, height) and the board's size, in mm."""
+    """Return black rectangles (x, y, width, height) and the board's size, in mm."""
     square = board.square_m * 1000.0
     if board.kind == "charuco":
         return _charuco_rectangles(board, square)
@@ -57,30 +55,26 @@ def _rectangles(board: Board) -> tuple[list[Rectangle], float, float]:
 
 
 def _charuco_rectangles(board: Board, square: float) -> tuple[list[Rectangle], float, float]:
-    # drawn by OpenCV at one pixel per marker cell would not keep the squares' ratio: markers are placed here
-    cells = int(charuco_board(board).getDictionary().markerSize) + 2
-    edge = board.marker_m * 1000.0
+    codes = charuco_board(board).getDictionary()
+    cells = int(codes.markerSize) + 2
+    cell, rim = board.marker_m * 1000.0 / cells, (square - board.marker_m * 1000.0) / 2.0
     black = []
     marker = 0
-    for r in range(board.rows):
-        for c in range(board.columns):
-            if (r + c) % 2 == 0:
-                black.append((c * square, r * square, square, square))
-                continue
-            bits = charuco_board(board).getDictionary().generateImageMarker(marker, cells)
-            marker += 1
-            x0, y0 = c * square + (square - edge) / 2.0, r * square + (square - edge) / 2.0
-            cell = edge / cells
-            black += [
-                (x0 + int(x) * cell, y0 + int(y) * cell, cell, cell) for y, x in np.argwhere(np.asarray(bits) == 0)
-            ]
+    for r, c in np.ndindex(board.rows, board.columns):
+        x0, y0 = c * square, r * square
+        if (r + c) % 2 == 0:
+            black.append((x0, y0, square, square))
+            continue
+        bits = np.asarray(codes.generateImageMarker(marker, cells))
+        black += [(x0 + rim + x * cell, y0 + rim + y * cell, cell, cell) for y, x in np.argwhere(bits == 0).tolist()]
+        marker += 1
     return black, board.columns * square, board.rows * square
 
 
 def _paper(width: float, height: float) -> tuple[str, float, float]:
     for name, (short, long) in _PAPERS_MM.items():
         for page_width, page_height in ((long, short), (short, long)):
-            if width + 2 * _MARGIN_MM <= page_width and height + 2 * _MARGIN_MM <= page_height:
+            if width + 16.0 <= page_width and height + 16.0 <= page_height:  # printers leave out margins
                 return name, page_width, page_height
     raise CalibrationError(
         f"a board of {width:.0f} x {height:.0f} mm does not fit on A0", advice="use smaller or fewer squares"

@@ -1,4 +1,4 @@
-"""Board points already found by another program, from JSON."""
+"""Board points that another program found, from JSON."""
 
 import json
 from pathlib import Path
@@ -20,11 +20,11 @@ _LAYOUT = (
 def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, CameraViews]]:
     """Return board points (N, 3) in metres and views of the left and right camera.
 
-    The file holds `image_size`, `board_points_mm` (N, 2) and for both cameras, `image_points_cam1` and
+    The file contains `image_size`, `board_points_mm` (N, 2) and for both cameras, `image_points_cam1` and
     `image_points_cam2`, one list of N pixels (0-based; null where not seen) per moment.
 
     Raises:
-        FormatError: the file cannot be read. CalibrationError: it does not hold that.
+        CalibrationError: It contains anything else.
     """
     raw = read_bytes(path)
     with reading(path, CalibrationError, f"expected {_LAYOUT}", "does not hold board points"):

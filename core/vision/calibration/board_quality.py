@@ -1,7 +1,7 @@
 """Quality of board pictures: sharpness of edges, coverage of the image."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -9,17 +9,17 @@ import numpy as np
 from ...geometry.arrays import Array, Image
 from .calibration_board import Board, BoardView, edge_reach, grey_of
 
-_PROFILE_STEP_PX = 0.5
-_LEAST_CONTRAST = 20.0  # grey levels between black and white squares
-_CELLS = (160, 120)
-_MIDDLE_MARGIN = 0.12  # of the image: what reaches no nearer to any of its sides stayed in the middle
+
+def with_edge_widths(view: BoardView, image: Image, board: Board) -> BoardView:
+    """Return a view with the sharpness of its picture."""
+    return replace(view, edge_widths_px=edge_widths(image, board, view))
 
 
 def edge_widths(image: Image, board: Board, view: BoardView) -> tuple[float, float]:
     """Return edge widths in pixels, along the board's rows and along its columns.
 
-    A sharp picture has about 2. Out of focus both grow, motion while the shutter is open smears one more than the
-    other. Measured as contrast over steepest slope, halfway between neighbouring corners; NaN where none can be.
+    A sharp picture has about 2. Out of focus both grow; motion during the exposure widens one more than the other.
+    Measured as contrast over steepest slope, halfway between neighbouring corners; NaN where there is no contrast.
     """
     grey = grey_of(image)
     columns = board.corner_grid[0]
@@ -38,33 +38,39 @@ def _width(grey: Image, edges: list[tuple[Array, Array]], reach: float) -> float
     length = np.linalg.norm(direction, axis=1)
     across = np.stack((-direction[:, 1], direction[:, 0]), axis=1) / length[:, None]
     half = max(reach * float(np.median(length)), 2.0)
-    steps = np.arange(-half, half + 0.5 * _PROFILE_STEP_PX, _PROFILE_STEP_PX)
+    steps = np.arange(-half, half + 0.25, 0.5)  # half a pixel
     points = (0.5 * (ends[:, 0] + ends[:, 1])[:, None] + across[:, None] * steps[:, None]).astype(np.float32)
     profiles = cv2.remap(grey, points[..., 0], points[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     levels = profiles.astype(np.float64)
     contrast = np.ptp(levels, axis=1)
-    slope = np.abs(levels[:, 2:] - levels[:, :-2]).max(axis=1) / (2.0 * _PROFILE_STEP_PX)
-    clear = contrast > _LEAST_CONTRAST
+    slope = np.abs(levels[:, 2:] - levels[:, :-2]).max(axis=1)  # over one pixel
+    clear = contrast > 20.0  # grey levels between black and white squares
     return float(np.median(contrast[clear] / slope[clear])) if clear.any() else float("nan")
+
+
+def covered_cells(views: Iterable[BoardView], image_size: tuple[int, int], cells: tuple[int, int]) -> Image:
+    """Return which cells of an image (w, h), across and down, the hulls of the corners cover: ones (rows, columns)."""
+    covered = np.zeros(cells[::-1], dtype=np.uint8)
+    scale = np.array(cells) / np.array(image_size)
+    for view in views:
+        hull = cv2.convexHull(np.round((view.pixels + 0.5) * scale - 0.5).astype(np.int32).reshape(-1, 1, 2))
+        cv2.fillConvexPoly(covered, hull, (1.0,))
+    return covered
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Covered fraction of the image, and whether the board stayed off all sides."""
+    """Covered share of the image, and whether the board stayed off all sides."""
 
     fraction: float
     in_the_middle: bool
 
 
 def coverage(views: Iterable[BoardView], image_size: tuple[int, int]) -> Coverage:
-    """Return the fraction of an image (w, h) that hulls of the corners cover."""
-    cells = np.zeros(_CELLS[::-1], dtype=np.uint8)
-    scale = np.array(_CELLS) / np.array(image_size)
-    for view in views:
-        hull = cv2.convexHull(np.round((view.pixels + 0.5) * scale - 0.5).astype(np.int32).reshape(-1, 1, 2))
-        cv2.fillConvexPoly(cells, hull, (1.0,))
+    """Return the coverage of an image (w, h) by the hulls of the corners."""
+    cells = covered_cells(views, image_size, (160, 120))
     covered = np.argwhere(cells)
     if len(covered) == 0:
         return Coverage(0.0, True)
     margins = np.concatenate((covered.min(axis=0) / cells.shape, 1.0 - (covered.max(axis=0) + 1) / cells.shape))
-    return Coverage(float(cells.mean()), bool(margins.min() > _MIDDLE_MARGIN))
+    return Coverage(float(cells.mean()), bool(margins.min() > 0.12))

@@ -3,8 +3,9 @@
 No clock and no threads of its own: images come with their times, and computations go to a function that starts them.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from math import ceil
 from typing import Any
@@ -13,18 +14,14 @@ import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Image, Mask
-from .board_coverage import ENOUGH_COVERED, CameraCoverage, least_covered, update_reachable
-from .board_guidance import OtherBoardProbe, Target, TargetRegions, is_alike, move_advice, visibility_advice
-from .board_watch import BoardObservation, BoardWatch, placement_of
-from .calibrate import CalibrationResult, are_sides_exchanged, calibrate_from_points
+from .board_coverage import CameraCoverage, least_covered, update_reachable
+from .board_guidance import OtherBoardProbe, Target, move_advice, next_target, visibility_advice
+from .board_watch import GUIDANCE, BoardObservation, BoardWatch, placement_of
+from .calibrate import CalibrationResult, ExchangedCamerasError, calibrate_from_points
 from .calibration_board import Board, BoardView, find_board, glimpse_board, seen_grid
 from .rig_fit import MINIMUM_VIEWS, CameraViews
 
 Start = Callable[..., "Future[Any]"]
-
-ENOUGH_VIEWS = 10
-_EVERY_VIEWS = 2
-_LOOK_EVERY_S = 0.12
 
 
 @dataclass(frozen=True)
@@ -32,9 +29,9 @@ class Guidance:
     """Answer to one set of images.
 
     Args:
-        seen: the board in each image; None when these images were left out.
-        advice: next step for the person with the board.
-        target: camera and region (row, column of `REGIONS` each) in which the board is wanted.
+        seen: The board in each image; None when these images were left out.
+        advice: Next step for the person with the board.
+        target: Camera and region (row, column of `REGIONS` each) that the board is wanted in.
     """
 
     seen: BoardObservation | None
@@ -43,81 +40,18 @@ class Guidance:
     taken: bool = False
 
 
-class BackgroundCalibration:
-    """Calibration from the views so far, computed in the background.
-
-    Args:
-        start: begins a computation that must not hold up the images, as `Executor.submit` does.
-    """
-
-    def __init__(self, board: Board, start: Start) -> None:
-        self.result: CalibrationResult | None = None
-        self._board = board
-        self._start = start
-        self._running: Future[CalibrationResult] | None = None
-        self._views = 0  # of the last calibration that was started
-
-    def start(self, cameras: Sequence[CameraCoverage]) -> None:
-        """Start a calibration, unless one runs or hardly any view is new."""
-        views = len(cameras[0].views)
-        if self._running is None and views >= max(MINIMUM_VIEWS, self._views + _EVERY_VIEWS):
-            self._views = views
-            self._running = self._start(_calibrate, *self._content(cameras))
-
-    def collect(self, cameras: Sequence[CameraCoverage]) -> None:
-        """Take the result of a calibration that ended; errors of few views are ignored.
-
-        Raises:
-            CalibrationError: the left and the right camera are exchanged.
-        """
-        if self._running is None or not self._running.done():
-            return
-        running, self._running = self._running, None
-        error = running.exception()
-        if error is None:
-            self.result = _check_sides(running.result())
-            update_reachable(cameras, self.result.rig, self._board)
-        elif not isinstance(error, CalibrationError):
-            raise error
-
-    def wait(self, cameras: Sequence[CameraCoverage]) -> None:
-        """Wait for the calibration that runs, if any. Errors as in `collect`."""
-        if self._running is not None:
-            self._running.exception()
-            self.collect(cameras)
-
-    def finish(self, cameras: Sequence[CameraCoverage], is_good: bool) -> CalibrationResult:
-        """Return the calibration from all views, or the present one if it is good.
-
-        Raises:
-            CalibrationError: too few views, or as in `collect`.
-        """
-        views = len(cameras[0].views) if cameras else 0
-        if self.result is None or (not is_good and self._views < views):
-            if views < MINIMUM_VIEWS:
-                raise CalibrationError(
-                    f"the board was seen whole and still in {views} places, {MINIMUM_VIEWS} are needed",
-                    advice="check its numbers of corners, hold it so that every camera sees it, and give it light",
-                )
-            self.result = _check_sides(_calibrate(*self._content(cameras)))
-        return self.result
-
-    def _content(
-        self, cameras: Sequence[CameraCoverage]
-    ) -> tuple[Board, list[CameraViews], dict[str, list[tuple[float, float]]]]:
-        views = [CameraViews(camera.name, camera.size, dict(camera.views)) for camera in cameras]
-        return self._board, views, {camera.name: list(camera.widths_px) for camera in cameras}
-
-
 class BoardSession:
     """Views of a board taken from images as they come, and the calibration from them.
 
     Args:
-        names: of the cameras, for the calibration; the first two are the left and the right one.
-        titles: their names in sentences, "the left camera".
-        start: begins a computation that must not hold up the images, as `Executor.submit` does.
-        limit: views at which it ends even if the result is not good.
-        every_s: None to take a view whenever the board is held still somewhere new; else seconds between two views.
+        names: The cameras' names in the calibration; the first two are the left and the right one.
+        titles: Their names in sentences, such as "the left camera".
+        start: Begins a computation that must not delay the images, as `Executor.submit` does.
+        limit: Number of views after which the session ends even if the result is not good.
+        every_s: Seconds between two views; None takes one whenever the board is held still in a new place.
+
+    Attributes:
+        result: Calibration so far.
     """
 
     def __init__(
@@ -129,23 +63,21 @@ class BoardSession:
         limit: int,
         every_s: float | None = None,
     ) -> None:
+        self.result: CalibrationResult | None = None
         self._board = board
         self._names, self._titles = tuple(names), tuple(titles)
+        self._start = start
         self._limit = max(limit, MINIMUM_VIEWS)
         self._every_s = every_s
         self._watch = BoardWatch(board, glimpse_board)
         self._cameras: list[CameraCoverage] = []
-        self._calibration = BackgroundCalibration(board, start)
-        self._targets = TargetRegions()
+        self._running: Future[CalibrationResult] | None = None
+        self._calibrated_views = 0  # views of the last calibration that was started
+        self._asked: Counter[Target] = Counter()
         self._probe = OtherBoardProbe(board, seen_grid, start)
         self._looked_s = -np.inf
         self._due_s: float | None = None
         self._last = Guidance(None, "", None)
-
-    @property
-    def result(self) -> CalibrationResult | None:
-        """Calibration so far."""
-        return self._calibration.result
 
     @property
     def views(self) -> int:
@@ -154,28 +86,28 @@ class BoardSession:
 
     @property
     def coverage(self) -> tuple[Mask, ...]:
-        """Per camera the cells of its image that the board has covered."""
+        """Cells of each camera's image that the board has covered."""
         return tuple(camera.covered for camera in self._cameras)
 
     @property
     def board_views(self) -> dict[str, list[BoardView]]:
-        """The board in each camera's views, by the camera's name in sentences."""
+        """The board in each camera's views, by the camera's title."""
         return {camera.title: list(camera.views.values()) for camera in self._cameras}
 
     @property
     def fraction(self) -> float:
         """Estimated share of the work that is done."""
-        covered = least_covered(self._cameras)
-        return min(1.0, 0.5 * min(self.views / ENOUGH_VIEWS, 1.0) + 0.5 * min(covered / ENOUGH_COVERED, 1.0))
+        views, covered = self.views / GUIDANCE.enough_views, least_covered(self._cameras) / GUIDANCE.enough_covered
+        return 0.5 * min(views, 1.0) + 0.5 * min(covered, 1.0)
 
     @property
     def good(self) -> bool:
-        """Whether the calibration so far is good and needs no view of another place."""
+        """Whether the calibration so far is good and needs no further view."""
         return (
             self.result is not None
             and self.result.verdict == "good"
-            and len(self.result.used) >= ENOUGH_VIEWS
-            and least_covered(self._cameras) >= ENOUGH_COVERED
+            and len(self.result.used) >= GUIDANCE.enough_views
+            and least_covered(self._cameras) >= GUIDANCE.enough_covered
         )
 
     @property
@@ -187,10 +119,10 @@ class BoardSession:
         """Take the images of the next moment, one per camera (uint8 BGR).
 
         Raises:
-            CalibrationError: the left and the right camera are exchanged.
+            CalibrationError: The left and the right camera are exchanged.
         """
-        self._calibration.collect(self._cameras)
-        if time_s - self._looked_s < _LOOK_EVERY_S:
+        self._collect()
+        if time_s - self._looked_s < GUIDANCE.look_every_s:
             return Guidance(None, self._last.advice, self._last.target)
         self._looked_s = time_s
         if not self._cameras:
@@ -207,10 +139,34 @@ class BoardSession:
         """Return the calibration from all views, or the one that is good already.
 
         Raises:
-            CalibrationError: they do not suffice.
+            CalibrationError: The views do not suffice, or the left and the right camera are exchanged.
         """
-        self._calibration.wait(self._cameras)
-        return self._calibration.finish(self._cameras, self.good)
+        if self._running is not None:
+            wait([self._running])
+            self._collect()
+        if self.result is None or (not self.good and self._calibrated_views < self.views):
+            if self.views < MINIMUM_VIEWS:
+                raise CalibrationError(
+                    f"the board was seen whole and still in {self.views} places, {MINIMUM_VIEWS} are needed",
+                    advice="check its numbers of corners, hold it so that every camera sees it, and give it light",
+                )
+            self.result = _calibrate(self._board, self._content())
+        return self.result
+
+    def _collect(self) -> None:
+        """Take the result of a calibration that ended; one that had too few views may fail."""
+        if self._running is None or not self._running.done():
+            return
+        running, self._running = self._running, None
+        error = running.exception()
+        if error is None:
+            self.result = running.result()
+            update_reachable(self._cameras, self.result.rig, self._board)
+        elif isinstance(error, ExchangedCamerasError) or not isinstance(error, CalibrationError):
+            raise error
+
+    def _content(self) -> list[CameraViews]:
+        return [CameraViews(camera.name, camera.size, dict(camera.views)) for camera in self._cameras]
 
     def _see_still(self, images: Sequence[Image], seen: BoardObservation) -> Guidance:
         if not seen.together:
@@ -229,52 +185,42 @@ class BoardSession:
         return self._take(images, seen) if seen.together else self._guide(seen, self._show_it(seen))
 
     def _guide(self, seen: BoardObservation, advice: str, taken: bool = False) -> Guidance:
-        return Guidance(seen, advice, self._targets.next(self._cameras), taken)
+        return Guidance(seen, advice, next_target(self._cameras, self._asked), taken)
 
     def _show_it(self, seen: BoardObservation) -> str:
         return self._probe.advice or visibility_advice(self._cameras, seen)
 
     def _move_it(self) -> str:
         advice = self.result.advice if self.result is not None else ()
-        return move_advice(self._cameras, self._targets.next(self._cameras), advice)
+        return move_advice(self._cameras, next_target(self._cameras, self._asked), advice)
 
     def _is_new(self, seen: BoardObservation) -> bool:
         """Return whether place, size or tilt of the board differ from every view taken."""
-        known = np.zeros(self.views, dtype=bool)
-        for index, (camera, view) in enumerate(zip(self._cameras, seen.views, strict=True)):
-            if view is None:
-                return False
-            placement = placement_of(view, self._board, camera.size)
-            alike = np.array([is_alike(placement, other) for other in camera.placements], dtype=bool)
-            known = alike if index == 0 else known & alike
+        known = np.ones(self.views, dtype=bool)
+        for camera, view in zip(self._cameras, seen.views, strict=True):
+            if view is not None:
+                placement = placement_of(view, self._board, camera.size)
+                known &= np.array([placement.is_like(other) for other in camera.placements], dtype=bool)
         return not known.any()
 
     def _take(self, images: Sequence[Image], seen: BoardObservation) -> Guidance:
-        """Take the view if the corners are found closely, too."""
+        """Take the view if the exact search finds the corners, too."""
         views = [view for image in images if (view := find_board(image, self._board)) is not None]
         if len(views) < len(images):
             return self._guide(seen, "hold it still, in more light: its corners are not clear")
-        target = self._targets.next(self._cameras)
+        target = next_target(self._cameras, self._asked)
         key = f"{self.views:06d}"
         for camera, image, view in zip(self._cameras, images, views, strict=True):
             camera.add(key, image, self._board, view)
-        self._targets.note_view(target)
-        self._calibration.start(self._cameras)
+        if target is not None:
+            self._asked[target] += 1
+        if self._running is None and self.views >= max(
+            MINIMUM_VIEWS, self._calibrated_views + GUIDANCE.calibrate_every
+        ):
+            self._calibrated_views = self.views
+            self._running = self._start(_calibrate, self._board, self._content())
         return self._guide(seen, f"taken, {self._move_it()}", taken=True)
 
 
-def _check_sides(result: CalibrationResult) -> CalibrationResult:
-    cameras = result.rig.cameras
-    if len(cameras) > 1 and are_sides_exchanged(cameras[0].to_camera(cameras[1].centre_m)):
-        raise CalibrationError(
-            "the left camera stands on the right", advice="exchange the two cameras, then calibrate again"
-        )
-    return result
-
-
-def _calibrate(
-    board: Board, cameras: Sequence[CameraViews], widths_px: dict[str, list[tuple[float, float]]]
-) -> CalibrationResult:
-    return calibrate_from_points(
-        board.points_m, cameras, left_right=False, ambiguous=board.is_ambiguous, edge_widths_px=widths_px
-    )
+def _calibrate(board: Board, cameras: Sequence[CameraViews]) -> CalibrationResult:
+    return calibrate_from_points(board.points_m, cameras, ambiguous=board.is_ambiguous)

@@ -10,10 +10,31 @@ import numpy as np
 from ...geometry.arrays import Array, Image
 from .calibration_board import Board, BoardView
 
-STILL_S = 0.5
-_STILL = 2.0 / 640.0  # of the image width: what a hand trembles within that time; less smears no corner
-_LEAST_LOOKS = 3
-_FOCAL = 0.9  # of the image width: an ordinary lens, near enough to tell how a board is tilted
+
+@dataclass(frozen=True)
+class GuidanceSettings:
+    """How a person is guided through a live calibration; lengths in images are shares of their width."""
+
+    look_every_s: float = 0.12  # between searches for the board
+    still_s: float = 0.5  # a board that did not move for this time is still
+    still: float = 2.0 / 640.0  # what a hand trembles within that time; it smears no corner
+    least_looks: int = 3  # within that time
+    focal: float = 0.9  # focal length of a usual lens, exact enough for tilts
+    new_place: float = 0.1  # a new view has another place,
+    new_size: float = 1.2  # another size, as a ratio,
+    new_tilt_deg: float = 12.0  # or another tilt
+    tilted_deg: float = 20.0
+    tilted_views: float = 0.5  # share of the views that should be tilted as much
+    large: float = 0.25  # root of the board's area; a smaller one is asked to come nearer
+    asked_before: float = 0.3  # coverage added to a region for each view that was taken while it was wanted
+    reachable_share: float = 0.3  # least share of a region's cells within reach for guidance to ask for it
+    enough_covered: float = 0.45  # share of the image part that all cameras can see together
+    enough_views: int = 10
+    calibrate_every: int = 2  # new views
+    unseen_s: float = 4.0  # without the board, until boards of other sizes are searched for
+
+
+GUIDANCE = GuidanceSettings()
 
 
 @dataclass(frozen=True)
@@ -21,9 +42,9 @@ class BoardPlacement:
     """Placement of the board in an image.
 
     Args:
-        centre: (2,) from the image's middle, image widths.
-        size: root of the board's area, image widths.
-        normal: (3,) unit normal in the camera's frame, away from the camera, for a usual lens.
+        centre: Centre (2,) relative to the image's middle, in image widths.
+        size: Root of the board's area, in image widths.
+        normal: Unit normal (3,) in the camera's frame, away from the camera, for a usual lens.
     """
 
     centre: Array
@@ -32,9 +53,17 @@ class BoardPlacement:
 
     @property
     def tilt_rad(self) -> float:
-        """Angle between the board's normal and the line of sight to its middle."""
-        sight = np.array([*self.centre / _FOCAL, 1.0])
+        """Angle between the board's normal and the line of sight to its centre."""
+        sight = np.array([*self.centre / GUIDANCE.focal, 1.0])
         return float(np.arccos(min(1.0, abs(float(self.normal @ sight)) / float(np.linalg.norm(sight)))))
+
+    def is_like(self, other: "BoardPlacement") -> bool:
+        """Return whether place, size and tilt are nearly the same."""
+        return (
+            float(np.linalg.norm(self.centre - other.centre)) < GUIDANCE.new_place
+            and max(self.size / other.size, other.size / self.size) < GUIDANCE.new_size
+            and float(self.normal @ other.normal) > np.cos(np.radians(GUIDANCE.new_tilt_deg))
+        )
 
 
 @dataclass(frozen=True)
@@ -51,10 +80,10 @@ class BoardObservation:
 
 
 class BoardWatch:
-    """Finder of the board in live images, and of half a second without motion.
+    """Search for a board in live images, until it is still.
 
     Args:
-        find: finds it in one image, as `board.glimpse_board` or `board.find_board` do.
+        find: Finds it in one image, as `glimpse_board` or `find_board` do.
     """
 
     def __init__(self, board: Board, find: Callable[[Image, Board], BoardView | None]) -> None:
@@ -70,12 +99,12 @@ class BoardWatch:
         if None in views:
             self._past.clear()
             return BoardObservation(views, False)
-        while len(self._past) > 1 and time_s - self._past[1][0] >= STILL_S:  # the oldest is at least so old
+        while len(self._past) > 1 and time_s - self._past[1][0] >= GUIDANCE.still_s:
             self._past.popleft()
-        limits = [_STILL * image.shape[1] for image in images]
+        limits = [GUIDANCE.still * image.shape[1] for image in images]
         still = (
-            len(self._past) + 1 >= _LEAST_LOOKS
-            and time_s - self._past[0][0] >= STILL_S
+            len(self._past) + 1 >= GUIDANCE.least_looks
+            and time_s - self._past[0][0] >= GUIDANCE.still_s
             and all(_motion_px(then, now) <= limit
                     for _, past in self._past
                     for then, now, limit in zip(past, views, limits, strict=True))
@@ -98,12 +127,13 @@ def _motion_px(then: BoardView | None, now: BoardView | None) -> float:
 
 
 def placement_of(view: BoardView, board: Board, image_size: tuple[int, int]) -> BoardPlacement:
-    """Return where a view has the board, in an image of this size (w, h)."""
+    """Return the placement of a view in an image of this size (w, h)."""
     width = float(image_size[0])
     hull = cv2.convexHull(view.pixels.astype(np.float32))
     size = float(np.sqrt(max(cv2.contourArea(hull), 1e-9))) / width
     middle = 0.5 * np.array([image_size[0] - 1, image_size[1] - 1])
-    homography, _ = cv2.findHomography(board.points_m[view.ids, :2], (view.pixels - middle) / (_FOCAL * width))
+    points = (view.pixels - middle) / (GUIDANCE.focal * width)
+    homography, _ = cv2.findHomography(board.points_m[view.ids, :2], points)
     # columns of the homography: the board's axes in the camera, up to one scale (Zhang 2000, section 2.2)
     normal = np.array([0.0, 0.0, 1.0])
     if homography is not None:

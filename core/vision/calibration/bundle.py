@@ -1,7 +1,7 @@
 """Bundle adjustment of cameras and board poses (Triggs et al., 2000).
 
-Against OpenCV's stereo calibration it adds the skew of the pixel grid, any number of cameras, a prior of the
-lenses, and cameras that did not take a moment's pictures at quite the same time.
+Compared with OpenCV's stereo calibration it adds the skew of the pixel grid, any number of cameras, a prior of the
+lenses, and cameras that take the pictures of a moment at slightly different times.
 """
 
 from collections.abc import Sequence
@@ -11,26 +11,44 @@ import cv2
 import numpy as np
 
 from ...geometry.arrays import Array, IntArray, Mask
+from ...geometry.least_squares import NormalEquations, levenberg_marquardt
 
 INTRINSICS = 10
 """fx, fy, cx, cy, skew, k1, k2, p1, p2, k3 of one camera, in this order."""
 
-CORNER_SIGMA_PX = 0.2
-"""Standard deviation of a corner along each axis: what single cameras show on recorded boards."""
-
 _POSE = 6
-_ITERATIONS = 100
-_SMALLEST_GAIN = 1e-8
-_LARGEST_DAMPING = 1e10
-_TIME_SIGMA_S = 0.05  # of a picture's time: cameras that are not synchronised are up to a frame or more apart
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How boards, lenses and cameras are fitted together."""
+
+    corner_sigma_px: float = 0.2  # standard deviation of a corner along each axis, as recorded boards show it
+    time_sigma_s: float = 0.05  # standard deviation of a picture's time: unsynchronised cameras are a frame or more off
+    aspect_sigma: float = 0.01  # prior standard deviation of fx - fy, as a share of the image's width
+    # prior standard deviations of cx, cy, skew (shares of the width), k1, k2, p1, p2, k3 of ordinary lenses
+    lens_sigmas: tuple[float, ...] = (0.15, 0.15, 0.03, 0.5, 1.0, 0.02, 0.02, 3.0)
+    # Two cameras see a board in one place up to these limits. They are wide, as board poses of one camera are rough;
+    # half turns and wrong pairs are far outside.
+    same_angle_deg: float = 8.0
+    same_distance: float = 0.3  # share of the usual distance to the board
+    outlier_factor: float = 3.0  # an outlier has an error this many times the median,
+    outlier_floor_px: float = 0.6  # and larger than it by this
+    folds: int = 5  # parts of the moments that are held out in turn
+    least_moments: int = 10  # with fewer, nothing is held out
+    richer_may_cost: float = 1.05  # largest held-out error of the chosen lens model, as a multiple of the best one's
+
+
+FIT = FitSettings()
 
 
 @dataclass(frozen=True)
 class CornerObservation:
     """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment.
 
-    `motion_px_s` (n, 2) is how the pixels move, where pictures of a moment may have been taken at different times;
-    an error along it is then put down to that. None: the board held still.
+    Args:
+        motion_px_s: Velocities (n, 2) of the pixels where cameras may not be synchronised: an error along them may be
+            the picture's delay. None for a board that was held still.
     """
 
     camera: int
@@ -42,12 +60,12 @@ class CornerObservation:
 
 @dataclass(frozen=True)
 class Bundle:
-    """Unknowns of the adjustment; poses are a rotation vector and a translation.
+    """Unknowns of the adjustment; a pose is a rotation vector and a translation.
 
     Args:
-        intrinsics: (C, 10).
-        cameras: (C, 6) camera-from-first; the first is zero.
-        boards: (M, 6) first-camera-from-board.
+        intrinsics: Lenses (C, 10).
+        cameras: Poses (C, 6), camera-from-first; the first is zero.
+        boards: Poses (M, 6), first-camera-from-board.
     """
 
     intrinsics: Array
@@ -57,7 +75,7 @@ class Bundle:
 
 @dataclass(frozen=True)
 class LensPrior:
-    """Prior of the lenses: (C, 10) `mean` and (C, 10, 10) `information`."""
+    """Mean (C, 10) and inverse covariance (C, 10, 10) of the lenses."""
 
     mean: Array
     information: Array
@@ -81,76 +99,99 @@ def adjust(
     """Minimise the squared reprojection error by Levenberg-Marquardt.
 
     Args:
-        free: (10,) which intrinsics of every camera are adjusted.
-        prior: of the lenses, weighed against corners with `CORNER_SIGMA_PX`.
+        free: Mask (10,) of the intrinsics that are adjusted, the same for every camera.
     """
-    cameras = len(start.intrinsics)
-    active = np.flatnonzero(np.concatenate((np.tile(free, cameras), np.repeat(np.arange(cameras) > 0, _POSE))))
-    return _minimise(start, observations, active, prior)
+    return _minimise(start, observations, _unknowns(start, free), prior)
 
 
 def adjust_boards(bundle: Bundle, observations: Sequence[CornerObservation]) -> Bundle:
-    """Adjust the boards' poses only, to see how well a calibration explains pictures."""
-    return _minimise(bundle, observations, np.empty(0, dtype=np.int64), None)
+    """Adjust the poses of the boards only, to test a calibration on other pictures."""
+    first = bundle.intrinsics.size + bundle.cameras.size
+    return _minimise(bundle, observations, np.arange(first, first + bundle.boards.size), None)
 
 
 def camera_covariance(bundle: Bundle, observations: Sequence[CornerObservation], free: Mask, prior: LensPrior) -> Array:
-    """Return the covariance (6 C, 6 C) of an adjusted bundle's `cameras`.
-
-    Inverse of the normal equations without the boards, times the residuals' own variance.
-    """
-    count = len(bundle.intrinsics)
-    active = np.flatnonzero(np.concatenate((np.tile(free, count), np.repeat(np.arange(count) > 0, _POSE))))
-    system = _normal_equations(bundle, observations, prior)
-    reduced, _, scale = _reduce(system, active, 0.0)[:3]
+    """Return the covariance (6 C, 6 C) of an adjusted bundle's `cameras`, by the variance of its residuals."""
+    unknowns = _unknowns(bundle, free)
+    near = _linearise(bundle, observations, prior)
+    part = near.matrix[np.ix_(unknowns, unknowns)]
+    scale = 1.0 / np.sqrt(np.maximum(part.diagonal(), 1e-30))
+    inverse = scale * scale[:, None] * np.linalg.pinv(part * scale * scale[:, None], hermitian=True)
     numbers = 2 * sum(len(observation.pixels) for observation in observations)
-    variance = system.cost / max(numbers - len(active) - _POSE * len(bundle.boards), 1)
-    result = np.zeros((len(system.cameras),) * 2)
-    result[np.ix_(active, active)] = variance * scale * scale[:, None] * np.linalg.pinv(reduced, hermitian=True)
-    return result[count * INTRINSICS :, count * INTRINSICS :]
+    result = np.zeros_like(near.matrix)
+    result[np.ix_(unknowns, unknowns)] = near.cost / max(numbers - len(unknowns), 1) * inverse
+    first = bundle.intrinsics.size
+    return result[first : first + bundle.cameras.size, first : first + bundle.cameras.size]
+
+
+def _unknowns(bundle: Bundle, free: Mask) -> IntArray:
+    """Return the adjusted numbers of a bundle: free intrinsics, cameras but the first, boards."""
+    count = len(bundle.intrinsics)
+    others = np.arange(bundle.cameras.size + bundle.boards.size) >= _POSE
+    return np.flatnonzero(np.concatenate((np.tile(free, count), others)))
 
 
 def _minimise(
-    current: Bundle, observations: Sequence[CornerObservation], active: IntArray, prior: LensPrior | None
+    start: Bundle, observations: Sequence[CornerObservation], unknowns: IntArray, prior: LensPrior | None
 ) -> Bundle:
-    damping = 1e-4
-    system = _normal_equations(current, observations, prior)
-    for _ in range(_ITERATIONS):
-        candidate = _apply_step(current, *_step(system, active, damping))
-        new = _normal_equations(candidate, observations, prior)
-        if not new.cost < system.cost:
-            damping *= 10.0
-            if damping > _LARGEST_DAMPING:
-                break
-            continue
-        gain = (system.cost - new.cost) / system.cost
-        current, system = candidate, new
-        damping = max(damping / 10.0, 1e-12)
-        if gain < _SMALLEST_GAIN:
-            break
-    return current
+    def linearise(bundle: Bundle) -> NormalEquations:
+        near = _linearise(bundle, observations, prior)
+        return NormalEquations(near.matrix[np.ix_(unknowns, unknowns)], near.gradient[unknowns], near.cost)
+
+    def move(bundle: Bundle, step: Array) -> Bundle:
+        parts = (bundle.intrinsics, bundle.cameras, bundle.boards)
+        flat = np.concatenate([part.ravel() for part in parts])
+        flat[unknowns] += step
+        moved = np.split(flat, np.cumsum([part.size for part in parts[:2]]))
+        return Bundle(*(values.reshape(part.shape) for values, part in zip(moved, parts, strict=True)))
+
+    return levenberg_marquardt(start, linearise, move)[0]
+
+
+def _linearise(bundle: Bundle, observations: Sequence[CornerObservation], prior: LensPrior | None) -> NormalEquations:
+    """Return the normal equations of all numbers of a bundle, in the order of its fields."""
+    first = bundle.intrinsics.size
+    size = first + bundle.cameras.size + bundle.boards.size
+    matrix, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
+    lenses = np.arange(first).reshape(bundle.intrinsics.shape)
+    cameras, boards = np.split(np.arange(first, size).reshape(-1, _POSE), [len(bundle.cameras)])
+    for seen in observations:
+        errors, jacobian = _residuals_and_jacobian(bundle, seen)
+        jacobian, flat = _without_delay(seen, jacobian), _without_delay(seen, errors.reshape(-1, 1))[:, 0]
+        own = np.concatenate((lenses[seen.camera], cameras[seen.camera], boards[seen.moment]))
+        matrix[np.ix_(own, own)] += jacobian.T @ jacobian
+        gradient[own] += jacobian.T @ flat
+        cost += float(flat @ flat)
+    if prior is not None:
+        for camera, rows in enumerate(lenses):
+            information = FIT.corner_sigma_px**2 * prior.information[camera]
+            off = bundle.intrinsics[camera] - prior.mean[camera]
+            matrix[np.ix_(rows, rows)] += information
+            gradient[rows] += information @ off
+            cost += float(off @ information @ off)
+    return NormalEquations(matrix, gradient, cost)
 
 
 def residuals(bundle: Bundle, observation: CornerObservation) -> Array:
-    """Return predicted minus seen pixels (n, 2), less the part of the picture's delay."""
+    """Return predicted minus seen pixels (n, 2), without what the picture's delay explains."""
     errors, _ = _residuals_and_jacobian(bundle, observation)
-    return _timeless(observation, errors.reshape(-1, 1)).reshape(-1, 2)
+    return _without_delay(observation, errors.reshape(-1, 1)).reshape(-1, 2)
 
 
 def delay_s(bundle: Bundle, observation: CornerObservation) -> float:
     """Return the delay of a picture in its moment; NaN where the board did not move."""
-    if observation.motion_px_s is None or np.abs(observation.motion_px_s).max() * _TIME_SIGMA_S < CORNER_SIGMA_PX:
+    motion = observation.motion_px_s
+    if motion is None or np.abs(motion).max() * FIT.time_sigma_s < FIT.corner_sigma_px:
         return float("nan")
     errors, _ = _residuals_and_jacobian(bundle, observation)
-    return float(-np.sum(errors * observation.motion_px_s) / np.sum(observation.motion_px_s**2))
+    return float(-np.sum(errors * motion) / np.sum(motion**2))
 
 
 def rms_by_moment(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
     """Return the RMS reprojection error (M, C) in pixels, NaN for unseen boards."""
     table = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
     for observation in observations:
-        errors = residuals(bundle, observation)
-        table[observation.moment, observation.camera] = np.sqrt(np.mean(np.sum(errors**2, axis=1)))
+        table[observation.moment, observation.camera] = rms(bundle, [observation])
     return table
 
 
@@ -160,107 +201,18 @@ def rms(bundle: Bundle, observations: Sequence[CornerObservation]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-@dataclass(frozen=True)
-class _System:
-    """Normal equations in blocks: cameras, boards, coupling, gradients and cost."""
-
-    cameras: Array
-    boards: Array
-    coupling: Array
-    cameras_gradient: Array
-    boards_gradient: Array
-    cost: float
-
-
-def _normal_equations(bundle: Bundle, observations: Sequence[CornerObservation], prior: LensPrior | None) -> _System:
-    count, moments = len(bundle.intrinsics), len(bundle.boards)
-    size = count * (INTRINSICS + _POSE)
-    cameras, gradient = np.zeros((size, size)), np.zeros(size)
-    boards, coupling, boards_gradient = np.zeros((moments, 6, 6)), np.zeros((moments, size, 6)), np.zeros((moments, 6))
-    cost = 0.0
-    first = count * INTRINSICS
-    columns = [
-        (slice(INTRINSICS * c, INTRINSICS * (c + 1)), slice(first + _POSE * c, first + _POSE * (c + 1)))
-        for c in range(count)
-    ]
-    for observation in observations:
-        errors, jacobian = _residuals_and_jacobian(bundle, observation)
-        jacobian, flat = _timeless(observation, jacobian), _timeless(observation, errors.reshape(-1, 1))[:, 0]
-        lens, pose = columns[observation.camera]
-        normal, down = jacobian.T @ jacobian, jacobian.T @ flat
-        own = INTRINSICS + _POSE
-        cameras[lens, lens] += normal[:INTRINSICS, :INTRINSICS]
-        cameras[lens, pose] += normal[:INTRINSICS, INTRINSICS:own]
-        cameras[pose, lens] += normal[INTRINSICS:own, :INTRINSICS]
-        cameras[pose, pose] += normal[INTRINSICS:own, INTRINSICS:own]
-        coupling[observation.moment, lens] += normal[:INTRINSICS, own:]
-        coupling[observation.moment, pose] += normal[INTRINSICS:own, own:]
-        boards[observation.moment] += normal[own:, own:]
-        gradient[lens] += down[:INTRINSICS]
-        gradient[pose] += down[INTRINSICS:own]
-        boards_gradient[observation.moment] += down[own:]
-        cost += float(flat @ flat)
-    if prior is not None:
-        for camera, (rows, _) in enumerate(columns):
-            information = CORNER_SIGMA_PX**2 * prior.information[camera]
-            off = bundle.intrinsics[camera] - prior.mean[camera]
-            cameras[rows, rows] += information
-            gradient[rows] += information @ off
-            cost += float(off @ information @ off)
-    return _System(cameras, boards, coupling, gradient, boards_gradient, cost)
-
-
-def _reduce(system: _System, active: IntArray, damping: float) -> tuple[Array, Array, Array, Array, Array]:
-    """Eliminate the boards (Schur complement).
-
-    Returns the scaled matrix and right side of the active unknowns of the cameras, their scale, and the boards' step
-    as far as it does not depend on the cameras (M, 6), and as it does (M, 6, N).
-    """
-    diagonal = np.einsum("mii->mi", system.boards)
-    damped = system.boards + np.einsum("mi,ij->mij", np.where(diagonal > 0.0, damping * diagonal, 1.0), np.eye(_POSE))
-    coupling = system.coupling[:, active]
-    by_coupling = np.linalg.solve(damped, coupling.transpose(0, 2, 1))
-    by_gradient = np.linalg.solve(damped, system.boards_gradient[..., None])[..., 0]
-    full = system.cameras[np.ix_(active, active)]
-    full = full + damping * np.diag(np.diag(full))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(full), 1e-30))
-    reduced = full - np.einsum("mai,mib->ab", coupling, by_coupling)
-    right = system.cameras_gradient[active] - np.einsum("mai,mi->a", coupling, by_gradient)
-    return reduced * scale * scale[:, None], right * scale, scale, by_gradient, by_coupling
-
-
-def _step(system: _System, active: IntArray, damping: float) -> tuple[Array, Array]:
-    """Return the damped step of cameras (N,) and boards (M, 6)."""
-    reduced, right, scale, by_gradient, by_coupling = _reduce(system, active, damping)
-    step = np.zeros(len(system.cameras))
-    if len(active):
-        step[active] = -scale * np.linalg.lstsq(reduced, right, rcond=None)[0]
-    return step, -by_gradient - np.einsum("mia,a->mi", by_coupling, step[active])
-
-
-def _apply_step(bundle: Bundle, step: Array, boards: Array) -> Bundle:
-    count = len(bundle.intrinsics) * INTRINSICS
-    return Bundle(
-        bundle.intrinsics + step[:count].reshape(-1, INTRINSICS),
-        bundle.cameras + step[count:].reshape(-1, _POSE),
-        bundle.boards + boards,
-    )
-
-
-def _timeless(observation: CornerObservation, columns: Array) -> Array:
+def _without_delay(observation: CornerObservation, columns: Array) -> Array:
     """Whiten columns (2n, k) of errors or derivatives along the pixels' motion.
 
-    With corners of covariance s^2 I and a picture taken at a time unknown by t, errors have the covariance
-    s^2 I + t^2 v v^T, v (2n) the pixels' motion; the result is whitened with it, in units of s.
+    With corners of covariance s^2 I and a picture's time of variance t^2, errors have the covariance
+    s^2 I + t^2 v v^T, v (2n) the pixels' velocities; the result is whitened with it, in units of s.
     """
-    if observation.motion_px_s is None:
-        return columns
-    motion = observation.motion_px_s.ravel()
+    motion = np.zeros(1) if observation.motion_px_s is None else observation.motion_px_s.ravel()
     speed = float(np.linalg.norm(motion))
     if speed == 0.0:
         return columns
     along = motion / speed
-    less = 1.0 - 1.0 / np.hypot(1.0, _TIME_SIGMA_S * speed / CORNER_SIGMA_PX)
+    less = 1.0 - 1.0 / np.hypot(1.0, FIT.time_sigma_s * speed / FIT.corner_sigma_px)
     return np.asarray(columns - less * np.outer(along, along @ columns))
 
 
@@ -270,7 +222,7 @@ def _residuals_and_jacobian(bundle: Bundle, observation: CornerObservation) -> t
     board, camera = bundle.boards[observation.moment], bundle.cameras[observation.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])
     turn, shift = np.asarray(composed[0]), np.asarray(composed[1])
-    chain = np.empty((_POSE, 2 * _POSE))  # of the board in the camera, by the camera's pose and by the board's
+    chain = np.empty((_POSE, 2 * _POSE))  # derivatives of the board in the camera, by the camera's pose and the board's
     chain[:3, :3], chain[:3, 3:6], chain[3:, :3], chain[3:, 3:6] = composed[4], composed[5], composed[8], composed[9]
     chain[:3, 6:9], chain[:3, 9:], chain[3:, 6:9], chain[3:, 9:] = composed[2], composed[3], composed[6], composed[7]
     fx, fy, cx, cy, skew = intrinsics[:5]
@@ -279,7 +231,7 @@ def _residuals_and_jacobian(bundle: Bundle, observation: CornerObservation) -> t
         np.ascontiguousarray(observation.points_m, dtype=np.float64), turn, shift, plain, intrinsics[5:]
     )
     pixels, derivatives = np.asarray(projected, np.float64).reshape(-1, 2), np.asarray(columns, np.float64)
-    height = (pixels[:, 1] - cy) / fy  # distorted y/z: what the skew acts on
+    height = (pixels[:, 1] - cy) / fy  # distorted y/z, which the skew multiplies
     jacobian = np.empty((len(derivatives), INTRINSICS + 2 * _POSE))
     jacobian[:, :4], jacobian[:, 5:10] = derivatives[:, 6:10], derivatives[:, 10:15]
     jacobian[0::2, 4], jacobian[1::2, 4] = height, 0.0

@@ -1,7 +1,7 @@
 """Camera calibration from board pictures: lenses, relative poses, advice.
 
-Zhang, "A flexible new technique for camera calibration" (2000), through OpenCV; then all cameras and the
-board's poses are refined together (`bundle`).
+OpenCV starts from "A flexible new technique for camera calibration" (Zhang 2000); a bundle adjustment refines all
+cameras and board poses together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from ...geometry.rigid_transform import nearest_rotation
 from .board_quality import Coverage, coverage
 from .bundle import Bundle, CornerObservation, adjust, intrinsics_of, matrix_of, rms, rms_by_moment
 from .calibration_board import BoardView
-from .relative_pose import Transform, inverse
+from .relative_pose import pose_matrix
 from .rig_fit import (
     MINIMUM_VIEWS,
     NO_SKEW,
@@ -32,16 +32,28 @@ from .rig_fit import (
     lens_prior,
 )
 
-_GOOD_VIEWS = 8
-_GOOD_RMS = 0.5 / 640.0  # of the image width
-_USABLE_RMS = 1.2 / 640.0
-_GOOD_COVERAGE = 0.25
-_GOOD_COVERAGE_IN_THE_MIDDLE = 0.5
-_GOOD_DISTANCE = 0.002
-_SMEARED = 4.0 / 640.0  # of the image width
-_SMEARED_ONE_WAY = 1.5  # edges this much wider one way than the other are smeared by motion, else out of focus
-_SYNCHRONISED_S = 0.02
-_HIGH_ERROR = "the error is high: keep the board flat and still, use more light, focus the cameras"
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """Limits of a good calibration, and of a usable one; lengths in images are shares of their width."""
+
+    good_views: int = 8  # moments that more than one camera sees
+    good_rms: float = 0.5 / 640.0
+    usable_rms: float = 1.2 / 640.0
+    good_coverage: float = 0.25  # share of an image in which the board has been
+    good_coverage_in_the_middle: float = 0.5  # the same of a board that stayed off all sides
+    good_distance: float = 0.002  # relative standard deviation of the distances between cameras
+    good_tilt_deg: float = 15.0  # of the most tilted board
+    good_delay_s: float = 0.02  # between cameras
+    smeared: float = 4.0 / 640.0  # width of edges
+    smeared_one_way: float = 1.5  # ratio of edge widths from which motion smears them; below, they are out of focus
+
+
+_VERDICT = VerdictSettings()
+
+
+class ExchangedCamerasError(CalibrationError):
+    """The left camera stands on the right."""
 
 
 @dataclass(frozen=True)
@@ -49,19 +61,19 @@ class CalibrationResult:
     """A calibrated rig and how far to trust it.
 
     Args:
-        rig: cameras in the world of the first one (y up, z towards it, x to its left as the performer sees it).
-        stereo_rms_px: RMS reprojection error over all cameras with one board pose per moment; of one camera, its own.
-        held_out_px: the same for moments left out of the fit; NaN with too few of them.
-        rms_px: RMS reprojection error per camera, alone.
-        distance_sigma: standard deviation of the distances between cameras, as a fraction of them; the largest.
+        rig: Cameras in the world of the first one: y up, z towards it, x to the performer's left.
+        stereo_rms_px: RMS reprojection error over all cameras with one board pose per moment.
+        held_out_px: RMS reprojection error of moments left out of the fit; NaN with too few of them.
+        rms_px: RMS reprojection error of each camera alone.
+        distance_sigma: Largest relative standard deviation of the distances between cameras.
         views_px: RMS reprojection error of each view in the rig, by moment and camera.
-        coverage: per camera, the fraction of its image in which the board has been.
-        late_s: how late the pictures of a camera are against the first one's, where videos tell.
-        baseline_m: distance of the first two optical centres; 0 of one camera.
-        used: keys of the moments used for the relative pose.
-        rejected: pictures not used, with reasons.
+        coverage: Share of each camera's image in which the board has been.
+        late_s: Delay of each camera's pictures against the first one's, where videos show it.
+        baseline_m: Distance of the first two optical centres; 0 for one camera.
+        used: Moments used.
+        rejected: Pictures not used, with reasons.
         verdict: "good", "usable" or "redo".
-        advice: what would make it better, in plain words.
+        advice: What would improve the calibration.
     """
 
     rig: CameraRig
@@ -80,7 +92,7 @@ class CalibrationResult:
 
 
 def calibration_summary(result: CalibrationResult, square_m: float = 0.0) -> dict[str, Any]:
-    """Return a calibration's summary; `square_m` is the board's square, 0 if unknown."""
+    """Return a calibration's summary; `square_m` is the side of the board's squares, 0 if unknown."""
     summary: dict[str, Any] = {
         "verdict": result.verdict,
         "stereo_rms_px": result.stereo_rms_px,
@@ -112,21 +124,20 @@ def calibrate_from_points(
     *,
     left_right: bool = True,
     ambiguous: bool = False,
-    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]] | None = None,
 ) -> CalibrationResult:
     """Calibrate from board points (N, 3) and where each camera saw them.
 
     Args:
-        points_m: board points, z = 0.
-        cameras: what each saw; of one alone, the lens is found, and it stays where the world is.
-        rejected: pictures already refused, passed on to the result.
-        left_right: the first two cameras are the left and the right one, as the cameras see it; checked.
-        ambiguous: the board may have been seen after half a turn (see `Board.is_ambiguous`).
-        edge_widths_px: how sharp each camera's pictures are (`board_quality.edge_widths`), where that is known.
+        points_m: Board points, z = 0.
+        cameras: Views of each camera; a single one gets its lens and stands in the world's origin.
+        rejected: Pictures already refused, for the result.
+        left_right: Check that the first two cameras are the left and the right one, seen from behind the cameras.
+        ambiguous: The board looks the same after half a turn (see `Board.is_ambiguous`).
 
     Raises:
-        CalibrationError: too few views, cameras that never saw the board together, pictures that do not belong
-            together, left and right exchanged.
+        ExchangedCamerasError: The left camera stands on the right.
+        CalibrationError: Too few views, cameras that never saw the board together, or pictures that do not belong
+            together.
     """
     if not cameras:
         raise CalibrationError("there is no camera to calibrate", advice="give pictures of the board")
@@ -137,10 +148,13 @@ def calibrate_from_points(
     else:
         centre = points_m.mean(axis=0) if ambiguous else None
         fit = fit_rig(points_m, cameras, singles, refused, centre)
-        if left_right:
-            _check_sides(fit.poses[1], cameras[0].name, cameras[1].name)
-    seen = {c.name: coverage(c.views.values(), c.image_size) for c in cameras}
-    return _result(singles, fit, refused, seen, edge_widths_px or {})
+        centre = np.linalg.inv(fit.poses[1])[:3, 3]  # of the second camera, seen from the first
+        if left_right and centre[0] < -0.5 * np.linalg.norm(centre):
+            raise ExchangedCamerasError(
+                f"camera {cameras[0].name} stands on the right, camera {cameras[1].name} on the left",
+                advice="exchange the two cameras or their pictures",
+            )
+    return _result(cameras, singles, fit, refused)
 
 
 def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Rejected]) -> SingleCamera:
@@ -159,7 +173,7 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
         bundle = adjust(start, observations, NO_SKEW, lens_prior([camera.image_size]))
         errors = rms_by_moment(bundle, observations)[:, 0]
         if not is_outlier(errors).any():
-            poses = {key: (cv2.Rodrigues(row[:3])[0], row[3:]) for key, row in zip(keys, bundle.boards, strict=True)}
+            poses = {key: pose_matrix(row) for key, row in zip(keys, bundle.boards, strict=True)}
             lens = bundle.intrinsics[0]
             error = rms(bundle, observations)
             return SingleCamera(camera.name, camera.image_size, matrix_of(lens), lens[5:], error, poses)
@@ -193,42 +207,26 @@ def _first_guess(points_m: Array, camera: CameraViews, views: Sequence[BoardView
     return Bundle(intrinsics_of(matrix, distortion)[None], np.zeros((1, 6)), boards)
 
 
-def are_sides_exchanged(centre: Array) -> bool:
-    """Return whether the right camera, at (3,) in the left one's frame, is left of it."""
-    return bool(centre[0] < -0.5 * np.linalg.norm(centre))
-
-
-def _check_sides(second_from_first: Transform, left: str, right: str) -> None:
-    if are_sides_exchanged(inverse(second_from_first)[1]):
-        raise CalibrationError(
-            f"the pictures given for {left} come from the camera on the right and those for {right} from the left",
-            advice="exchange left and right",
-        )
-
-
 def _result(
-    singles: Sequence[SingleCamera],
-    fit: RigFit,
-    refused: Sequence[Rejected],
-    seen: Mapping[str, Coverage],
-    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
+    views: Sequence[CameraViews], singles: Sequence[SingleCamera], fit: RigFit, refused: Sequence[Rejected]
 ) -> CalibrationResult:
+    seen = {camera.name: coverage(camera.views.values(), camera.image_size) for camera in views}
     cameras = tuple(
         Camera(
             single.name,
             single.image_size,
             matrix_of(intrinsics),
             intrinsics[5:],
-            nearest_rotation(rotation) @ WORLD_FROM_CAMERA.T,
-            translation,
+            nearest_rotation(pose[:3, :3]) @ WORLD_FROM_CAMERA.T,
+            pose[:3, 3],
         )
-        for single, intrinsics, (rotation, translation) in zip(singles, fit.intrinsics, fit.poses, strict=True)
+        for single, intrinsics, pose in zip(singles, fit.intrinsics, fit.poses, strict=True)
     )
     names = [single.name for single in singles]
     late_s = {name: float(late) for name, late in zip(names, fit.late_s, strict=True) if np.isfinite(late)}
-    advice = (*_fit_advice(fit, singles), *_picture_advice(seen, edge_widths_px, singles), *_time_advice(late_s))
+    advice = (*_fit_advice(fit, singles), *_picture_advice(views, seen), *_time_advice(late_s))
     verdict = "usable" if advice else "good"
-    if fit.rms_px > _USABLE_RMS * singles[0].image_size[0]:
+    if fit.rms_px > _VERDICT.usable_rms * singles[0].image_size[0]:
         verdict = "redo"
     rig = CameraRig(cameras, {"error": fit.rms_px, "pictures": len(fit.used), "verdict": verdict})
     return CalibrationResult(
@@ -250,49 +248,43 @@ def _result(
     )
 
 
-def _tilt_advice(camera: SingleCamera) -> list[str]:
-    tilts = [np.degrees(np.arccos(min(1.0, abs(r[2, 2])))) for r, _ in camera.poses.values()]
-    if max(tilts) >= 15.0:
-        return []
-    return [f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees"]
-
-
 def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
     advice = []
-    if fit.rms_px > _GOOD_RMS * singles[0].image_size[0]:
-        advice.append(_HIGH_ERROR)
-    if len(fit.used) < _GOOD_VIEWS:
+    if fit.rms_px > _VERDICT.good_rms * singles[0].image_size[0]:
+        advice.append("the error is high: keep the board flat and still, use more light, focus the cameras")
+    if len(fit.used) < _VERDICT.good_views:
         seen_by = " to more than one camera" if len(singles) > 1 else ""
         advice.append(f"only {len(fit.used)} moments show the board{seen_by}: take 12 or more")
-    if fit.distance_sigma > _GOOD_DISTANCE:
+    if fit.distance_sigma > _VERDICT.good_distance:
         advice.append(
             f"the distances between the cameras are known to {100.0 * fit.distance_sigma:.1f} % only: take more "
             "pictures, nearer, in all parts of the images, or use a larger board"
         )
-    return [*advice, *(line for camera in singles for line in _tilt_advice(camera))]
+    for camera in singles:
+        most_tilted = min(abs(pose[2, 2]) for pose in camera.poses.values())
+        if most_tilted > np.cos(np.radians(_VERDICT.good_tilt_deg)):
+            advice.append(f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees")
+    return advice
 
 
-def _picture_advice(
-    seen: Mapping[str, Coverage],
-    edge_widths_px: Mapping[str, Sequence[tuple[float, float]]],
-    cameras: Sequence[SingleCamera],
-) -> list[str]:
+def _picture_advice(cameras: Sequence[CameraViews], seen: Mapping[str, Coverage]) -> list[str]:
     advice = []
     for camera in cameras:
         part = seen[camera.name]
-        if part.fraction < (_GOOD_COVERAGE_IN_THE_MIDDLE if part.in_the_middle else _GOOD_COVERAGE):
+        if part.fraction < (_VERDICT.good_coverage_in_the_middle if part.in_the_middle else _VERDICT.good_coverage):
             what = "stayed in the middle of" if part.in_the_middle else "was in a part only of"
             advice.append(
                 f"the board {what} {camera.name}'s picture: coverage {100.0 * part.fraction:.0f} %; "
                 "hold it near the sides and in the corners too"
             )
-        widths = np.array(edge_widths_px.get(camera.name, ()), dtype=np.float64).reshape(-1, 2)
+        measured = [view.edge_widths_px for view in camera.views.values() if view.edge_widths_px is not None]
+        widths = np.array(measured, dtype=np.float64).reshape(-1, 2)
         widths = widths[np.isfinite(widths).all(axis=1)]
         if not len(widths):
             continue
         width = float(np.median(widths.max(axis=1)))
-        if width > _SMEARED * camera.image_size[0]:
-            smeared = float(np.median(widths.max(axis=1) / widths.min(axis=1))) > _SMEARED_ONE_WAY
+        if width > _VERDICT.smeared * camera.image_size[0]:
+            smeared = float(np.median(widths.max(axis=1) / widths.min(axis=1))) > _VERDICT.smeared_one_way
             advice.append(
                 f"{camera.name}: exposure too long: corners smeared over {width:.0f} pixels; hold the board still, "
                 "or use more light and a shorter exposure"
@@ -303,7 +295,7 @@ def _picture_advice(
 
 
 def _time_advice(late_s: Mapping[str, float]) -> list[str]:
-    if not late_s or np.ptp(list(late_s.values())) < _SYNCHRONISED_S:
+    if not late_s or np.ptp(list(late_s.values())) < _VERDICT.good_delay_s:
         return []
     delays = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
     return [f"the cameras do not take their pictures at one time ({delays}): hold the board still in each place"]

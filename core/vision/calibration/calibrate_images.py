@@ -1,7 +1,7 @@
 """Camera calibration from image files, with checks of the pictures."""
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cv2
@@ -10,13 +10,10 @@ import numpy as np
 from ...errors import CalibrationError, CaptureError
 from ...system.progress import Progress
 from ..sources.image_files import by_number, list_images, read_image
-from .board_quality import edge_widths
+from .board_quality import with_edge_widths
 from .calibrate import CalibrationResult, calibrate_from_points
 from .calibration_board import Board, BoardView, find_board, seen_grid
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
-
-_PROBES = 5
-_ATTEMPTS = 3
 
 
 def calibrate_images(
@@ -25,33 +22,35 @@ def calibrate_images(
     """Calibrate cameras from pictures of a board.
 
     Args:
-        patterns: camera name -> folder or glob of its pictures; pictures of one moment share a number.
-        left_right: the first two are the left and the right camera; checked.
+        patterns: Folder or glob of each camera's pictures, by its name; pictures of one moment share a number.
+        left_right: Check that the first two are the left and the right camera.
 
     Raises:
-        CalibrationError: no pictures, unreadable pictures, wrong board, too few views, sides exchanged.
+        CalibrationError: Missing or unreadable pictures, another board, too few views, or exchanged cameras.
     """
     files, rejected = _paired_files(patterns)
     shown = _most_seen_grid(files, board) if board.kind == "chessboard" else None
     if shown is not None and min(np.subtract(shown, _larger_first(board))) >= 0:
-        _check_size(shown, board)  # before minutes of looking for a part of the board
+        _check_size(shown, board)  # before minutes of searching for a part of the board
     total = sum(len(rows) for rows in files.values())
     done = 0
-    cameras = []
-    widths: dict[str, list[tuple[float, float]]] = {name: [] for name in files}
-    for name, rows in files.items():
-        sizes: dict[str, tuple[int, int]] = {}
-        views: dict[str, BoardView] = {}
-        for key, path in rows.items():
-            progress(0.9 * done / total, f"looking for the board: {path.name}")
-            done += 1
-            _look(key, path, board, sizes, views, rejected, widths[name])
-        cameras.append(_camera_views(name, sizes, views, rejected))
-    _check_found(board, shown, files, cameras)
+
+    def report(path: Path) -> None:
+        nonlocal done
+        progress(0.9 * done / total, f"looking for the board: {path.name}")
+        done += 1
+
+    cameras = [_camera_views(name, rows, board, rejected, report) for name, rows in files.items()]
+    for camera in cameras:
+        if len(camera.views) < MINIMUM_VIEWS:
+            _check_size(shown, board)
+            raise CalibrationError(
+                f"the board was found in {len(camera.views)} of {len(files[camera.name])} pictures",
+                where=f"camera {camera.name}",
+                advice="check the size of the board, and that all of it is in the pictures, sharp and lit",
+            )
     progress(0.9, "calibrating")
-    return calibrate_from_points(
-        board.points_m, cameras, rejected, left_right=left_right, ambiguous=board.is_ambiguous, edge_widths_px=widths
-    )
+    return calibrate_from_points(board.points_m, cameras, rejected, left_right=left_right, ambiguous=board.is_ambiguous)
 
 
 def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
@@ -72,56 +71,32 @@ def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path
     return files, [Rejected(path.name, reason) for path in alone]
 
 
-def _look(
-    key: str,
-    path: Path,
-    board: Board,
-    sizes: dict[str, tuple[int, int]],
-    views: dict[str, BoardView],
-    rejected: list[Rejected],
-    widths: list[tuple[float, float]],
-) -> None:
-    try:
-        image = read_image(path)
-    except CaptureError as error:
-        rejected.append(Rejected(path.name, error.what))
-        return
-    sizes[key] = (image.shape[1], image.shape[0])
-    view = find_board(image, board)
-    if view is None:
-        rejected.append(Rejected(path.name, "the board was not found in it"))
-    else:
-        views[key] = view
-        widths.append(edge_widths(image, board, view))
-
-
 def _camera_views(
-    name: str, sizes: Mapping[str, tuple[int, int]], views: dict[str, BoardView], rejected: list[Rejected]
+    name: str, files: Mapping[str, Path], board: Board, rejected: list[Rejected], report: Callable[[Path], None]
 ) -> CameraViews:
+    """Return the board in a camera's pictures; those without it, or of an unusual size, are rejected."""
+    sizes: dict[str, tuple[int, int]] = {}
+    views: dict[str, BoardView] = {}
+    for key, path in files.items():
+        report(path)
+        try:
+            image = read_image(path)
+        except CaptureError as error:
+            rejected.append(Rejected(path.name, error.what))
+            continue
+        sizes[key] = (image.shape[1], image.shape[0])
+        view = find_board(image, board)
+        if view is None:
+            rejected.append(Rejected(path.name, "the board was not found in it"))
+        else:
+            views[key] = with_edge_widths(view, image, board)
     if not sizes:
         raise CalibrationError("none of the pictures can be read", where=f"camera {name}", advice="check the files")
-    size = Counter(sizes.values()).most_common(1)[0][0]
-    for key in [key for key in views if sizes[key] != size]:
-        rejected.append(
-            Rejected(f"{name} {key}", f"is {sizes[key][0]}x{sizes[key][1]}, the others {size[0]}x{size[1]}")
-        )
-        del views[key]
-    return CameraViews(name, size, views)
-
-
-def _check_found(
-    board: Board, shown: tuple[int, int] | None, files: Mapping[str, Mapping[str, Path]], cameras: Sequence[CameraViews]
-) -> None:
-    """Refuse a camera with too few views, naming a board of another size."""
-    missing = [camera for camera in cameras if len(camera.views) < MINIMUM_VIEWS]
-    if missing:
-        _check_size(shown, board)
-        camera = missing[0]
-        raise CalibrationError(
-            f"the board was found in {len(camera.views)} of {len(files[camera.name])} pictures",
-            where=f"camera {camera.name}",
-            advice="check the board's size, and that the whole board is in the pictures, sharp and lit",
-        )
+    usual = Counter(sizes.values()).most_common(1)[0][0]
+    for key in [key for key in views if sizes[key] != usual]:
+        (width, height), _ = sizes[key], views.pop(key)
+        rejected.append(Rejected(f"{name} {key}", f"is {width}x{height}, the others {usual[0]}x{usual[1]}"))
+    return CameraViews(name, usual, views)
 
 
 def _check_size(shown: tuple[int, int] | None, board: Board) -> None:
@@ -139,24 +114,20 @@ def _larger_first(board: Board) -> tuple[int, int]:
 
 
 def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
+    """Return the inner corners that three of five pictures show, or None."""
     paths = [path for rows in files.values() for path in rows.values()]
-    chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, _PROBES).astype(int))]
-    needed = min(3, len(chosen))
+    chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, 5).astype(int))]
     shown: dict[tuple[int, int], set[Path]] = defaultdict(set)
-    for attempt in range(_ATTEMPTS):
-        # the sector-based finder starts at random: in a hard picture it sees the whole board now and a part then
+    for attempt in range(3):
+        # OpenCV's finder draws random numbers: in a hard picture it finds now the whole board, now a part
         cv2.setRNGSeed(attempt)
         for path in chosen:
-            grid = _seen_in(path, board)
+            try:
+                grid = seen_grid(read_image(path), board.corner_grid)
+            except CaptureError:
+                continue
             if grid is not None:
                 shown[grid].add(path)
-                if len(shown[grid]) >= needed:
+                if len(shown[grid]) >= min(3, len(chosen)):
                     return grid
     return None
-
-
-def _seen_in(path: Path, board: Board) -> tuple[int, int] | None:
-    try:
-        return seen_grid(read_image(path), board.corner_grid)
-    except CaptureError:
-        return None

@@ -1,12 +1,11 @@
 """Camera calibration from videos of a moving board, synchronised or not.
 
-The frames of one number belong together. How the corners move in each is passed on, so that a camera that took its
-picture a little later than the others does not spoil the calibration, but is reported.
+Frames with the same number belong together. The corners' motion tells how late each camera took its pictures, so that
+this is reported and does not spoil the calibration.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -15,15 +14,22 @@ from ...errors import CalibrationError, CaptureError
 from ...geometry.arrays import Array, Image
 from ...system.progress import Progress
 from ..sources.video_source import VideoSource
-from .board_quality import edge_widths
+from .board_quality import with_edge_widths
 from .calibrate import CalibrationResult, calibrate_from_points
 from .calibration_board import Board, BoardView, find_board, grey_of
 from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
-_LOOKED_AT = 240  # moments of a recording
-_USED = 60
-_TRACKING = {"winSize": (21, 21), "maxLevel": 5}
-_MINIMUM_TRACKED = 6
+
+@dataclass(frozen=True)
+class VideoSettings:
+    """How the frames of a video are chosen."""
+
+    searched: int = 240  # moments in which the board is searched for
+    used: int = 60  # moments that are used, in which it moves least
+    least_tracked: int = 6  # corners that optical flow must follow
+
+
+_VIDEO = VideoSettings()
 
 
 def calibrate_videos(
@@ -32,36 +38,31 @@ def calibrate_videos(
     """Calibrate cameras from videos of a board.
 
     Args:
-        videos: camera name -> video file, all of one length and rate.
-        left_right: the first two are the left and the right camera; checked.
+        videos: Video file of each camera, by its name; all have one length and rate.
+        left_right: Check that the first two are the left and the right camera.
 
     Raises:
-        CalibrationError: unreadable videos, videos of different length, too few views, sides exchanged.
+        CalibrationError: Unreadable videos, videos of different length, too few views, or exchanged cameras.
     """
     try:
         source = VideoSource(list(videos.values()))
-        cameras, widths = _watch_videos(list(videos), source, board, progress)
+        cameras = _watch_videos(list(videos), source, board, progress)
     except CaptureError as error:
         raise CalibrationError(error.what, where=error.where, advice=error.advice) from error
     for camera in cameras:
         if len(camera.views) < MINIMUM_VIEWS:
             raise CalibrationError(
-                f"the board was found at {len(camera.views)} of {min(source.frames, _LOOKED_AT)} moments",
+                f"the board was found at {len(camera.views)} of {min(source.frames, _VIDEO.searched)} moments",
                 where=f"camera {camera.name}",
-                advice="check the board's size, and that the board is in the pictures, sharp and lit",
+                advice="check the size of the board, and that it is in the pictures, sharp and lit",
             )
     progress(0.9, "calibrating")
     chosen, rejected = _stillest(cameras)
-    return calibrate_from_points(
-        board.points_m, chosen, rejected, left_right=left_right, ambiguous=board.is_ambiguous, edge_widths_px=widths
-    )
+    return calibrate_from_points(board.points_m, chosen, rejected, left_right=left_right, ambiguous=board.is_ambiguous)
 
 
-def _watch_videos(
-    names: Sequence[str], source: VideoSource, board: Board, progress: Progress
-) -> tuple[list[CameraViews], dict[str, list[tuple[float, float]]]]:
+def _watch_videos(names: Sequence[str], source: VideoSource, board: Board, progress: Progress) -> list[CameraViews]:
     views: dict[str, dict[str, BoardView]] = {name: {} for name in names}
-    widths: dict[str, list[tuple[float, float]]] = {name: [] for name in names}
     sizes: dict[str, tuple[int, int]] = {}
     for number, before, now, after in _moments(source):
         progress(0.9 * number / max(source.frames, 1), f"looking for the board: frame {number}")
@@ -71,16 +72,16 @@ def _watch_videos(
             if view is None:
                 continue
             around = [None if images is None else grey_of(images[i]) for images in (before, after)]
-            views[name][f"{number:06d}"] = replace(view, motion_px_s=_motion(grey_of(now[i]), view, around, source.fps))
-            widths[name].append(edge_widths(now[i], board, view))
-    return [CameraViews(name, sizes[name], views[name]) for name in names], widths
+            view = replace(view, motion_px_s=_motion(grey_of(now[i]), view, around, source.fps))
+            views[name][f"{number:06d}"] = with_edge_widths(view, now[i], board)
+    return [CameraViews(name, sizes[name], views[name]) for name in names]
 
 
 def _moments(
     source: VideoSource,
 ) -> Iterator[tuple[int, tuple[Image, ...] | None, tuple[Image, ...], tuple[Image, ...] | None]]:
     """Yield number and images of moments, with the frames before and after."""
-    step = max(1, source.frames // _LOOKED_AT)
+    step = max(1, source.frames // _VIDEO.searched)
     before: tuple[Image, ...] | None = None
     now: tuple[Image, ...] | None = None
     number = -1
@@ -107,14 +108,13 @@ def _motion(now: Image, view: BoardView, around: Sequence[Image | None], fps: fl
 
 def _flow(now: Image, other: Image, pixels: Array) -> Array | None:
     start = pixels.astype(np.float32).reshape(-1, 1, 2)
-    tracking: dict[str, Any] = _TRACKING
-    found, status, _ = cv2.calcOpticalFlowPyrLK(now, other, start, None, **tracking)  # type: ignore[call-overload]
+    found, status, _ = cv2.calcOpticalFlowPyrLK(now, other, start, None, maxLevel=5)  # type: ignore[call-overload]
     good = np.asarray(status).ravel() > 0
-    if good.sum() < _MINIMUM_TRACKED:
+    if good.sum() < _VIDEO.least_tracked:
         return None
-    # a board moves as a plane: a homography over the corners, so that single ones that went astray do not count
+    # the board is a plane: its homography leaves out corners that went astray
     homography, kept = cv2.findHomography(start[good], np.asarray(found)[good], cv2.RANSAC, 2.0)
-    if homography is None or np.asarray(kept).sum() < _MINIMUM_TRACKED:
+    if homography is None or np.asarray(kept).sum() < _VIDEO.least_tracked:
         return None
     return np.asarray(cv2.perspectiveTransform(start, homography), np.float64).reshape(-1, 2) - pixels
 
@@ -125,11 +125,11 @@ def _stillest(cameras: Sequence[CameraViews]) -> tuple[list[CameraViews], list[R
     shared = sorted(
         key for key in {k for c in cameras for k in c.views} if sum(key in c.views for c in cameras) >= least
     )
-    parts = np.array_split(np.array(shared), min(_USED, max(len(shared), 1)))
+    parts = np.array_split(np.array(shared), min(_VIDEO.used, max(len(shared), 1)))
     chosen = {str(min(part, key=lambda key: _speed(cameras, key))) for part in parts if len(part)}
     rejected = []
     if len(chosen) < len(shared):
-        rejected = [Rejected(f"{len(shared) - len(chosen)} frames", "there are enough in which the board moves less")]
+        rejected = [Rejected(f"{len(shared) - len(chosen)} frames", "the board moves less in others")]
     return [replace(c, views={k: v for k, v in c.views.items() if k in chosen}) for c in cameras], rejected
 
 

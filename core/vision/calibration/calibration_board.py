@@ -1,7 +1,7 @@
 """Calibration boards: their SPEC, their points, detection in a picture."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -18,23 +18,34 @@ SPEC_HELP = (
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "": 1e-3}
 _LENGTH = re.compile(r"^\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(mm|cm|m|in|)\s*$")
 _SIZE = re.compile(r"^\s*(\d+)\s*[xX]\s*(\d+)\s*$")
-# measured on two public sets of 640-pixel pictures: enlarging twice lowers the stereo error from 0.28 to 0.19 px
-# and from 0.34 to 0.27 px; a cut-out tighter than about six squares makes single corners jump
-_ENLARGEMENT = 2
-_CUT_MARGIN = 6.0
-_MINIMUM_CHARUCO_CORNERS = 6
-_GLIMPSE_WIDTH = 400  # pixels: a chessboard is found as often as in 640, in half the time
-_GLIMPSE_CODES_WIDTH = 960  # codes are smaller than squares: in half of 640 pixels a board is seen a sixth as often
-_GLIMPSE_SCALE = 0.5  # at least: large images are there to see boards that are small in them
-_REACH = 0.3  # of the distance between corners: half the side of the window that refines one
+
+
+@dataclass(frozen=True)
+class BoardSearchSettings:
+    """How a board is found in a picture."""
+
+    # On two public sets of 640-pixel pictures, enlarging twice lowers the stereo error from 0.28 to 0.19 px and from
+    # 0.34 to 0.27 px. A cut-out with a smaller margin makes single corners jump.
+    enlargement: int = 2
+    cut_margin: float = 6.0  # around the corners, in squares
+    least_charuco_corners: int = 6
+    glimpse_width: int = 400  # pixels; a chessboard is found as often as in 640, in half the time
+    glimpse_codes_width: int = 960  # codes are smaller than squares
+    glimpse_scale: float = 0.5  # least reduction: large images are meant for boards that are small in them
+    reach: float = 0.3  # half the side of the window that refines a corner, in squares
+
+
+_SEARCH = BoardSearchSettings()
 
 
 @dataclass(frozen=True)
 class Board:
     """A planar board.
 
-    `columns` x `rows` counts inner corners of a chessboard and squares of a ChArUco board, as printed on them.
-    `square_m` is the square's edge in metres; `marker_m`, `dictionary`, `inverted` belong to ChArUco boards only.
+    Args:
+        columns, rows: Inner corners of a chessboard, squares of a ChArUco board, as printed on them.
+        square_m: Side of a square.
+        marker_m, dictionary, inverted: Of ChArUco boards only.
     """
 
     kind: str
@@ -70,7 +81,7 @@ class Board:
 
     @property
     def is_ambiguous(self) -> bool:
-        """Whether it looks the same after half a turn, as it has no markers."""
+        """Whether the board looks the same after half a turn: it has no markers."""
         return self.kind == "chessboard"
 
     @property
@@ -85,31 +96,32 @@ class Board:
 
 @dataclass(frozen=True)
 class BoardView:
-    """Board points in one picture: `ids` (n,) into `Board.points_m`, `pixels` (n, 2).
+    """Board points in one picture.
 
-    `motion_px_s` (n, 2) is how they move in a video; None in a picture by itself.
+    Args:
+        ids: Indices (n,) into `Board.points_m`.
+        pixels: Places (n, 2) in the picture.
+        motion_px_s: Velocities (n, 2) in a video; None in a single picture.
+        edge_widths_px: Sharpness of the picture, as `board_quality.edge_widths` measures it, where it is known.
     """
 
     ids: IntArray
     pixels: Array
     motion_px_s: Array | None = None
-
-    def __post_init__(self) -> None:
-        if self.pixels.shape != (len(self.ids), 2):
-            raise CalibrationError(f"a board view needs one pixel for each point, not {self.pixels.shape}")
+    edge_widths_px: tuple[float, float] | None = None
 
     def reverse(self) -> "BoardView":
         """Return the view of a whole board numbered from the other end."""
         motion = None if self.motion_px_s is None else self.motion_px_s[::-1].copy()
-        return BoardView(self.ids, self.pixels[::-1].copy(), motion)
+        return replace(self, pixels=self.pixels[::-1].copy(), motion_px_s=motion)
 
 
 def parse_board(spec: str) -> Board:
-    """Return the board of a SPEC; a length without mm, cm, m or in is in millimetres.
+    """Return the board of a SPEC; a length without a unit is in millimetres.
 
     Raises:
-        SettingsError: the text is not a SPEC.
-        CalibrationError: sizes that cannot be (square zero, marker larger than its square).
+        SettingsError: The text is not a SPEC.
+        CalibrationError: Sizes are impossible (no square, a marker larger than its square).
     """
     parts = spec.strip().split(":")
     kind = parts[0].lower()
@@ -154,7 +166,7 @@ def _dictionary(name: str) -> Any:
 
 
 def charuco_board(board: Board) -> Any:
-    """Return OpenCV's object of a ChArUco board (lengths in metres)."""
+    """Return OpenCV's object for a ChArUco board, in metres."""
     return cv2.aruco.CharucoBoard(
         (board.columns, board.rows), board.square_m, board.marker_m, _dictionary(board.dictionary)
     )
@@ -163,30 +175,35 @@ def charuco_board(board: Board) -> Any:
 def find_board(image: Image, board: Board) -> BoardView | None:
     """Return the board's corners in one picture (grey or BGR), None without a board.
 
-    Corners of a chessboard are found whole or not at all, and may be numbered from either end (half-turn
-    ambiguity: the calibration resolves it between the cameras).
+    A chessboard is found whole or not at all; it may be numbered from either end, as it looks the same after half a
+    turn. The calibration resolves that between the cameras.
     """
     grey = grey_of(image)
     if board.kind == "charuco":
         return _find_charuco(grey, board)
-    pixels = _find_chessboard(grey, board.corner_grid)
-    if pixels is None:
+    rough = _rough_corners(grey, board.corner_grid)
+    if rough is None:
         return None
+    spacing = corner_spacing(rough, board.corner_grid)
+    fine = _fine_corners(grey, board.corner_grid, rough, spacing)
+    return _whole_view(_refine(grey, rough, spacing) if fine is None else fine)
+
+
+def _whole_view(pixels: Array) -> BoardView:
     return BoardView(np.arange(len(pixels), dtype=np.int64), pixels)
 
 
 def glimpse_board(image: Image, board: Board) -> BoardView | None:
     """Return the board's corners in a reduced image: faster, exact to about a pixel."""
     grey = grey_of(image)
-    width = _GLIMPSE_CODES_WIDTH if board.kind == "charuco" else _GLIMPSE_WIDTH
-    scale = min(1.0, max(_GLIMPSE_SCALE, width / grey.shape[1]))
+    width = _SEARCH.glimpse_codes_width if board.kind == "charuco" else _SEARCH.glimpse_width
+    scale = min(1.0, max(_SEARCH.glimpse_scale, width / grey.shape[1]))
     small = np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     if board.kind == "charuco":
         view = _find_charuco(small, board)
     else:
-        found, corners = cv2.findChessboardCornersSB(small, board.corner_grid, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-        pixels = np.asarray(corners, dtype=np.float64).reshape(-1, 2) if found else np.zeros((0, 2))
-        view = BoardView(np.arange(len(pixels), dtype=np.int64), pixels) if found else None
+        pixels = _corners_in_sectors(small, board.corner_grid, cv2.CALIB_CB_NORMALIZE_IMAGE)
+        view = None if pixels is None else _whole_view(pixels)
     return None if view is None else BoardView(view.ids, (view.pixels + 0.5) / scale - 0.5)
 
 
@@ -200,11 +217,11 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
     detector = cv2.aruco.CharucoDetector(charuco_board(board))
     picture = 255 - grey if board.inverted else grey
     corners, ids, _, _ = detector.detectBoard(picture)
-    if ids is None or len(ids) < _MINIMUM_CHARUCO_CORNERS:
+    if ids is None or len(ids) < _SEARCH.least_charuco_corners:
         return None
     found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     apart = np.linalg.norm(found[:, None] - found[None], axis=2) + np.diag(np.full(len(found), np.inf))
-    # refined here once more: up to OpenCV 4.12 the detector's corners are half a pixel off (opencv issue 25539)
+    # refined once more: up to OpenCV 4.12 the detector's corners are half a pixel off (opencv issue 25539)
     return BoardView(
         np.asarray(ids, dtype=np.int64).ravel(), _refine(grey, found, float(apart.min()), edge_reach(board))
     )
@@ -212,60 +229,58 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
 
 def edge_reach(board: Board) -> float:
     """Return the distance from a corner, in squares, that is free of markers."""
-    return _REACH if board.kind == "chessboard" else min(_REACH, 0.5 * (1.0 - board.marker_m / board.square_m))
+    free = 1.0 if board.kind == "chessboard" else 0.5 * (1.0 - board.marker_m / board.square_m)
+    return min(_SEARCH.reach, free)
 
 
-def _refine(grey: Image, corners: Array, spacing: float, reach: float = _REACH) -> Array:
-    # the window stays inside the four squares round a corner, else their far edges pull it away
+def _refine(grey: Image, corners: Array, spacing: float, reach: float = _SEARCH.reach) -> Array:
+    # the window stays inside the four squares around a corner: their far edges would pull it away
     window = int(np.clip(reach * spacing, 2, 11))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
     start = corners.astype(np.float32).reshape(-1, 1, 2)
-    return np.asarray(cv2.cornerSubPix(grey, start, (window, window), (-1, -1), criteria), dtype=np.float64).reshape(
-        -1, 2
-    )
+    refined = cv2.cornerSubPix(grey, start, (window, window), (-1, -1), criteria)
+    return np.asarray(refined, dtype=np.float64).reshape(-1, 2)
 
 
-def _find_chessboard(grey: Image, grid: tuple[int, int]) -> Array | None:
-    rough = _rough_corners(grey, grid)
-    if rough is None:
-        return None
-    spacing = corner_spacing(rough, grid)
-    fine = _fine_corners(grey, grid, rough, spacing)
-    if fine is not None:
-        return fine
-    return _refine(grey, rough, spacing)
+def _corners_in_sectors(grey: Image, grid: tuple[int, int], flags: int) -> Array | None:
+    """Search with OpenCV's sector-based finder, which refuses parts of boards."""
+    found, corners = cv2.findChessboardCornersSB(grey, grid, flags=flags)
+    return np.asarray(corners, dtype=np.float64).reshape(-1, 2) if found else None
 
 
 def _rough_corners(grey: Image, grid: tuple[int, int]) -> Array | None:
-    # the sector-based finder goes first: where it looks from is the whole picture, and it refuses part boards
     for flags in (cv2.CALIB_CB_NORMALIZE_IMAGE, cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE):
-        found, corners = cv2.findChessboardCornersSB(grey, grid, flags=flags)
-        if found:
-            return np.asarray(corners, dtype=np.float64).reshape(-1, 2)
-    found, corners = cv2.findChessboardCorners(grey, grid)
-    return np.asarray(corners, dtype=np.float64).reshape(-1, 2) if found else None
+        corners = _corners_in_sectors(grey, grid, flags)
+        if corners is not None:
+            return corners
+    found, pixels = cv2.findChessboardCorners(grey, grid)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2) if found else None
 
 
 def _fine_corners(grey: Image, grid: tuple[int, int], rough: Array, spacing: float) -> Array | None:
     """Refine corners in an enlarged cut-out; keep the numbering of `rough`."""
-    margin = _CUT_MARGIN * spacing
+    margin = _SEARCH.cut_margin * spacing
     height, width = grey.shape
     left, top = np.maximum(np.floor(rough.min(axis=0) - margin), 0).astype(int)
     right = min(int(rough[:, 0].max() + margin) + 1, width)
     bottom = min(int(rough[:, 1].max() + margin) + 1, height)
     cut = np.ascontiguousarray(grey[top:bottom, left:right])
-    large = cv2.resize(cut, None, fx=_ENLARGEMENT, fy=_ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
-    found, corners = cv2.findChessboardCornersSB(large, grid, flags=flags)
-    if not found:
+    corners = _corners_in_sectors(_enlarged(cut), grid, flags)
+    if corners is None:
         return None
     # pixel centres are at integers: enlarging moves the centre of pixel 0 to half a pixel
-    pixels = (np.asarray(corners, dtype=np.float64).reshape(-1, 2) + 0.5) / _ENLARGEMENT - 0.5 + (left, top)
+    pixels = (corners + 0.5) / _SEARCH.enlargement - 0.5 + (left, top)
     if np.sum((pixels[-1] - pixels[0]) * (rough[-1] - rough[0])) < 0.0:
         pixels = pixels[::-1].copy()
     if np.abs(pixels - rough).max() > 0.5 * spacing:
         return None
-    return np.asarray(pixels, dtype=np.float64)
+    return pixels
+
+
+def _enlarged(grey: Image) -> Image:
+    times = _SEARCH.enlargement
+    return np.asarray(cv2.resize(grey, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
 
 def corner_spacing(corners: Array, grid: tuple[int, int]) -> float:
@@ -279,9 +294,9 @@ def corner_spacing(corners: Array, grid: tuple[int, int]) -> float:
 def seen_grid(image: Image, smallest: tuple[int, int]) -> tuple[int, int] | None:
     """Return the inner corners (larger first) of any chessboard in view, or None.
 
-    It is looked for from `smallest` upwards first, then from a small one, which finds any board but often a part.
+    Boards of at least `smallest` are searched for first, then any, of which often only a part is found.
     """
-    large = cv2.resize(grey_of(image), None, fx=_ENLARGEMENT, fy=_ENLARGEMENT, interpolation=cv2.INTER_CUBIC)
+    large = _enlarged(grey_of(image))
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
     for grid in (smallest, (4, 3)):
         found, _, meta = cv2.findChessboardCornersSBWithMeta(large, grid, flags)

@@ -1,84 +1,79 @@
-"""Relative pose of two cameras from board poses, with half turns of the board."""
+"""Relative pose of two cameras from board poses, with half turns of the board.
+
+Poses are matrices (4, 4) that multiply homogeneous coordinates.
+"""
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 
 from ...geometry.arrays import Array
-
-Transform = tuple[Array, Array]
-"""(rotation (3, 3), translation (3,)): x_a = rotation @ x_b + translation."""
-
-# loose: one camera's own board poses are rough, and a half turn or a wrong pair is far outside; other errors
-# show in the reprojection
-_SAME_ANGLE = np.radians(8.0)
-_SAME_DISTANCE = 0.3  # of the typical distance to the board
+from .bundle import FIT
 
 
-def inverse(transform: Transform) -> Transform:
-    """Return b-from-a of a-from-b."""
-    rotation, translation = transform
-    return rotation.T, -rotation.T @ translation
+def pose_matrix(pose: Array) -> Array:
+    """Return the matrix (4, 4) of a rotation vector and a translation (6,)."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = cv2.Rodrigues(pose[:3])[0], pose[3:]
+    return matrix
 
 
-def compose(a_from_b: Transform, b_from_c: Transform) -> Transform:
-    """Return a-from-c."""
-    return a_from_b[0] @ b_from_c[0], a_from_b[0] @ b_from_c[1] + a_from_b[1]
+def pose_vector(matrix: Array) -> Array:
+    """Return the rotation vector and the translation (6,) of a matrix (4, 4)."""
+    return np.append(cv2.Rodrigues(matrix[:3, :3])[0], matrix[:3, 3])
 
 
-def half_turn(centre: Array) -> Transform:
-    """Return the half turn of a board about its normal through a point (3,) of it."""
-    rotation = np.diag([-1.0, -1.0, 1.0])
-    return rotation, centre - rotation @ centre
+def half_turn(centre: Array) -> Array:
+    """Return the half turn (4, 4) of a board about its normal through a point (3,) of it."""
+    matrix = np.diag([-1.0, -1.0, 1.0, 1.0])
+    matrix[:2, 3] = 2.0 * centre[:2]
+    return matrix
 
 
-def relative_poses(first: Sequence[Transform], second: Sequence[Transform], centre: Array | None) -> Transform:
-    """Find the second-from-first pose that most moments agree on.
-
-    Args:
-        first, second: camera-from-board of the same moments.
-        centre: (3,) centre of a board that looks the same after a half turn about its normal, else None.
+def relative_pose(first: Sequence[Array], second: Sequence[Array], centre: Array | None) -> Array:
+    """Return the second-from-first pose (4, 4) that most moments agree on.
 
     Ties (a board always held the same way up fits both) go to the pose that turns the cameras least.
+
+    Args:
+        first, second: Camera-from-board poses of the same moments.
+        centre: Centre (3,) of a board that looks the same after a half turn about its normal, else None.
     """
     options = [_options(a, b, centre) for a, b in zip(first, second, strict=True)]
-    scale = float(np.median([np.linalg.norm(t) for _, t in first])) if first else 1.0
-    best_key: tuple[int, float] = (-1, 0.0)
-    best: Transform = np.eye(3), np.zeros(3)
-    for hypothesis in (option for row in options for option in row):
-        distances = np.array([[_distance(option, hypothesis, scale) for option in row] for row in options])
-        key = (int((distances.min(axis=1) < 1.0).sum()), -_angle(hypothesis[0]))
-        if key > best_key:
-            best_key, best = key, hypothesis
-    return best
+    scale = float(np.median([np.linalg.norm(pose[:3, 3]) for pose in first]))
+
+    def agreement(hypothesis: Array) -> tuple[int, float]:
+        near = (min(_distance(option, hypothesis, scale) for option in row) < 1.0 for row in options)
+        return sum(near), -_angle_deg(hypothesis)
+
+    return max((option for row in options for option in row), key=agreement)
 
 
 def seen_alike(
-    first: Transform, second: Transform, second_from_first: Transform, centre: Array | None, scale: float
+    first: Array, second: Array, second_from_first: Array, centre: Array | None, scale: float
 ) -> tuple[bool, bool]:
     """Return whether two cameras see a board in one place, and whether half-turned.
 
     Args:
-        first, second: camera-from-board; second_from_first: the cameras.
-        centre: as for `relative_poses`; scale: typical distance to the board.
+        first, second: Camera-from-board poses of one moment.
+        centre: As for `relative_pose`.
+        scale: Usual distance to the board.
     """
     distances = [_distance(option, second_from_first, scale) for option in _options(first, second, centre)]
     return min(distances) < 1.0, distances.index(min(distances)) == 1
 
 
-def _options(first: Transform, second: Transform, centre: Array | None) -> list[Transform]:
-    straight = compose(second, inverse(first))
-    if centre is None:
-        return [straight]
-    return [straight, compose(compose(second, half_turn(centre)), inverse(first))]
+def _options(first: Array, second: Array, centre: Array | None) -> list[Array]:
+    straight = second @ np.linalg.inv(first)
+    return [straight] if centre is None else [straight, second @ half_turn(centre) @ np.linalg.inv(first)]
 
 
-def _distance(a: Transform, b: Transform, scale: float) -> float:
-    return max(
-        _angle(a[0] @ b[0].T) / _SAME_ANGLE,
-        float(np.linalg.norm(inverse(a)[1] - inverse(b)[1])) / (_SAME_DISTANCE * scale),
-    )
+def _distance(a: Array, b: Array, scale: float) -> float:
+    """Return how far apart two poses are, as a multiple of the limits."""
+    apart = np.linalg.norm((np.linalg.inv(a) - np.linalg.inv(b))[:3, 3])
+    return max(_angle_deg(a @ np.linalg.inv(b)) / FIT.same_angle_deg, float(apart) / (FIT.same_distance * scale))
 
 
-def _angle(rotation: Array) -> float:
-    return float(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0)))
+def _angle_deg(pose: Array) -> float:
+    return float(np.degrees(np.arccos(np.clip((np.trace(pose[:3, :3]) - 1.0) / 2.0, -1.0, 1.0))))

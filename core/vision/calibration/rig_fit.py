@@ -1,14 +1,14 @@
-"""Fit of several cameras: moments that agree, start, bundle adjustment, errors."""
+"""Fit of several cameras: moments that agree, start, bundle adjustment, choice of the lens model, errors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 
 from ...errors import CalibrationError
 from ...geometry.arrays import Array, Mask
 from .bundle import (
+    FIT,
     INTRINSICS,
     Bundle,
     CornerObservation,
@@ -23,16 +23,10 @@ from .bundle import (
     rms_by_moment,
 )
 from .calibration_board import BoardView
-from .relative_pose import Transform, compose, half_turn, inverse, relative_poses, seen_alike
+from .relative_pose import half_turn, pose_matrix, pose_vector, relative_pose, seen_alike
 
 MINIMUM_VIEWS = 3
-_OUTLIER_FACTOR = 3.0
-_OUTLIER_FLOOR_PX = 0.6
-_FOLDS = 5
-_SMALLEST_FOR_FOLDS = 10
-_RICHER_MAY_COST = 1.05
-_ASPECT_SIGMA = 0.01  # fx - fy, of the image's width
-_LENS_SIGMAS = np.array([0.15, 0.15, 0.03, 0.5, 1.0, 0.02, 0.02, 3.0])  # cx, cy, skew (of the width), distortion
+"""Views of a board that determine a lens (Zhang 2000, section 3.1)."""
 
 _ALL = np.ones(INTRINSICS, dtype=bool)
 NO_SKEW = _ALL & (np.arange(INTRINSICS) != 4)
@@ -59,14 +53,14 @@ class Rejected:
 
 @dataclass
 class SingleCamera:
-    """One camera calibrated alone; `poses` are camera-from-board by moment."""
+    """One camera calibrated alone; `poses` are camera-from-board (4, 4) by moment."""
 
     name: str
     image_size: tuple[int, int]
     matrix: Array
     distortion: Array
     rms_px: float
-    poses: dict[str, Transform] = field(default_factory=dict)
+    poses: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,17 +68,17 @@ class RigFit:
     """Cameras adjusted together.
 
     Args:
-        intrinsics: (C, 10) as in `bundle`.
-        poses: camera-from-first-camera.
-        rms_px: over all cameras and moments; `held_out_px` the same for moments left out of the fit (NaN with
-            too few of them).
-        errors_px: (M, C) RMS reprojection error of each view, NaN where a camera takes no part in a moment.
-        late_s: (C,) how late the pictures of a camera are against the first one's, NaN where the board held still.
-        distance_sigma: standard deviation of the distances between cameras, as a fraction of them; the largest.
+        intrinsics: Lenses (C, 10) as in `bundle`.
+        poses: Camera-from-first-camera (4, 4).
+        rms_px: RMS reprojection error over all cameras and moments.
+        held_out_px: RMS reprojection error of moments left out of the fit, NaN with too few of them.
+        errors_px: RMS reprojection error (M, C) of each view, NaN where a camera takes no part in a moment.
+        late_s: Delay (C,) of each camera's pictures against the first one's, NaN where the board held still.
+        distance_sigma: Largest relative standard deviation of the distances between cameras.
     """
 
     intrinsics: Array
-    poses: tuple[Transform, ...]
+    poses: tuple[Array, ...]
     rms_px: float
     held_out_px: float
     used: tuple[str, ...]
@@ -96,7 +90,7 @@ class RigFit:
 def is_outlier(errors: Array) -> Mask:
     """Return a mask of RMS errors (pixels) that are outliers."""
     typical = float(np.median(errors))
-    return np.asarray(errors > max(_OUTLIER_FACTOR * typical, typical + _OUTLIER_FLOOR_PX))
+    return np.asarray(errors > max(FIT.outlier_factor * typical, typical + FIT.outlier_floor_px))
 
 
 def fit_rig(
@@ -109,11 +103,11 @@ def fit_rig(
     """Fit all cameras together.
 
     Args:
-        refused: views that do not fit are added, with reasons.
-        centre: (3,) centre of a board that looks the same after half a turn, else None.
+        refused: Receives the views that do not fit.
+        centre: Centre (3,) of a board that looks the same after half a turn, else None.
 
     Raises:
-        CalibrationError: cameras that did not see the board together, or pictures that do not belong together.
+        CalibrationError: Cameras did not see the board together, or pictures do not belong together.
     """
     starts = _chain_cameras(singles, centre)
     members = _members(singles, starts, refused, centre)
@@ -129,10 +123,10 @@ def fit_rig(
 
 
 def fit_of_one(single: SingleCamera) -> RigFit:
-    """Return a camera calibrated alone as a rig; it stands where the world is."""
+    """Return the fit of a rig of one camera, in the world's origin."""
     return RigFit(
         intrinsics_of(single.matrix, single.distortion)[None],
-        ((np.eye(3), np.zeros(3)),),
+        (np.eye(4),),
         single.rms_px,
         float("nan"),
         tuple(single.poses),
@@ -161,7 +155,7 @@ def _refuse_outliers(
     members: Mapping[str, dict[int, bool]],
     refused: list[Rejected],
 ) -> bool:
-    """Remove the worst views by errors (M, C); return whether there were any."""
+    """Remove views with outlying errors (M, C); return whether there were any."""
     seen = np.isfinite(errors)
     outlying = np.zeros(errors.shape, dtype=bool)
     outlying[seen] = is_outlier(errors[seen]) & (errors[seen] > 0.5 * errors[seen].max())
@@ -177,35 +171,34 @@ def _refuse_outliers(
 def lens_prior(sizes: Sequence[tuple[int, int]]) -> LensPrior:
     """Return the prior of ordinary lenses with images of these sizes (w, h).
 
-    Pixels are nearly square, the axis meets the image near its middle, distortion is moderate. Views of a board that
-    fill the images tell all of it far better; with few views, or a small board, it keeps the lens from taking up what
-    is no property of it.
+    Pixels are nearly square, the axis meets the image near its middle, distortion is moderate. It matters with few
+    views or a small board only; there it keeps noise out of the lens.
     """
     means, information = np.zeros((len(sizes), INTRINSICS)), np.zeros((len(sizes), INTRINSICS, INTRINSICS))
     for index, (width, height) in enumerate(sizes):
         means[index, 2:4] = (width - 1) / 2.0, (height - 1) / 2.0
-        sigmas = np.array([np.inf, np.inf, *(width * _LENS_SIGMAS[:3]), *_LENS_SIGMAS[3:]])
+        lens = np.array(FIT.lens_sigmas)
+        sigmas = np.array([np.inf, np.inf, *(width * lens[:3]), *lens[3:]])
         information[index] = np.diag(1.0 / sigmas**2)
-        information[index, :2, :2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / (_ASPECT_SIGMA * width) ** 2
+        information[index, :2, :2] += np.array([[1.0, -1.0], [-1.0, 1.0]]) / (FIT.aspect_sigma * width) ** 2
     return LensPrior(means, information)
 
 
 def _choose_model(
     bundle: Bundle, observations: Sequence[CornerObservation], keys: Sequence[str], prior: LensPrior
 ) -> RigFit:
-    """Choose the richest camera model that predicts held-out moments well."""
+    """Fit the richest lens model that predicts held-out moments well."""
     held_out = {name: _held_out(bundle, observations, free, prior) for name, free in _MODELS.items()}
     if np.isnan(next(iter(held_out.values()))):
-        chosen = "no skew, no k3"  # too few moments to tell: the fewest unknowns
+        chosen = "no skew, no k3"  # too few moments to compare: the fewest unknowns
     else:
-        limit = _RICHER_MAY_COST * min(held_out.values())
+        limit = FIT.richer_may_cost * min(held_out.values())
         chosen = next(name for name, error in held_out.items() if error <= limit)
     free = _MODELS[chosen]
     fitted = adjust(_clear_fixed(bundle, free), observations, free, prior)
-    poses = tuple((cv2.Rodrigues(row[:3])[0], row[3:]) for row in fitted.cameras)
     return RigFit(
         fitted.intrinsics,
-        poses,
+        tuple(pose_matrix(row) for row in fitted.cameras),
         rms(fitted, observations),
         held_out[chosen],
         tuple(keys),
@@ -224,13 +217,13 @@ def _distance_sigma(bundle: Bundle, covariance: Array) -> float:
 
 def _distances(cameras: Array) -> Array:
     """Return the distances between all pairs of cameras (C, 6)."""
-    centres = np.array([-cv2.Rodrigues(row[:3])[0].T @ row[3:] for row in cameras])
+    centres = np.array([np.linalg.inv(pose_matrix(row))[:3, 3] for row in cameras])
     first, second = np.triu_indices(len(centres), 1)
     return np.asarray(np.linalg.norm(centres[first] - centres[second], axis=1))
 
 
 def _delays_s(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
-    """Return the median delay (C,) of each camera against the first, NaN if unknown."""
+    """Return each camera's median delay (C,) against the first, NaN if unknown."""
     delays = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
     for observation in observations:
         delays[observation.moment, observation.camera] = delay_s(bundle, observation)
@@ -245,27 +238,33 @@ def _clear_fixed(bundle: Bundle, free: Mask) -> Bundle:
 
 
 def _held_out(bundle: Bundle, observations: Sequence[CornerObservation], free: Mask, prior: LensPrior) -> float:
-    if len(bundle.boards) < _SMALLEST_FOR_FOLDS:
+    """Return the RMS reprojection error of moments that are left out of the fit in turn."""
+    if len(bundle.boards) < FIT.least_moments:
         return float("nan")
     squares = []
-    for fold in range(_FOLDS):
-        training = [s for s in observations if s.moment % _FOLDS != fold]
-        tests = [s for s in observations if s.moment % _FOLDS == fold]
+    for fold in range(FIT.folds):
+        training = [s for s in observations if s.moment % FIT.folds != fold]
+        tests = [s for s in observations if s.moment % FIT.folds == fold]
         fitted = adjust_boards(adjust(_clear_fixed(bundle, free), training, free, prior), tests)
         squares += [np.sum(residuals(fitted, observation) ** 2, axis=1) for observation in tests]
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 
 
-def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> list[Transform]:
-    """Return camera-from-first of all cameras, chained by most shared views."""
-    starts: dict[int, Transform] = {0: (np.eye(3), np.zeros(3))}
+def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> list[Array]:
+    """Return camera-from-first (4, 4) of all cameras, chained by most shared views."""
+    starts = {0: np.eye(4)}
     while len(starts) < len(singles):
-        shared, i, j = _nearest_pair(singles, starts)
-        if shared < MINIMUM_VIEWS:
-            _refuse_pair(singles, list(starts), shared, i, j)
-        keys = sorted(set(singles[i].poses) & set(singles[j].poses))
-        agreed = relative_poses([singles[i].poses[k] for k in keys], [singles[j].poses[k] for k in keys], centre)
-        starts[j] = compose(agreed, starts[i])
+        shared = {
+            (i, j): sorted(singles[i].poses.keys() & singles[j].poses.keys())
+            for i in sorted(starts)
+            for j in range(len(singles))
+            if j not in starts
+        }
+        (i, j), keys = max(shared.items(), key=lambda item: len(item[1]))
+        if len(keys) < MINIMUM_VIEWS:
+            _refuse_pair(singles, list(starts), len(keys), i, j)
+        agreed = relative_pose([singles[i].poses[k] for k in keys], [singles[j].poses[k] for k in keys], centre)
+        starts[j] = agreed @ starts[i]
     return [starts[i] for i in range(len(singles))]
 
 
@@ -279,21 +278,29 @@ def _refuse_pair(singles: Sequence[SingleCamera], joined: Sequence[int], shared:
 
 
 def _members(
-    singles: Sequence[SingleCamera], starts: Sequence[Transform], refused: list[Rejected], centre: Array | None
+    singles: Sequence[SingleCamera], starts: Sequence[Array], refused: list[Rejected], centre: Array | None
 ) -> dict[str, dict[int, bool]]:
     """Return each moment's cameras, and whether its board is numbered from the end.
 
-    A moment's cameras are those that most of them agree with on where the board is.
+    A moment's cameras are the most that agree with one of them on where the board is.
     """
-    scale = float(np.median([np.linalg.norm(pose[1]) for single in singles for pose in single.poses.values()]))
+    scale = float(np.median([np.linalg.norm(pose[:3, 3]) for single in singles for pose in single.poses.values()]))
+
+    def agreeing(key: str, base: int, seen: Sequence[int]) -> dict[int, bool]:
+        row = {base: False}
+        for c in seen:
+            placed = starts[c] @ np.linalg.inv(starts[base])
+            agrees, turned = seen_alike(singles[base].poses[key], singles[c].poses[key], placed, centre, scale)
+            if agrees and c != base:
+                row[c] = turned
+        return row
+
     members: dict[str, dict[int, bool]] = {}
     for key in sorted({key for single in singles for key in single.poses}):
         seen = [c for c, single in enumerate(singles) if key in single.poses]
         if len(seen) < 2:
             continue
-        rows = [_agreeing_cameras(base, seen, key, singles, starts, centre, scale) for base in seen]
-        best = max(rows, key=len)
-        members[key] = best
+        best = members[key] = max((agreeing(key, base, seen) for base in seen), key=len)
         for c in seen:
             if c not in best:
                 names = " and ".join(singles[b].name for b in sorted({*best, c}))
@@ -301,42 +308,11 @@ def _members(
     return members
 
 
-def _agreeing_cameras(
-    base: int,
-    seen: Sequence[int],
-    key: str,
-    singles: Sequence[SingleCamera],
-    starts: Sequence[Transform],
-    centre: Array | None,
-    scale: float,
-) -> dict[int, bool]:
-    row = {base: False}
-    for c in seen:
-        if c == base:
-            continue
-        placed = compose(starts[c], inverse(starts[base]))
-        agrees, turned = seen_alike(singles[base].poses[key], singles[c].poses[key], placed, centre, scale)
-        if agrees:
-            row[c] = turned
-    return row
-
-
-def _nearest_pair(singles: Sequence[SingleCamera], starts: Mapping[int, Transform]) -> tuple[int, int, int]:
-    candidates = [
-        (len(set(singles[i].poses) & set(singles[j].poses)), -i, -j)
-        for i in starts
-        for j in range(len(singles))
-        if j not in starts
-    ]
-    shared, i, j = max(candidates)
-    return shared, -i, -j
-
-
 def _start(
     points_m: Array,
     cameras: Sequence[CameraViews],
     singles: Sequence[SingleCamera],
-    starts: Sequence[Transform],
+    starts: Sequence[Array],
     members: Mapping[str, Mapping[int, bool]],
     keys: Sequence[str],
 ) -> tuple[Bundle, list[CornerObservation]]:
@@ -346,12 +322,7 @@ def _start(
         for c, turned in sorted(members[key].items(), reverse=True):
             view = cameras[c].views[key].reverse() if turned else cameras[c].views[key]
             observations.append(CornerObservation(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
-            pose = singles[c].poses[key]
-            pose = compose(pose, half_turn(points_m.mean(axis=0))) if turned else pose
-            boards[moment] = _vector(compose(inverse(starts[c]), pose))
+            pose = singles[c].poses[key] @ half_turn(points_m.mean(axis=0)) if turned else singles[c].poses[key]
+            boards[moment] = pose_vector(np.linalg.inv(starts[c]) @ pose)
     intrinsics = np.array([intrinsics_of(single.matrix, single.distortion) for single in singles])
-    return Bundle(intrinsics, np.array([_vector(start) for start in starts]), boards), observations
-
-
-def _vector(transform: Transform) -> Array:
-    return np.concatenate((cv2.Rodrigues(transform[0])[0].ravel(), transform[1]))
+    return Bundle(intrinsics, np.array([pose_vector(start) for start in starts]), boards), observations

@@ -15,36 +15,30 @@ from ...geometry.rigid_transform import principal_axes
 from ...geometry.triangulation import triangulate
 from .calibration_board import Board, BoardView
 
-_SIGMA_PX = 0.3  # of a corner
-_LARGEST_ERROR = 3.0 / 640.0  # of the image width: a camera was moved since
-_FLATNESS_M = 0.01  # corners further off their plane than this are no corners of a flat board
-
 
 def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.0, above_m: float = 0.0) -> CameraRig:
-    """Return the rig in a world with the floor at y = 0.
-
-    z points from the middle of the floor points to between the cameras, x to the performer's left as they face the
-    cameras, y up. The origin lies `behind_m` behind that middle as the cameras see it, where the performer stands.
+    """Return the rig in a world with the floor at y = 0, z towards the cameras and x to the performer's left.
 
     Args:
-        floor_points_m: (N, 3) points of the floor in that world, N >= 3, not on a line.
-        behind_m: from the middle of the points to the origin, away from the cameras.
-        above_m: height of the points above the floor, as of the middles of balls that lie on it.
+        floor_points_m: Points (N, 3) of the floor in the rig's present world, N >= 3, not on a line.
+        behind_m: Distance from the middle of the points to the origin, away from the cameras.
+        above_m: Height of the points above the floor, such as the radius of balls that lie on it.
 
     Raises:
-        CalibrationError: the points are no plane, or the cameras look at it from straight above.
+        CalibrationError: The points are not in a plane, or the cameras see it from straight above.
     """
     points = np.asarray(floor_points_m, dtype=np.float64)
     if len(points) < 3:
         raise CalibrationError("three points are needed to find the floor", advice="lay the board on the floor")
     middle, sizes, axes = principal_axes(points)
-    if sizes[2] / np.sqrt(len(points)) > _FLATNESS_M or sizes[1] < 1e-3 * sizes[0]:
+    if sizes[2] / np.sqrt(len(points)) > 0.01 or sizes[1] < 1e-3 * sizes[0]:  # 1 cm off a plane, or on a line
         raise CalibrationError(
             "the points of the floor do not lie in one plane", advice="lay flat, on level ground, what marks the floor"
         )
     centre = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
-    up = axes[2] if axes[2] @ (centre - middle) > 0 else -axes[2]  # the cameras are above the floor
-    forward = (centre - middle) - up * (up @ (centre - middle))
+    to_cameras = centre - middle
+    up = axes[2] if axes[2] @ to_cameras > 0 else -axes[2]
+    forward = to_cameras - up * (up @ to_cameras)
     if np.linalg.norm(forward) < 0.05:
         raise CalibrationError("the cameras look straight down on the floor's middle", advice="mark where you stand")
     forward /= np.linalg.norm(forward)
@@ -60,10 +54,10 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
 def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> Array:
     """Return a board's corners (N, 3), metres, from one moment of all cameras.
 
-    A chessboard may be numbered from either end in each view; the views are taken as they agree best.
+    Views of a chessboard, which may be numbered from either end, are ordered as they agree best.
 
     Raises:
-        CalibrationError: other cameras, a view of a part of the board only, or views that do not agree.
+        CalibrationError: Other cameras, a view of a part of the board only, or views that do not agree.
     """
     if len(views) != len(rig):
         raise CalibrationError(
@@ -73,17 +67,16 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
         raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")
     if len(views) == 1:
         return _seen_by_one(rig.cameras[0], views[0], board)
-    ways = [(False, True) if board.is_ambiguous and index else (False,) for index in range(len(views))]
+    orders = [(view, view.reverse()) if board.is_ambiguous and index else (view,) for index, view in enumerate(views)]
     best, least = np.zeros((0, 3)), np.inf
-    for turned in product(*ways):
-        ordered = [view.reverse() if turn else view for view, turn in zip(views, turned, strict=True)]
+    for ordered in product(*orders):
         seen = [camera.undistort(view.pixels) for camera, view in zip(rig.cameras, ordered, strict=True)]
         weights = np.ones((len(board.points_m), len(views)))
-        points, _, errors = triangulate(rig.cameras, np.stack(seen, axis=1), weights, _SIGMA_PX)
+        points, _, errors = triangulate(rig.cameras, np.stack(seen, axis=1), weights, 1.0)
         error = float(np.sqrt(np.mean(errors**2)))
         if error < least:
             best, least = points, error
-    if not least < _LARGEST_ERROR * rig.cameras[0].image_size[0]:
+    if not least < 3.0 / 640.0 * rig.cameras[0].image_size[0]:
         raise CalibrationError(
             f"the cameras do not agree on where the board is ({least:.1f} px)", advice="calibrate the cameras again"
         )
@@ -94,6 +87,6 @@ def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
     normalised = camera.undistort(view.pixels)
     found, turn, shift = cv2.solvePnP(board.points_m, normalised, np.eye(3), np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     if not found:
-        raise CalibrationError("the board's place cannot be found in this picture", advice="lay it nearer")
+        raise CalibrationError("the place of the board cannot be found in this picture", advice="lay it nearer")
     local = board.points_m @ cv2.Rodrigues(turn)[0].T + np.ravel(shift)
     return np.asarray((local - camera.translation_m) @ camera.rotation)

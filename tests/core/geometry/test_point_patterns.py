@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from perfanim.core.geometry import point_patterns
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.point_patterns import fit_rigid, match_rigid_pattern, planarity_m
+from perfanim.core.geometry.point_patterns import match_rigid_pattern, place_pattern, planarity_m
 
 CHANCE = np.random.default_rng(7)
 PATTERN_M = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.5, 0.0], [0.1, 0.1, 0.7]])
@@ -48,12 +48,12 @@ def test_a_distance_off_by_more_than_its_tolerance_is_no_match() -> None:
 
 
 def test_a_rigid_fit_gives_turn_shift_and_what_is_left() -> None:
-    turn, shift, off_m = fit_rigid(PATTERN_M, PLACED_M)
+    turn, shift, off_m = place_pattern(PATTERN_M, PLACED_M)
     np.testing.assert_allclose(turn, rot.to_matrix(TURN), atol=1e-12)
     np.testing.assert_allclose(shift, SHIFT)
     assert off_m == pytest.approx(0.0, abs=1e-9)
     # two points of a line that is 2 cm longer: each 1 cm away
-    _, _, off_m = fit_rigid(
+    _, _, off_m = place_pattern(
         np.array([[-0.5, 0, 0], [0.5, 0, 0], [0, 0, 0]]), np.array([[-0.51, 0, 0], [0.51, 0, 0], [0, 0, 0]])
     )
     assert off_m == pytest.approx(0.01 * np.sqrt(2.0 / 3.0))

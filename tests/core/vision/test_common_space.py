@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.vision.common_space import SMALLEST_PX, _largest_rectangle, common_space
+from perfanim.core.vision.common_space import _largest_rectangle, common_space
 
-HEIGHT_M, AROUND_M, RADIUS_M = 1.8, 0.35, 0.0125
+HEIGHT_M, AROUND_M, RADIUS_M, SMALLEST_PX = 1.8, 0.35, 0.0125, 1.5
 
 
 def is_seen(camera, x, z):
@@ -23,7 +23,7 @@ def is_seen(camera, x, z):
 @pytest.mark.parametrize("cameras", [1, 2, 3])
 def test_the_rectangle_is_seen_and_no_larger_one_beside_it(cameras):
     rig = default_rig(cameras)
-    space = common_space(rig, HEIGHT_M, AROUND_M, RADIUS_M)
+    space = common_space(rig, HEIGHT_M, AROUND_M, RADIUS_M, SMALLEST_PX)
     left, back, right, front = space.rectangle_m
     assert right - left > 0.5 and front - back > 0.3
     for x in (left, right):

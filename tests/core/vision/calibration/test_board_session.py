@@ -15,7 +15,8 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_poses
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.calibration import board_session
-from perfanim.core.vision.calibration.board_session import ENOUGH_VIEWS, BoardSession, Guidance
+from perfanim.core.vision.calibration.board_session import BoardSession, Guidance
+from perfanim.core.vision.calibration.board_watch import GUIDANCE
 from perfanim.core.vision.calibration.calibration_board import BoardView
 
 PLACES = 30
@@ -106,7 +107,7 @@ def test_it_ends_by_itself_with_a_good_calibration(scene: Scene, poses: tuple[Bo
     session = new_session()
     sights = play(session, scene, poses)
     assert session.good
-    assert ENOUGH_VIEWS <= session.views < PLACES
+    assert GUIDANCE.enough_views <= session.views < PLACES
     result = session.finish()
     assert result.verdict == "good"
     assert result.baseline_m == pytest.approx(rig.baseline_m(), rel=4 * result.distance_sigma)
@@ -171,9 +172,9 @@ def test_timed_views_are_taken_while_the_board_moves(scene: Scene, poses: tuple[
 
 def test_cameras_that_are_exchanged_are_told_while_it_goes_on(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session()
-    with pytest.raises(CalibrationError, match="the left camera stands on the right; exchange"):
+    with pytest.raises(CalibrationError, match=r"camera left stands on the right, .*; exchange"):
         play(session, scene, poses, order=(1, 0))
-    assert session.views < ENOUGH_VIEWS
+    assert session.views < GUIDANCE.enough_views
 
 
 def test_one_camera_alone_gets_its_lens(scene: Scene, poses: tuple[BoardPose, ...], rig: CameraRig) -> None:

@@ -103,7 +103,7 @@ def test_a_spoilt_view_is_left_out(rig):
 def test_exchanged_sides_are_told(rig):
     left, right = views(rig, 10)
     swapped = [CameraViews("left", right.image_size, right.views), CameraViews("right", left.image_size, left.views)]
-    with pytest.raises(CalibrationError, match="exchange left and right"):
+    with pytest.raises(CalibrationError, match="camera left stands on the right"):
         calibrate_from_points(BOARD.points_m, swapped, ambiguous=True)
     assert calibrate_from_points(BOARD.points_m, swapped, left_right=False, ambiguous=True).used
 
@@ -197,9 +197,12 @@ def test_the_certainty_of_the_distance_is_that_of_repeated_calibrations(rig):
 
 
 def test_smeared_and_blurred_pictures_are_told(rig):
-    rows = views(rig, 10)
-    widths = {"left": [(2.0, 9.0)] * 10, "right": [(8.0, 9.0)] * 10}
-    result = calibrate_from_points(BOARD.points_m, rows, ambiguous=True, edge_widths_px=widths)
+    widths_px = {"left": (2.0, 9.0), "right": (8.0, 9.0)}
+    rows = [
+        with_views(c, {key: replace(view, edge_widths_px=widths_px[c.name]) for key, view in c.views.items()})
+        for c in views(rig, 10)
+    ]
+    result = calibrate_from_points(BOARD.points_m, rows, ambiguous=True)
     told = " | ".join(result.advice)
     assert "left: exposure too long: corners smeared over 9 pixels" in told
     assert "right is out of focus: edges 9 pixels wide" in told

@@ -3,7 +3,7 @@ import pytest
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.vision.calibration.floor_watch import STILL_S, FloorWatch, scaled_to
+from perfanim.core.vision.calibration.floor_watch import FLOOR, FloorWatch, scaled_to
 
 NOISE_M = 0.001
 FPS = 20.0
@@ -29,10 +29,10 @@ def lying(points, seconds, generator):
 def test_markers_that_lie_still_are_averaged_in_whatever_order_they_come():
     watch, advice = watched(lying(FLOOR_M, 2.0, np.random.default_rng(0)))
     assert advice[0] == advice[-2] == "let them lie still"
-    assert len(advice) / FPS == pytest.approx(STILL_S, abs=2.0 / FPS)
+    assert len(advice) / FPS == pytest.approx(FLOOR.still_s, abs=2.0 / FPS)
     nearest = np.linalg.norm(watch.points_m[:, None] - FLOOR_M, axis=2)
     assert sorted(nearest.argmin(axis=1)) == [0, 1, 2, 3]
-    assert nearest.min(axis=1).max() < 5.0 * NOISE_M / np.sqrt(STILL_S * FPS)
+    assert nearest.min(axis=1).max() < 5.0 * NOISE_M / np.sqrt(FLOOR.still_s * FPS)
 
 
 def test_what_is_missing_is_told_and_a_hand_that_lays_them_is_waited_for():
