@@ -13,7 +13,7 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..system.backoff import Backoff
 from .calibration.rig_refinement import Refinement, refine_rig
-from .matching.stereo import EPIPOLAR_PX
+from .matching.stereo import STEREO
 
 Start = Callable[..., "Future[Refinement | None]"]
 
@@ -55,7 +55,7 @@ class BumpDetector:
         """
         if len(self._rig) < 2:
             return ""
-        miss_px = meeting_error_px(frame.blobs, errors_px, EPIPOLAR_PX)
+        miss_px = meeting_error_px(frame.blobs, errors_px, STEREO.epipolar_px)
         if miss_px is not None:
             self._misses_px.append(miss_px)
         if self._running is not None and self._running.done():

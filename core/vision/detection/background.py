@@ -1,8 +1,4 @@
-"""Background of a camera: mean and deviation of every pixel, and the foreground.
-
-Chai and Hodgins 2005, section on the cameras: foreground is where any colour channel differs from its mean by more
-than a threshold.
-"""
+"""Background of a camera: mean and deviation of every pixel (Chai and Hodgins 2005, section on the cameras)."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -13,24 +9,21 @@ import numpy as np
 from ...errors import CaptureError
 from ...geometry.arrays import Array, FloatArray, Image
 
-_MINIMUM_FRAMES = 2
-_KEPT_SHARE = 0.6
-
 
 @dataclass(frozen=True)
 class Background:
-    """`mean` and `deviation` (height, width, 3) float32 in grey levels."""
+    """Mean and standard deviation (height, width, 3) of the pixels, grey levels."""
 
     mean: FloatArray
     deviation: FloatArray
 
     def __post_init__(self) -> None:
-        if self.mean.shape != self.deviation.shape or self.mean.ndim != 3 or self.mean.shape[2] != 3:
+        if self.mean.shape != self.deviation.shape or self.mean.shape[2:] != (3,):
             raise CaptureError(f"a background has mean {self.mean.shape} and deviation {self.deviation.shape}")
 
     @property
     def image_size(self) -> tuple[int, int]:
-        """(width, height)."""
+        """Width and height, pixels."""
         return self.mean.shape[1], self.mean.shape[0]
 
     @property
@@ -41,7 +34,7 @@ class Background:
     def band(self, sigmas: float, threshold: float) -> tuple[Image, Image]:
         """Return the lowest and highest background value of each pixel and channel.
 
-        A pixel may differ by `threshold` grey levels or by `sigmas` of its own deviation, whichever is more.
+        A pixel may differ by `threshold` grey levels or by `sigmas` of its deviations, whichever is more.
         """
         reach = np.maximum(sigmas * self.deviation, threshold)
         low = np.ceil(np.clip(self.mean - reach, 0.0, 255.0)).astype(np.uint8)
@@ -58,7 +51,7 @@ class BackgroundLearner:
         self._squares: Array | None = None
 
     def add(self, image: Image) -> None:
-        """Add one frame (height, width, 3) uint8; raise CaptureError for another size."""
+        """Add a frame (height, width, 3) of the same size."""
         if self._sum is None or self._squares is None:
             self._sum, self._squares = np.zeros(image.shape), np.zeros(image.shape)
         if image.shape != self._sum.shape:
@@ -68,8 +61,8 @@ class BackgroundLearner:
         self._count += 1
 
     def result(self) -> Background:
-        """Return the background; raise CaptureError with fewer than two frames."""
-        if self._count < _MINIMUM_FRAMES or self._sum is None or self._squares is None:
+        """Return the background, of at least two frames."""
+        if self._count < 2 or self._sum is None or self._squares is None:
             raise CaptureError(
                 f"the background cannot be learned from {self._count} frame(s)",
                 advice="let the cameras run for a second or two without the performer",
@@ -80,10 +73,7 @@ class BackgroundLearner:
 
 
 def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
-    """Return each camera's background from moments without the performer.
-
-    The images are taken one by one and not kept, so there may be any number of them.
-    """
+    """Return each camera's background from any number of moments without the performer."""
     learners: list[BackgroundLearner] = []
     for images in moments:
         learners = learners or [BackgroundLearner() for _ in images]
@@ -95,13 +85,12 @@ def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
 def background_from_take(samples: Sequence[Image]) -> Background:
     """Return the background of frames spread over a take with the performer in it.
 
-    Markers are brighter than the background and move: of each pixel's values over time the darkest 60 % are
-    taken as background, so that a marker may rest on a pixel for 40 % of the take. Deviations are those of the kept
-    values, corrected for the cut as for a normal distribution.
+    Markers are brighter than the background and move, so the darkest 60 % of a pixel's values are background: a marker
+    may rest on it for 40 % of the take.
     """
-    if len(samples) < _MINIMUM_FRAMES:
+    if len(samples) < 2:
         raise CaptureError(f"the background cannot be learned from {len(samples)} frame(s)")
     stack = np.sort(np.stack(samples), axis=0)
-    kept = stack[: max(_MINIMUM_FRAMES, round(_KEPT_SHARE * len(stack)))].astype(np.float32)
-    # a normal distribution cut off above its 60 % point has 0.70 of the deviation
+    kept = stack[: max(2, round(0.6 * len(stack)))].astype(np.float32)
+    # cutting off the upper 40 % leaves 0.70 of a normal distribution's deviation
     return Background(kept.mean(axis=0), kept.std(axis=0) / np.float32(0.70))

@@ -1,4 +1,4 @@
-"""Detection of exchanged cameras: the left one's images come as the right one's."""
+"""Detection of exchanged cameras: each delivers the images of the other."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -6,42 +6,34 @@ from statistics import fmean
 
 from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
-from .stereo import EPIPOLAR_PX, Matches, StereoMatcher
+from .stereo import STEREO, Matches, StereoMatcher
 
 EXCHANGED = "left and right camera seem to be exchanged"
-_FEWEST_BLOBS = 4
-_FRAMES = 6  # of evidence: within a quarter of a second at 30 Hz
-_DOUBTFUL_PX = 0.75  # mean error of the matches from which it is worth a look ...
-_BETTER = 0.35  # ... whether it falls to such a share with the cameras exchanged
 
 
 class CameraSwapDetector:
-    """Test of exchanged cameras, where the blobs of two cameras meet badly.
-
-    With more or fewer than two cameras nothing is looked for.
-    """
+    """Test of two cameras for exchange, while their blobs match badly; a no-op for other numbers of cameras."""
 
     def __init__(self, rig: CameraRig) -> None:
         exchanged = CameraRig(rig.cameras[::-1]) if len(rig) == 2 else None
         self._matcher = StereoMatcher(exchanged) if exchanged else None
-        self._errors_px: deque[tuple[float, float]] = deque(maxlen=_FRAMES)
+        self._errors_px: deque[tuple[float, float]] = deque(maxlen=STEREO.swap_frames)
 
     def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
-        """Return a warning, "" where nothing points to an exchange."""
+        """Return a warning, "" without one."""
         if self._matcher is None:
             return ""
         seen = min(len(rows) for rows in blobs)
-        if seen >= _FEWEST_BLOBS:
+        if seen >= STEREO.fewest_blobs:
             error = exchanged = self._error_px(matches, seen)
-            if error > _DOUBTFUL_PX:
+            if error > STEREO.swap_px:
                 exchanged = self._error_px(self._matcher.match(blobs, self._matcher.undistort(blobs), None), seen)
             self._errors_px.append((error, exchanged))
-        if len(self._errors_px) < _FRAMES:
+        if len(self._errors_px) < STEREO.swap_frames:
             return ""
         error, exchanged = (fmean(errors) for errors in zip(*self._errors_px, strict=True))
-        worse = error > _DOUBTFUL_PX and exchanged < _BETTER * error
-        return EXCHANGED if worse else ""
+        return EXCHANGED if error > STEREO.swap_px and exchanged < STEREO.swap_gain * error else ""
 
     def _error_px(self, matches: Matches, seen: int) -> float:
-        """Return the mean meeting error of blobs, pixels; an unmatched one counts most."""
-        return float(matches.errors_px.mean(axis=1).sum() + EPIPOLAR_PX * (seen - len(matches.points_m))) / seen
+        """Return the mean reprojection error of blobs, pixels; one without a partner has the largest."""
+        return float(matches.errors_px.mean(axis=1).sum() + STEREO.epipolar_px * (seen - len(matches.points_m))) / seen

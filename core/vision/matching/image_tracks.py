@@ -9,25 +9,32 @@ from scipy.spatial.distance import cdist
 from ...geometry.arrays import Array, IntArray, Mask
 from ...geometry.gated_assignment import assign
 
-# Gates at 640 pixels of width; a marker at 5 m/s crosses such an image in less than a second.
-_GATE_PX, _GATE_PX_S = 6.0, 400.0
-_NEW_PX_S = 900.0  # more for a blob of unknown velocity
-_WIDTH_PX = 640.0
-_LONGEST_GAP_S = 0.1
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How blobs are followed in an image 640 pixels wide, which a marker at 5 m/s crosses in less than a second."""
+
+    gate_px: float = 6.0  # largest distance from the expected place,
+    gate_px_s: float = 400.0  # and its growth with the time since the last image,
+    new_px_s: float = 900.0  # also for a blob of unknown velocity
+    longest_gap_s: float = 0.1  # then a track ends
+
+
+_TRACKS = TrackSettings()
 
 
 class BlobLinker:
     """Linker of blobs to tracks; a track ends after a gap."""
 
     def __init__(self, width_px: int) -> None:
-        self._scale = width_px / _WIDTH_PX
+        self._scale = width_px / 640.0
         self._next = 0
-        self._tracks = np.empty((0, 5))  # x, y, their velocities (NaN until they are known), time last seen
+        self._tracks = np.empty((0, 5))  # x, y, their velocities (NaN while unknown), time last seen
         self._ids = np.empty(0, dtype=np.int64)
 
     def link(self, time_s: float, pixels: Array) -> IntArray:
         """Return the track (n,) of each blob (n, 2) of the next image; the times increase."""
-        self._keep(time_s - self._tracks[:, 4] <= _LONGEST_GAP_S)
+        self._keep(time_s - self._tracks[:, 4] <= _TRACKS.longest_gap_s)
         ids = np.full(len(pixels), -1, dtype=np.int64)
         seen = np.full((len(pixels), 5), np.nan)
         seen[:, :2], seen[:, 4] = pixels, time_s
@@ -35,7 +42,8 @@ class BlobLinker:
             passed_s = time_s - self._tracks[:, 4:]
             velocities = self._tracks[:, 2:4]
             known = np.isfinite(velocities)
-            gates = self._scale * (_GATE_PX + np.where(known[:, :1], _GATE_PX_S, _NEW_PX_S) * passed_s)
+            speeds = np.where(known[:, :1], _TRACKS.gate_px_s, _TRACKS.new_px_s)
+            gates = self._scale * (_TRACKS.gate_px + speeds * passed_s)
             expected = self._tracks[:, :2] + np.where(known, velocities, 0.0) * passed_s
             rows, columns = assign(cdist(expected, pixels) / gates)
             ids[columns] = self._ids[rows]
@@ -57,12 +65,12 @@ class BlobLinker:
 
 @dataclass(frozen=True)
 class ImageTracks:
-    """Tracks of one camera side by side.
+    """Tracks of one camera in a table; a row has one track after another.
 
     Args:
-        times_s: (F,) of the images, increasing.
-        points: (S, F, 2) undistorted normalised coordinates, NaN where a row has no track.
-        ids: (S, F) track, -1 where none; a row has one track after another.
+        times_s: Increasing times (F,) of the images.
+        points: Undistorted normalised coordinates (S, F, 2), NaN where a row has no track.
+        ids: Tracks (S, F), -1 where a row has none.
     """
 
     times_s: Array
@@ -70,14 +78,14 @@ class ImageTracks:
     ids: IntArray
 
     def thin(self, most: int) -> "ImageTracks":
-        """Return at most so many images, evenly spread."""
+        """Return at most so many images, evenly spaced."""
         step = -(-len(self.times_s) // most)
         return ImageTracks(self.times_s[::step], self.points[:, ::step], self.ids[:, ::step])
 
     def at(self, times_s: Array) -> tuple[Array, IntArray]:
         """Return points (S, N, 2) and tracks (S, N) at other times, NaN and -1 outside.
 
-        On the cubic through the two images before and the two after, which all must show the track.
+        They are interpolated by cubics between two images before and two after, which all must show the track.
         """
         last = len(self.times_s) - 3
         if last < 1:
@@ -101,8 +109,8 @@ class ImageTracks:
 
 
 def image_tracks(times_s: Sequence[float], points: Sequence[Array], ids: Sequence[IntArray]) -> ImageTracks:
-    """Return tracks side by side from points (n, 2) and tracks (n,) of each image."""
-    rows: list[int] = []  # per row the frame after its last track
+    """Return a table of tracks from the points (n, 2) and tracks (n,) of each image."""
+    rows: list[int] = []  # the frame after each row's last track
     row_of: dict[int, int] = {}
     last = {int(track): f for f, tracks in enumerate(ids) for track in tracks}
     for f, tracks in enumerate(ids):

@@ -1,7 +1,7 @@
 """Stereo matching by epipolar line, colour, size and predicted markers.
 
-Chai and Hodgins 2005 take the epipolar line and colour similarity, and temporal coherence where several candidates
-remain; here all of it is the cost of one assignment problem.
+Chai and Hodgins 2005 use the epipolar line and colour, then temporal coherence where several candidates remain; here
+all of it is the cost of one assignment problem.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,30 @@ from ...geometry.triangulation import depths, inverse_3x3, triangulate
 Located = tuple[Array, Array, Array]
 
 
-EPIPOLAR_PX = 4.0  # largest distance of a blob from the other's epipolar line
+@dataclass(frozen=True)
+class StereoSettings:
+    """Costs and limits of stereo matching; sigmas are standard deviations."""
+
+    epipolar_px: float = 4.0  # largest distance of a blob from the other's epipolar line
+    gate_sigmas: float = 3.0  # the same distance in standard deviations
+    pixel_sigma: float = 0.5  # blob's centre, with calibration and time errors
+    nearest_m: float = 0.3  # depths of markers
+    farthest_m: float = 12.0
+    spread_m: float = 0.5  # sigma of a marker's depth about the middle of all
+    coherence_m: float = 0.06  # sigma of a marker's distance from its prediction
+    most_coherence: float = 9.0  # largest cost of that distance, and of the depth
+    hue_sigma: float = 25.0  # half degrees
+    size_sigma: float = 0.35  # logarithm
+    brightness_sigma: float = 0.6  # logarithm
+    no_match: float = 30.0  # cost of a blob without a partner
+    most_blobs: int = 150  # per camera, the brightest; the cost grows with their square, and with ghosts faster
+    fewest_blobs: int = 4  # in each image, to test for exchanged cameras
+    swap_frames: int = 6  # mean over so many: a quarter of a second at 30 Hz
+    swap_px: float = 0.75  # mean error from which the exchanged order is tried
+    swap_gain: float = 0.35  # error of exchanged cameras in the right order, relative to the wrong one
+
+
+STEREO = StereoSettings()
 
 
 @dataclass(frozen=True)
@@ -31,39 +54,27 @@ class Matches:
     errors_px: Array
 
 
-_PIXEL_SIGMA = 0.5  # of a blob's centre, calibration error and time between the cameras included
-_NEAREST_M, _FARTHEST_M = 0.3, 12.0  # from the camera, where markers may be
-_SPREAD_M = 0.5  # how far (one sigma) markers lie in front of or behind the middle of all
-_COHERENCE_M = 0.06  # how far (one sigma) a marker is from where it is predicted
-_SIGMAS_OF_GATE = 3.0
-_HUE_SIGMA = 25.0
-_SIZE_SIGMA = 0.35
-_BRIGHTNESS_SIGMA = 0.6
-_COHERENCE_CAP = 9.0
-_NO_MATCH = 30.0
-_FORBIDDEN = 1e6
-_MOST_BLOBS = 150  # of a camera that are matched; the cost grows with their square, and with ghosts faster
-
-
 class StereoMatcher:
-    """Matches the blobs of a rig's cameras."""
+    """Matching of the blobs of a rig's cameras."""
 
-    def __init__(self, rig: CameraRig, epipolar_px: float = EPIPOLAR_PX) -> None:
+    def __init__(self, rig: CameraRig, epipolar_px: float = STEREO.epipolar_px) -> None:
         self.rig = rig
         self._epipolar_px = epipolar_px
-        self._essential: dict[tuple[int, int], Array] = {}  # of two cameras
+        self._essential = {
+            (a, b): essential_matrix(rig.cameras[a], rig.cameras[b]) for b in range(len(rig)) for a in range(b)
+        }
 
     def undistort(self, blobs: Sequence[FloatArray]) -> list[Array]:
         """Return the blobs' undistorted normalised coordinates (n, 2), per camera."""
         return undistort_all(self.rig.cameras, [rows[:, :2].astype(np.float64) for rows in blobs])
 
     def match(self, blobs: Sequence[FloatArray], normalised: Sequence[Array], predicted_m: Array | None) -> Matches:
-        """Match blobs of all cameras, of each the brightest `_MOST_BLOBS`.
+        """Match the brightest blobs of all cameras.
 
         Args:
-            blobs: per camera (n, 5).
-            normalised: per camera (n, 2), of `undistort`.
-            predicted_m: (P, 3) where markers are expected; None when nothing is known.
+            blobs: Blobs (n, 5) of each camera.
+            normalised: Their coordinates (n, 2) by `undistort`.
+            predicted_m: Expected markers (P, 3); None when nothing is known.
         """
         cameras = len(self.rig)
         located = self._locate(np.empty((0, cameras), dtype=np.int64), normalised)
@@ -71,14 +82,12 @@ class StereoMatcher:
         for camera in range(1, cameras):
             table = self._attach(camera, normalised, located[0], table)
             for other in range(camera):
-                free_a, free_b = (
-                    _brightest(unused_blobs(table, of, len(blobs[of])), blobs[of]) for of in (other, camera)
-                )
-                pairs, located = self._pairs(other, camera, free_a, free_b, blobs, normalised, predicted_m)
+                free = [_brightest(unused_blobs(table, of, len(blobs[of])), blobs[of]) for of in (other, camera)]
+                pairs, located = self._pairs(other, camera, free, blobs, normalised, predicted_m)
                 rows = np.full((len(pairs), cameras), -1, dtype=np.int64)
                 rows[:, other], rows[:, camera] = pairs[:, 0], pairs[:, 1]
                 table = np.concatenate((table, rows))
-            if camera > 1:  # else the pairs are all there is
+            if camera > 1:
                 located = self._locate(table, normalised)
         return Matches(located[0], located[1], table, located[2])
 
@@ -89,17 +98,16 @@ class StereoMatcher:
         for camera, coordinates in enumerate(normalised):
             seen = table[:, camera] >= 0
             observed[seen, camera] = coordinates[table[seen, camera]]
-        return triangulate(self.rig.cameras, observed, (table >= 0).astype(float), _PIXEL_SIGMA)
+        return triangulate(self.rig.cameras, observed, (table >= 0).astype(float), STEREO.pixel_sigma)
 
     def _attach(self, camera: int, normalised: Sequence[Array], points: Array, table: IntArray) -> IntArray:
-        """Give points already known their blob in one more camera."""
+        """Add another camera's blobs to known points."""
         if len(points) == 0 or len(normalised[camera]) == 0:
             return table
         view = self.rig.cameras[camera]
         local = view.to_camera(points)
         distance = cdist(local[:, :2] / local[:, 2:], normalised[camera]) * view.focal_px
-        cost = np.where(local[:, 2:] > 0.0, distance, _FORBIDDEN)
-        rows, columns = assign(cost, self._epipolar_px)
+        rows, columns = assign(np.where(local[:, 2:] > 0.0, distance, np.inf), self._epipolar_px)
         table = table.copy()
         table[rows, camera] = columns
         return table
@@ -108,79 +116,76 @@ class StereoMatcher:
         self,
         a: int,
         b: int,
-        free_a: IntArray,
-        free_b: IntArray,
+        free: Sequence[IntArray],
         blobs: Sequence[FloatArray],
         normalised: Sequence[Array],
         predicted_m: Array | None,
     ) -> tuple[IntArray, Located]:
-        """Return matched blobs (n, 2) of two cameras, and their triangulation."""
+        """Return matched blobs (n, 2) of two cameras' free blobs, and their triangulation."""
         none = np.empty((0, 2), dtype=np.int64), (np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 2)))
-        if len(free_a) == 0 or len(free_b) == 0:
+        if min(map(len, free)) == 0:
             return none
         views = self.rig.cameras[a], self.rig.cameras[b]
-        x, y = normalised[a][free_a], normalised[b][free_b]
-        if (a, b) not in self._essential:
-            self._essential[a, b] = essential_matrix(*views)
+        x, y = normalised[a][free[0]], normalised[b][free[1]]
         line = epipolar_distances(self._essential[a, b], 0.5 * (views[0].focal_px + views[1].focal_px), x, y)
         rows, columns = np.nonzero(line <= self._epipolar_px)
         if len(rows) == 0:
             return none
         both = np.stack((x[rows], y[columns]), axis=1)
-        points, covariances, errors = triangulate(views, both, np.ones((len(rows), 2)), _PIXEL_SIGMA)
+        points, covariances, errors = triangulate(views, both, np.ones((len(rows), 2)), STEREO.pixel_sigma)
         depth, other_depth = (depths(view, points) for view in views)
-        possible = np.minimum(depth, other_depth) >= _NEAREST_M
-        possible &= np.maximum(depth, other_depth) <= _FARTHEST_M
+        possible = np.minimum(depth, other_depth) >= STEREO.nearest_m
+        possible &= np.maximum(depth, other_depth) <= STEREO.farthest_m
         if not possible.all():
             rows, columns, depth = rows[possible], columns[possible], depth[possible]
             points, covariances, errors = points[possible], covariances[possible], errors[possible]
-        similar = _dissimilarity(blobs[a][free_a], blobs[b][free_b], rows, columns)
-        base = (line[rows, columns] / (self._epipolar_px / _SIGMAS_OF_GATE)) ** 2 + similar
+        unlike = _dissimilarity(blobs[a][free[0]], blobs[b][free[1]], rows, columns)
+        base = (line[rows, columns] / (self._epipolar_px / STEREO.gate_sigmas)) ** 2 + unlike
         if predicted_m is not None and len(predicted_m):
             nearest = self._coherence(points, covariances, predicted_m)
-            base = base + np.minimum(nearest, _COHERENCE_CAP)
+            base = base + np.minimum(nearest, STEREO.most_coherence)
         candidates = np.full(line.shape, -1, dtype=np.int64)
         candidates[rows, columns] = np.arange(len(rows))
         chosen = _choose(base, rows, columns, candidates)
-        # once more with the performer's distance by the first answer
+        # again, with the performer's distance from the first answer
         if len(chosen) >= 3:
             middle = float(_medians(depth[chosen]))
-            cost = base + np.minimum(((depth - middle) / _SPREAD_M) ** 2, _COHERENCE_CAP)
+            cost = base + np.minimum(((depth - middle) / STEREO.spread_m) ** 2, STEREO.most_coherence)
             chosen = _choose(cost, rows, columns, candidates)
-        pairs = np.stack((free_a[rows[chosen]], free_b[columns[chosen]]), axis=1)
+        pairs = np.stack((free[0][rows[chosen]], free[1][columns[chosen]]), axis=1)
         return pairs, (points[chosen], covariances[chosen], errors[chosen])
 
     def _coherence(self, points: Array, covariances: Array, predicted_m: Array) -> Array:
         """Return squared distances (n,), in sigmas, to the nearest predicted point."""
-        information = inverse_3x3(covariances + _COHERENCE_M**2 * np.eye(3))
+        information = inverse_3x3(covariances + STEREO.coherence_m**2 * np.eye(3))
         apart = points[:, None] - predicted_m[None]
         return np.asarray(np.einsum("npi,npi->np", apart @ information, apart).min(axis=1))
 
 
 def _choose(cost: Array, rows: IntArray, columns: IntArray, candidates: IntArray) -> IntArray:
-    """Return the candidates of the cheapest assignment, dear ones left out.
+    """Return the candidates of the cheapest assignment.
 
     Args:
-        cost, rows, columns: (K,) of each candidate.
-        candidates: (n, m) which candidate a pair is, -1 where none.
+        cost, rows, columns: Cost and blobs (K,) of each candidate.
+        candidates: Index (n, m) of each pair's candidate, -1 where there is none.
     """
-    table = np.full(candidates.shape, _FORBIDDEN)
+    table = np.full(candidates.shape, np.inf)
     table[rows, columns] = cost
-    return np.sort(candidates[assign(table, _NO_MATCH)])
+    return np.sort(candidates[assign(table, STEREO.no_match)])
 
 
 def unused_blobs(table: IntArray, camera: int, count: int) -> IntArray:
-    """Return the blobs of a camera that no row of the table (N, C) holds."""
+    """Return the blobs of a camera that no row of the table (N, C) contains."""
     free = np.ones(count + 1, dtype=bool)
-    free[table[:, camera]] = False  # -1: the last, which no blob has
+    free[table[:, camera]] = False  # -1 is the last, which is no blob
     return free[:count].nonzero()[0]
 
 
 def _brightest(free: IntArray, blobs: FloatArray) -> IntArray:
-    """Return the brightest `_MOST_BLOBS` of these blobs, in their order."""
-    if len(free) <= _MOST_BLOBS:
+    """Return the brightest of these blobs, in their order."""
+    if len(free) <= STEREO.most_blobs:
         return free
-    return np.sort(free[np.argsort(-blobs[free, 3], kind="stable")[:_MOST_BLOBS]])
+    return np.sort(free[np.argsort(-blobs[free, 3], kind="stable")[: STEREO.most_blobs]])
 
 
 def epipolar_distances(essential: Array, focal_px: float, x: Array, y: Array) -> Array:
@@ -189,8 +194,7 @@ def epipolar_distances(essential: Array, focal_px: float, x: Array, y: Array) ->
     Hartley and Zisserman, Multiple View Geometry, 11.4.3: first-order distance to the nearest pair that meets in 3D.
 
     Args:
-        essential: of `essential_matrix`.
-        focal_px: mean focal length of the cameras.
+        focal_px: Mean focal length of the cameras.
     """
     xh, yh = homogeneous(x), homogeneous(y)
     lines_b, lines_a = xh @ essential.T, yh @ essential
@@ -216,13 +220,10 @@ def homogeneous(points: Array) -> Array:
 
 
 def _dissimilarity(a: FloatArray, b: FloatArray, rows: IntArray, columns: IntArray) -> Array:
-    """Return squared dissimilarities (K,) of blobs of two cameras, in sigmas.
-
-    Each is compared with the usual blob of its own camera: cameras differ.
-    """
+    """Return squared dissimilarities (K,) of two cameras' blobs, each relative to the median of its camera."""
     apart = _unlike_usual(a)[rows] - _unlike_usual(b)[columns]
-    sizes, brightnesses = apart[:, 0] / _SIZE_SIGMA, apart[:, 1] / _BRIGHTNESS_SIGMA
-    hue = np.minimum(np.abs((apart[:, 2] + 90.0) % 180.0 - 90.0), 2.0 * _HUE_SIGMA) / _HUE_SIGMA
+    sizes, brightnesses = apart[:, 0] / STEREO.size_sigma, apart[:, 1] / STEREO.brightness_sigma
+    hue = np.minimum(np.abs((apart[:, 2] + 90.0) % 180.0 - 90.0), 2.0 * STEREO.hue_sigma) / STEREO.hue_sigma
     return np.asarray(np.minimum(sizes**2, 4.0) + np.minimum(brightnesses**2, 4.0) + 0.25 * hue**2)
 
 
@@ -235,7 +236,6 @@ def _unlike_usual(blobs: FloatArray) -> Array:
 
 
 def _medians(values: Array) -> Array:
-    """Return the medians of the columns."""
-    # `np.median` takes ten times as long for a few values
+    """Return the medians of the columns, for a few values in a tenth of `np.median`'s time."""
     ordered = np.sort(values, axis=0)
     return np.asarray(0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]))

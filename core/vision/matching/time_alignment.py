@@ -1,4 +1,4 @@
-"""Alignment in time of blobs of unsynchronised cameras, along their tracks."""
+"""Alignment in time of the blobs of unsynchronised cameras, along their tracks."""
 
 import math
 from collections import deque
@@ -12,11 +12,20 @@ from ...geometry.camera import CameraRig
 from .image_tracks import BlobLinker
 from .time_offset import TimeOffset
 
-_REMEMBERED = 40  # images: two thirds of a second at 60 Hz
-_NEAREST = 5  # images in which a blob's track is looked for
-_AMONG = 3  # images that its parabola goes through
-_LEAST_STEP_S, _LARGEST_STEP_S = 0.001, 0.25
-_REACH = 1.0  # periods: a camera without an image this near saw nothing at the time
+
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """How blobs are moved in time."""
+
+    remembered: int = 40  # images: two thirds of a second at 60 Hz
+    nearest: int = 5  # images in which a blob's track is searched for
+    among: int = 3  # images that its parabola goes through
+    least_step_s: float = 0.001  # of the common moment, when offsets change,
+    largest_step_s: float = 0.25  # unless time goes back by more than this
+    reach: float = 1.0  # periods to the nearest image, beyond which a camera saw nothing
+
+
+_ALIGNMENT = AlignmentSettings()
 
 
 @dataclass(frozen=True)
@@ -29,16 +38,13 @@ class _Seen:
 
 
 class TimeAligner:
-    """Alignment of each camera's blobs to the earliest moment of an image set.
-
-    No image is waited for: newer positions lie between two images that are in hand already.
-    """
+    """Alignment of each camera's blobs to the earliest moment of an image set, which delays no image."""
 
     def __init__(self, rig: CameraRig, offsets: Sequence[TimeOffset]) -> None:
         self.offsets = tuple(offsets)
         self._linkers = [BlobLinker(camera.image_size[0]) for camera in rig.cameras]
         self._last_s = -np.inf
-        self._seen: list[deque[_Seen]] = [deque(maxlen=_REMEMBERED) for _ in rig.cameras]
+        self._seen: list[deque[_Seen]] = [deque(maxlen=_ALIGNMENT.remembered) for _ in rig.cameras]
 
     def align(
         self, time_s: float, stamps_s: Array, blobs: Sequence[FloatArray]
@@ -46,8 +52,8 @@ class TimeAligner:
         """Return the common moment and the blobs (n, 5) of each camera at it.
 
         Args:
-            time_s: time of the images, where none has a stamp.
-            stamps_s: (C,) time stamps of the images; NaN where a camera gave none.
+            time_s: Time of the images, where none has a stamp.
+            stamps_s: Time stamps (C,) of the images; NaN where a camera gave none.
         """
         stamps = stamps_s.tolist()
         there = [math.isfinite(stamp) for stamp in stamps]
@@ -58,8 +64,8 @@ class TimeAligner:
             if new and (not seen or moment_s > seen[-1].moment_s):
                 seen.append(_Seen(moment_s, rows, linker.link(moment_s, rows[:, :2].astype(np.float64))))
         common_s = min(moments)
-        if 0.0 <= self._last_s - common_s < _LARGEST_STEP_S:  # the offset changed: time does not go back
-            common_s = self._last_s + _LEAST_STEP_S
+        if 0.0 <= self._last_s - common_s < _ALIGNMENT.largest_step_s:
+            common_s = self._last_s + _ALIGNMENT.least_step_s
         self._last_s = common_s
         at = [
             _blobs_at(seen, common_s) if new else np.empty((0, 5), dtype=np.float32)
@@ -73,16 +79,18 @@ def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> FloatArray:
     order = _nearest(seen, moment_s)
     if order and order[0].moment_s == moment_s:
         return order[0].blobs
-    if len(order) < 2 or abs(order[0].moment_s - moment_s) > _REACH * abs(order[1].moment_s - order[0].moment_s):
+    if len(order) < 2:
         return np.empty((0, 5), dtype=np.float32)
-    nearest = order[0]
+    nearest, period_s = order[0], abs(order[1].moment_s - order[0].moment_s)
+    if abs(nearest.moment_s - moment_s) > _ALIGNMENT.reach * period_s:
+        return np.empty((0, 5), dtype=np.float32)
     known = np.stack([_of_tracks(image, nearest.ids) for image in order])
     moments = np.array([image.moment_s for image in order])
     shown = np.isfinite(known[..., 0])
-    use = shown & (np.cumsum(shown, axis=0) <= _AMONG)
+    use = shown & (np.cumsum(shown, axis=0) <= _ALIGNMENT.among)
     rows = nearest.blobs.copy()
     left = np.ones(len(rows), dtype=bool)
-    while left.any():  # of one pattern of images that show a blob's track after another; mostly it is one for all
+    while left.any():  # blobs with the same images together; mostly these are all
         pattern = use[:, left.argmax()]
         alike = left & np.all(use == pattern[:, None], axis=0)
         weights = _lagrange(moments[pattern].tolist(), moment_s)
@@ -92,16 +100,17 @@ def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> FloatArray:
 
 
 def _nearest(seen: Sequence[_Seen], moment_s: float) -> list[_Seen]:
-    """Return some images, the nearest to a moment first."""
+    """Return the images nearest to a moment, the nearest first."""
     last = len(seen) - 1
     while last > 0 and seen[last].moment_s > moment_s:
         last -= 1
-    around = [seen[i] for i in range(max(last - _NEAREST, 0), min(last + _NEAREST, len(seen)))]
-    return sorted(around, key=lambda image: abs(image.moment_s - moment_s))[:_NEAREST]
+    count = _ALIGNMENT.nearest
+    around = [seen[i] for i in range(max(last - count, 0), min(last + count, len(seen)))]
+    return sorted(around, key=lambda image: abs(image.moment_s - moment_s))[:count]
 
 
 def _of_tracks(image: _Seen, ids: IntArray) -> Array:
-    """Return where an image has the tracks (n, 2), NaN where it has not."""
+    """Return the places (n, 2) of tracks in an image, NaN where it lacks them."""
     if image.ids is ids:
         return image.blobs[:, :2].astype(np.float64)
     points = np.full((len(ids), 2), np.nan)
@@ -111,7 +120,7 @@ def _of_tracks(image: _Seen, ids: IntArray) -> Array:
 
 
 def _lagrange(moments_s: Sequence[float], moment_s: float) -> Array:
-    """Return Lagrange weights (k,) of values at some moments for another moment."""
+    """Return the Lagrange weights (k,) of values at some moments for another moment."""
     return np.array(
         [math.prod((moment_s - other) / (own - other) for other in moments_s if other != own) for own in moments_s]
     )

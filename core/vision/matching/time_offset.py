@@ -1,9 +1,9 @@
 """Time offsets between cameras, from moving markers.
 
-A marker that moves across the epipolar lines is off them when the two images are of different moments. So the distance
-of blobs of one camera from the epipolar lines of the other's, taken at a shifted time from their tracks in the image,
-is least where the shift is the offset. First a grid of offsets finds roughly where that is and the tracks that belong
-together; then offset and drift are refined by Gauss-Newton with Cauchy's weights, all tracks at once.
+A marker that moves across the epipolar lines is off them when two images are of different moments. So blobs of one
+camera, moved in time along their tracks, are nearest to the epipolar lines of the other's when the shift is the offset.
+A grid of offsets finds roughly where that is, and the tracks that belong together; Gauss-Newton with Cauchy's weights
+then refines offset and drift with all tracks.
 """
 
 from collections.abc import Sequence
@@ -13,23 +13,33 @@ import numpy as np
 
 from ...geometry.arrays import Array, IntArray
 from ...geometry.camera import Camera, CameraRig
+from ...geometry.least_squares import gauss_newton
 from ...markers.marker_frame import MarkerFrame
 from .image_tracks import BlobLinker, ImageTracks, image_tracks
 from .stereo import essential_matrix, homogeneous
 
-_GRID_STEP_S = 0.004
-_GRID_IMAGES, _IMAGES = 600, 6000  # of the reference are enough
-_CAP_PX = 5.0  # a distance above this says no more than that the blobs are not the same marker
-_FEWEST_SAMPLES = 12  # of two tracks side by side
-_ROUNDS = 4
-_STEPS = 3
-_DIFFERENCE_FRAMES = 3.0
-_LEAST_SCALE_PX = 0.05
-_ACCEPTED = 3.0  # times the usual distance: tracks further apart on average are not one marker
-_CERTAIN_S = 0.0005  # twice this is a millisecond: half a centimetre at 5 m/s
-_SIGNIFICANT = 3.0
-_DRIFT_SIGMA = 1e-3  # clocks differ by less
-_BLOCK_S = 0.5  # errors within such a time go together
+
+@dataclass(frozen=True)
+class TimeOffsetSettings:
+    """How time offsets are estimated."""
+
+    grid_step_s: float = 0.004
+    grid_images: int = 600  # most images of the reference on the grid,
+    images: int = 6000  # and in the refinement
+    most_px: float = 5.0  # larger distances all mean that blobs are different markers
+    fewest_samples: int = 12  # of two tracks in common
+    rounds: int = 4  # of choosing tracks and refining
+    steps: int = 3  # of Gauss-Newton in a round
+    difference_frames: float = 3.0  # each way, for velocities
+    least_scale_px: float = 0.05  # of Cauchy's weights
+    accepted: float = 3.0  # times the usual distance; tracks further apart are different markers
+    drift_sigma: float = 1e-3  # standard deviation of the drift; clocks differ by less
+    block_s: float = 0.5  # errors within such a time are correlated
+    certain_s: float = 0.0005  # standard deviation of a certain offset; twice this is half a centimetre at 5 m/s,
+    significant: float = 3.0  # and it is larger than this many of them
+
+
+_OFFSETS = TimeOffsetSettings()
 
 
 @dataclass(frozen=True)
@@ -37,11 +47,11 @@ class TimeOffset:
     """Time of a camera against the reference's.
 
     Args:
-        offset_s: an image stamped t shows the moment t + offset_s + drift * (t - middle_s) of the reference's clock.
-        drift: growth of the offset, seconds per second.
-        middle_s: time stamp at which the offset is `offset_s`.
-        sigma_s: standard deviation of the offset there; infinite when nothing could be found.
-        samples: pairs of blobs that it was found from.
+        offset_s: An image stamped t shows the moment t + offset_s + drift * (t - middle_s) of the reference's clock.
+        drift: Growth of the offset, seconds per second.
+        middle_s: Time stamp at which the offset is `offset_s`.
+        sigma_s: Standard deviation of the offset there; infinite without a result.
+        samples: Number of pairs of blobs in the estimate.
     """
 
     offset_s: float = 0.0
@@ -58,7 +68,7 @@ class TimeOffset:
     @property
     def is_certain(self) -> bool:
         """Whether an offset is known well enough to be corrected."""
-        return self.sigma_s < _CERTAIN_S and abs(self.offset_s) > _SIGNIFICANT * self.sigma_s
+        return self.sigma_s < _OFFSETS.certain_s and abs(self.offset_s) > _OFFSETS.significant * self.sigma_s
 
     def moment_s(self, stamp_s: float) -> float:
         """Return the moment that an image shows."""
@@ -76,25 +86,24 @@ def estimate_time_offset(
     """Return the time offset of a camera against a reference camera.
 
     Args:
-        reference, camera: calibrated together.
-        reference_tracks, tracks: what each saw, at the times of its own stamps.
-        largest_s: offsets up to this, either way from `about_s`, are looked for.
-        about_s: offset that is known roughly.
+        reference_tracks, tracks: Tracks of the two cameras at the times of their own stamps.
+        largest_s: Largest difference from `about_s`.
+        about_s: Rough estimate of the offset.
     """
     if min(reference_tracks.points.size, tracks.points.size) == 0:
         return TimeOffset()
-    rough = _Pair(reference, camera, reference_tracks.thin(_GRID_IMAGES), tracks)
-    pair = _Pair(reference, camera, reference_tracks.thin(_IMAGES), tracks)
-    steps = int(np.ceil(largest_s / _GRID_STEP_S))
-    grid = about_s + _GRID_STEP_S * np.arange(-steps, steps + 1)
+    rough = _Pair(reference, camera, reference_tracks.thin(_OFFSETS.grid_images), tracks)
+    pair = _Pair(reference, camera, reference_tracks.thin(_OFFSETS.images), tracks)
+    steps = int(np.ceil(largest_s / _OFFSETS.grid_step_s))
+    grid = about_s + _OFFSETS.grid_step_s * np.arange(-steps, steps + 1)
     offset, drift = float(grid[np.argmin([rough.score(shift) for shift in grid])]), 0.0
     refined = TimeOffset()
-    for _ in range(_ROUNDS):
+    for _ in range(_OFFSETS.rounds):
         refined = pair.refine(offset, drift)
         if not refined.is_found:
             return refined
         offset, drift = refined.offset_s, refined.drift
-    return refined if abs(offset - about_s) <= largest_s + _GRID_STEP_S else TimeOffset()
+    return refined if abs(offset - about_s) <= largest_s + _OFFSETS.grid_step_s else TimeOffset()
 
 
 class _Pair:
@@ -120,64 +129,71 @@ class _Pair:
 
     def _costs(self, distances: Array, ids: IntArray) -> Array:
         """Return capped mean squared distances of tracks (A, B, F); inf where none."""
-        squares = np.minimum(distances**2, _CAP_PX**2)
+        squares = np.minimum(distances**2, _OFFSETS.most_px**2)
         known = np.isfinite(squares)
         width = int(ids.max()) + 1
         keys = (self._a.ids[:, None] * width + ids[None])[known]
         values, index = np.unique(keys, return_inverse=True)
         counts = np.bincount(index, minlength=len(values))
         means = np.bincount(index, squares[known], minlength=len(values)) / np.maximum(counts, 1)
-        means[counts < _FEWEST_SAMPLES] = np.inf
+        means[counts < _OFFSETS.fewest_samples] = np.inf
         costs = np.full(distances.shape, np.inf)
         costs[known] = means[index]
         return costs
 
     def score(self, offset_s: float) -> float:
-        """Return how badly the tracks fit together at an offset."""
+        """Return the misfit of the tracks at an offset."""
         distances, ids = self._distances(offset_s, 0.0)
         best = self._costs(distances, ids).min(axis=1)
         there = self._a.ids >= 0
-        return float(np.minimum(best[there], _CAP_PX**2).sum())
+        return float(np.minimum(best[there], _OFFSETS.most_px**2).sum())
 
     def refine(self, offset_s: float, drift: float) -> TimeOffset:
-        """Refine offset and drift by Gauss-Newton, with the tracks that fit there."""
+        """Refine offset and drift with the tracks that fit there."""
         distances, ids = self._distances(offset_s, drift)
         costs = self._costs(distances, ids)
-        # each other's best
         chosen = np.isfinite(costs) & (costs == costs.min(axis=1, keepdims=True))
         chosen &= costs == costs.min(axis=0, keepdims=True)
         if not chosen.any():
             return TimeOffset()
         usual = float(np.median(costs[chosen]))
-        chosen &= costs <= _ACCEPTED**2 * max(usual, _LEAST_SCALE_PX**2)
+        chosen &= costs <= _OFFSETS.accepted**2 * max(usual, _OFFSETS.least_scale_px**2)
         a, b, f = np.nonzero(chosen)
         since = self.times_s[f] - self._middle_s
-        state = np.array([offset_s, drift])
-        # Velocities from other images than those that the distance is from: noise in both alike would be a bias,
-        # towards the middle between two images, where the interpolated noise is least.
-        apart_s = _DIFFERENCE_FRAMES * float(np.median(np.diff(self._b.times_s)))
-        prior = np.diag([0.0, 1.0 / _DRIFT_SIGMA**2])
-        for _ in range(_STEPS):
+        # Velocities and distances are from different images: noise in both would be a bias towards the middle between
+        # two images, where the interpolated noise is least.
+        apart_s = _OFFSETS.difference_frames * float(np.median(np.diff(self._b.times_s)))
+
+        def linearise(state: Array) -> tuple[Array, Array]:
             ahead, here, behind = (
                 self._distances(state[0] + step, state[1])[0][a, b, f] for step in (apart_s, 0.0, -apart_s)
             )
-            usable = np.isfinite(ahead) & np.isfinite(here) & np.isfinite(behind)
-            if usable.sum() < _FEWEST_SAMPLES:
-                return TimeOffset()
-            residual = here[usable]
-            rate = ((ahead - behind)[usable]) / (2.0 * apart_s)
-            jacobian = rate[:, None] * np.stack((np.ones(len(residual)), since[usable]), axis=1)
-            scale = max(1.4826 * float(np.median(np.abs(residual))), _LEAST_SCALE_PX)
-            weights = 1.0 / (scale**2 * (1.0 + (residual / (2.0 * scale)) ** 2))
-            normal = jacobian.T @ (weights[:, None] * jacobian) + prior
-            gradient = jacobian.T @ (weights * residual) + prior @ state
-            state = state - np.linalg.lstsq(normal, gradient, rcond=None)[0]
-        # what disturbs (calibration, overlapping blobs) lasts for some time: errors are summed over blocks of it
-        block = ids[b, f][usable] * 100_000 + np.floor(self.times_s[f][usable] / _BLOCK_S).astype(np.int64)
-        _, index = np.unique(block, return_inverse=True)
+            rate = (ahead - behind) / (2.0 * apart_s)
+            usable = np.isfinite(rate) & np.isfinite(here)
+            residual, rate = np.where(usable, here, 0.0), np.where(usable, rate, 0.0)
+            usual_px = float(np.median(np.abs(here[usable]))) if usable.any() else 0.0
+            scale = max(1.4826 * usual_px, _OFFSETS.least_scale_px)
+            weights = 1.0 / (scale * np.hypot(1.0, residual / (2.0 * scale)))
+            rows = np.stack((weights * rate, weights * rate * since, weights * residual), axis=1)
+            prior = (0.0, 1.0 / _OFFSETS.drift_sigma, state[1] / _OFFSETS.drift_sigma)
+            rows = np.concatenate((rows, [prior]))
+            return rows[:, 2], rows[:, :2]
+
+        state, residuals, rows = gauss_newton(
+            np.array([offset_s, drift]),
+            linearise,
+            _OFFSETS.steps,
+            solve=lambda matrix, vector: np.linalg.lstsq(matrix, vector, rcond=None)[0],
+        )
+        usable = rows[:-1, 0] != 0.0
+        if usable.sum() < _OFFSETS.fewest_samples:
+            return TimeOffset()
+        # errors of calibration and of overlapping blobs last for some time, so they are summed over blocks
+        times = np.floor(self.times_s[f][usable] / _OFFSETS.block_s).astype(np.int64)
+        _, index = np.unique(ids[b, f][usable] * 100_000 + times, return_inverse=True)
         parts = np.zeros((index.max() + 1, 2))
-        np.add.at(parts, index, jacobian * (weights * residual)[:, None])
-        inverse = np.linalg.pinv(normal)
+        np.add.at(parts, index, (rows * residuals[:, None])[:-1][usable])
+        inverse = np.linalg.pinv(rows.T @ rows)
         covariance = inverse @ (parts.T @ parts) @ inverse
         sigma = float(np.sqrt(max(covariance[0, 0], inverse[0, 0])))
         return TimeOffset(float(state[0]), float(state[1]), self._middle_s, sigma, int(usable.sum()))
@@ -189,9 +205,9 @@ def estimate_time_offsets(
     """Return each camera's time offset against the first, from blobs of frames.
 
     Args:
-        frames: with the blobs as they are in the images, and the images' time stamps.
-        largest_s: offsets up to this, either way, are looked for.
-        about: offsets that are known roughly; `largest_s` is then counted from these.
+        frames: Frames with the blobs' places in the images, and the images' time stamps.
+        largest_s: Largest difference from `about`.
+        about: Rough estimates of the offsets; zeros by default.
     """
     tracks = [_tracks_of(camera, index, frames) for index, camera in enumerate(rig.cameras)]
     start = [offset.offset_s for offset in about] or [0.0] * len(rig)

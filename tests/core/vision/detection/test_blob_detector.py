@@ -160,7 +160,7 @@ def test_owners_of_pixels_are_numbers_that_can_be_multiplied(draw):
     image = draw(np.array([[300.0, 200.0]]), 3.0, background=5.0)
     image[120:320, 250:350] = np.maximum(image[120:320, 250:350], 60)
     detector = Detector()
-    parts = _parts(*detector.foreground(image), 0)
+    parts = _parts(*detector.foreground(image), detector.settings)
     spots = detector._spots(image, None, max(parts, key=lambda part: part.inside.size), 5.0)
     assert len(spots.owner) > 0
     assert spots.owner.dtype == np.int64
