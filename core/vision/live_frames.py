@@ -10,7 +10,7 @@ from .detection.blob_detector import DetectionSettings
 from .matching.time_alignment import TimeAligner
 from .matching.time_offset import TimeOffset
 from .pipeline import MarkerPipeline
-from .sources.source_kinds import ImageSetLike
+from .sources.image_set import ImageSet
 from .time_offset_watch import TimeOffsetWatch
 
 _WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is found
@@ -22,7 +22,7 @@ def live_settings(threshold: float | None = None) -> DetectionSettings:
 
 
 def live_frames(
-    images: Iterable[ImageSetLike], pipeline: MarkerPipeline, warn: Callable[[str], None], *, exact: bool
+    images: Iterable[ImageSet], pipeline: MarkerPipeline, warn: Callable[[str], None], *, exact: bool
 ) -> Iterator[tuple[float, MarkerFrame]]:
     """Yield per image set its `time.perf_counter()` and its markers.
 

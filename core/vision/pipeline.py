@@ -16,8 +16,7 @@ from .matching.camera_swap import CameraSwapDetector
 from .matching.point_prediction import PointPredictor
 from .matching.stereo import Matches, StereoMatcher, unused_blobs
 from .matching.time_alignment import TimeAligner
-from .sources.image_set import usable_images
-from .sources.source_kinds import ImageSetLike
+from .sources.image_set import ImageSet
 
 _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 
@@ -60,11 +59,11 @@ class MarkerPipeline:
         self._check_count(len(moments[0]))
         self.set_backgrounds([background_from_take(column) for column in zip(*moments, strict=True)])
 
-    def process(self, images: ImageSetLike) -> MarkerFrame:
+    def process(self, images: ImageSet) -> MarkerFrame:
         """Return the markers of one image set: `detect`, then `locate`."""
         return self.locate(self.detect(images))
 
-    def detect(self, images: ImageSetLike) -> MarkerFrame:
+    def detect(self, images: ImageSet) -> MarkerFrame:
         """Return the blobs of one image set; none where an image is unusable.
 
         Raises:
@@ -72,13 +71,13 @@ class MarkerPipeline:
         """
         self._check_count(len(images.images))
         self._check_sizes(images.images)
-        usable = usable_images(images)
+        usable = images.usable
         rows = zip(self.detectors, images.images, usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)
         stamps_s = [float(time_s) if use else math.nan for time_s, use in zip(images.times_s, usable, strict=True)]
         known_s = [stamp_s for stamp_s in stamps_s if math.isfinite(stamp_s)]
         time_s = fmean(known_s or map(float, images.times_s))
-        notes = tuple(getattr(images, "notes", ()))
+        notes = tuple(images.notes)
         return MarkerFrame(int(images.number), time_s, blobs=blobs, camera_times_s=np.array(stamps_s), notes=notes)
 
     def locate(self, seen: MarkerFrame) -> MarkerFrame:

@@ -9,7 +9,8 @@ from ..simulate.studio.simulated_performer import SimulatedPerformer
 from ..system.schema import About, Schema, Table
 from ..vision.sources.camera_source import CameraSource
 from ..vision.sources.image_file_source import ImageFileSource
-from ..vision.sources.source_kinds import ImageSource, open_videos
+from ..vision.sources.image_set import ImageSource
+from ..vision.sources.source_kinds import open_videos
 from ..vision.sources.source_requests import LiveCameras, VideoFiles
 from .requests import SourceRequest, TrackerSource
 

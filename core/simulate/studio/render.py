@@ -1,7 +1,7 @@
 """Images of the simulated cameras: room, body, markers, noise, and their truth."""
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import repeat
 
 import cv2
@@ -9,6 +9,7 @@ import numpy as np
 
 from ...geometry.arrays import Array, Image, Mask
 from ...geometry.camera import Camera, CameraRig
+from ...vision.sources.image_set import ImageSet
 from .cones import RoundCones, visible
 from .discs import draw_disc
 from .filmed_motion import Performance
@@ -43,13 +44,10 @@ class FrameTruth:
 
 
 @dataclass(frozen=True)
-class StudioFrame:
-    """One image per camera (uint8 BGR), when each was taken (seconds), and the truth."""
+class StudioFrame(ImageSet):
+    """Images of all cameras, and the truth."""
 
-    number: int
-    times_s: tuple[float, ...]
-    images: tuple[Image, ...]
-    truth: FrameTruth
+    truth: FrameTruth = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -118,7 +116,7 @@ class Renderer:
             self.add_noise(image, i, number)
             images.append(image)
         truth = self._truth(performance, time_s, number, sights)
-        return StudioFrame(number, tuple(times), tuple(images), truth)
+        return StudioFrame(number, tuple(times), tuple(images), truth=truth)
 
     def _times(self, time_s: float) -> list[float]:
         return [time_s + self.settings.time_offset_s(i) for i in range(len(self.rig))]

@@ -12,8 +12,7 @@ from ...markers.marker_set import MarkerSet
 from ...vision.detection.background import Background
 from ...vision.detection.blob_detector import Detector
 from ...vision.pipeline import MarkerPipeline
-from ...vision.sources.image_set import camera_title
-from ...vision.sources.source_kinds import ImageSetLike
+from ...vision.sources.image_set import ImageSet, camera_title
 from ...vision.synchronise import synchronise_frames
 from .finding import Finding, Place
 from .image_faults import marker_light_faults, moving_images, reflections, room_faults, sharpness_faults
@@ -29,7 +28,7 @@ _LOWEST_CAMERA_M = 0.05
 def check_setup(
     rig: CameraRig,
     backgrounds: Sequence[Background],
-    moments: Iterable[ImageSetLike],
+    moments: Iterable[ImageSet],
     marker_set: MarkerSet,
     height_m: float | None = None,
 ) -> list[Finding]:
@@ -50,7 +49,7 @@ def check_setup(
     pipeline.set_backgrounds(backgrounds)
     frames: list[MarkerFrame] = []
 
-    def detect(moment: ImageSetLike) -> Sequence[FloatArray]:
+    def detect(moment: ImageSet) -> Sequence[FloatArray]:
         frames.append(pipeline.process(moment))
         return frames[-1].detected
 
@@ -76,7 +75,7 @@ def check_setup(
 def check_pictures(
     names: Sequence[str],
     backgrounds: Sequence[Background],
-    moments: Iterable[ImageSetLike],
+    moments: Iterable[ImageSet],
     ignored: Sequence[Place] = (),
 ) -> list[Finding]:
     """Return the faults that pictures show of cameras without a calibration.
@@ -92,7 +91,7 @@ def check_pictures(
         Detector(background, ignored_px=rows[rows[:, 0] == index, 1:]) for index, background in enumerate(backgrounds)
     ]
 
-    def detect(moment: ImageSetLike) -> Sequence[FloatArray]:
+    def detect(moment: ImageSet) -> Sequence[FloatArray]:
         return [detector.detect(image) for detector, image in zip(detectors, moment.images, strict=True)]
 
     return _picture_faults(names, backgrounds, moments, detect)
@@ -101,8 +100,8 @@ def check_pictures(
 def _picture_faults(
     names: Sequence[str],
     backgrounds: Sequence[Background],
-    moments: Iterable[ImageSetLike],
-    detect: Callable[[ImageSetLike], Sequence[FloatArray]],
+    moments: Iterable[ImageSet],
+    detect: Callable[[ImageSet], Sequence[FloatArray]],
 ) -> list[Finding]:
     """Return faults of single cameras; `detect` gives each camera's blobs of a moment."""
     titles = [camera_title(index, names) for index in range(len(names))]

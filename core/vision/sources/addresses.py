@@ -18,15 +18,12 @@ def is_stream(text: str) -> bool:
         return False
     try:
         path = urlsplit(text).path
-    except ValueError:  # a bracket without its other one: opening it says so
+    except ValueError:  # an unmatched bracket, which opening the address reports
         return True
     return PurePosixPath(path).suffix.lower() not in _FILMS
 
 
 def camera_name(device: int | str) -> str:
-    """Return a camera's number or address, without the login in an address.
-
-    Names of cameras come into messages and takes, which others read.
-    """
+    """Return a camera's number or address, without a login: others read it in messages and takes."""
     start, mark, rest = str(device).partition("://")
     return start + mark + rest.rpartition("@")[2]

@@ -1,8 +1,8 @@
 """Exposure, gain and focus of cameras.
 
-Drivers disagree about units and about how automatic is switched off; what a camera makes of a value is therefore read
-back. Under Linux (V4L2) exposure is counted in tenths of a millisecond, elsewhere as the logarithm to base 2 of
-seconds. Gain and focus are numbers of the camera's own.
+Drivers disagree about units and about switching automatic controls off, so values are read back. Exposure is in tenths
+of a millisecond under Linux (V4L2), elsewhere the logarithm to base 2 of seconds; gain and focus are the camera's own
+numbers.
 """
 
 import math
@@ -12,19 +12,16 @@ from typing import Any
 import cv2
 
 from .source_requests import CameraControls
+from .source_settings import SOURCES
 
 _V4L2 = "V4L2"
-_V4L2_UNITS_PER_S = 10_000.0
-_MANUAL = {_V4L2: 1.0}
-_AUTOMATIC = {_V4L2: 3.0}
-_STEP = 1.5  # an exposure read back that is farther off than by this factor was not taken: drivers know steps of 2
-_NEAR = 1.0  # the same for gain and focus, in their own numbers
+_MANUAL, _AUTOMATIC = {_V4L2: 1.0}, {_V4L2: 3.0}
 
 
 def apply_controls(capture: Any, controls: CameraControls) -> Sequence[str]:
-    """Set controls of an open `cv2.VideoCapture`; return the names of those refused.
+    """Set controls of an open `cv2.VideoCapture`; return the names of those it refused.
 
-    Controls left to the camera are switched back to automatic: cameras remember the last program's settings.
+    The others are switched back to automatic: cameras remember the last program's settings.
     """
     backend = str(capture.getBackendName())
     refused = []
@@ -42,13 +39,13 @@ def apply_controls(capture: Any, controls: CameraControls) -> Sequence[str]:
 
 
 def _set_exposure(capture: Any, backend: str, seconds: float) -> bool:
-    value = seconds * _V4L2_UNITS_PER_S if backend == _V4L2 else math.log2(seconds)
+    value = seconds * 10_000.0 if backend == _V4L2 else math.log2(seconds)
     if not capture.set(cv2.CAP_PROP_EXPOSURE, value):
         return False
     taken = float(capture.get(cv2.CAP_PROP_EXPOSURE))
     away = abs(math.log2(taken / value)) if backend == _V4L2 and taken > 0.0 else abs(taken - value)
-    return away <= math.log2(_STEP)
+    return away <= math.log2(SOURCES.exposure_step)
 
 
 def _set(capture: Any, what: int, value: float) -> bool:
-    return bool(capture.set(what, value)) and abs(float(capture.get(what)) - value) <= _NEAR
+    return bool(capture.set(what, value)) and abs(float(capture.get(what)) - value) <= SOURCES.control_step

@@ -21,40 +21,27 @@ from .image_files import open_address
 from .image_set import ClosableSource, ImageSet
 from .pairing import ImagePairing
 from .source_requests import CameraControls
-
-_WARM_UP_READS = 5
-_HELD = 12  # images that wait for who takes them; then the oldest are lost
-_LOOK_S = 0.02  # a camera that gives nothing wakes nobody
-_RETRY_S = 0.01
-_GONE_S = 0.1  # of failed reads, then the device is opened again
-_REOPEN_S = 0.5
-_ALL_LOST_S = 10.0
-_NEVER_USABLE_S = 5.0
-_JOIN_S = 0.5
-_SAME_CLOCK_S = 1.0
-_STREAM_OPENS_MS = 5000
-_STREAM_STALLS_MS = 1000  # then its connection may be gone: another is made
+from .source_settings import SOURCES
 
 
 class CameraSource(ClosableSource):
     """Image sets from cameras, as they come.
 
-    Each camera is read by a thread of its own, so that one that freezes holds up no other. Images are stamped by the
-    driver where its clock is ours, else when they come. Frames are numbered by these times, so that a number left out
-    is a frame that was lost. A camera that freezes, is gone, black or repeats its image is named in the sets' notes and
-    skipped until it is back; a lost one is opened again twice a second, so is one on a network that gave nothing for a
-    second.
+    A thread reads each camera, so that one that freezes delays no other. Images are stamped by the driver if it uses
+    our clock, else on arrival. Frames are numbered by these times; a missing number is a lost frame. A camera that
+    freezes, is gone, black or repeats its image is named in the sets' notes and skipped until it is back; a lost one is
+    opened again twice a second, and so is a network camera that was silent for a second.
 
     Args:
-        devices: device numbers or addresses, one per camera.
-        size: (width, height) asked for, or None for the camera's default.
-        fps: rate asked for; that of cameras on a network, which may tell a wrong one.
+        devices: Device number or address of each camera.
+        size: Wanted width and height of the images; None for the camera's default.
+        fps: Wanted rate, which network cameras are taken to have.
 
     Attributes:
-        warnings: what a camera did not take.
+        warnings: Controls that a camera refused.
 
     Raises:
-        CaptureError: a camera does not open or gives no image; when iterated: for 10 s no camera gave any.
+        CaptureError: A camera does not open or gives no image; in the iteration, no camera gave any for 10 s.
     """
 
     def __init__(
@@ -70,7 +57,7 @@ class CameraSource(ClosableSource):
                 advice="choose a different device for each camera",
             )
         self.name = "capture"
-        self.frames = 0  # unknown: until it is closed
+        self.frames = 0  # unknown
         self._names = [camera_name(device) for device in devices]
         self._news = threading.Event()
         self._readers: list[_Reader] = []
@@ -81,7 +68,7 @@ class CameraSource(ClosableSource):
             self.close()
             raise
         self.warnings: tuple[str, ...] = tuple(
-            f"camera {name} does not take {' and '.join(reader.refused)}: set it by its maker's program"
+            f"camera {name} does not accept {' and '.join(reader.refused)}: set it in its maker's program"
             for name, reader in zip(self._names, self._readers, strict=True)
             if reader.refused
         )
@@ -97,7 +84,7 @@ class CameraSource(ClosableSource):
         for reader in self._readers:
             reader.begin()
         while not self._closed:
-            self._news.wait(_LOOK_S)
+            self._news.wait(SOURCES.poll_s)
             self._news.clear()
             for camera, reader in enumerate(self._readers):
                 for time_s, image in reader.drain():
@@ -107,14 +94,14 @@ class CameraSource(ClosableSource):
             gone = [reader.gone for reader in self._readers]
             while not self._closed and (taken := pairing.take(now_s - start_s, gone)) is not None:
                 yield taken
-            if now_s - last_s > _ALL_LOST_S:
+            if now_s - last_s > SOURCES.all_lost_s:
                 raise CaptureError("no camera gives images any more", advice="check their cables, then start again")
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield the images of the next `count` image sets that are complete.
+        """Yield the images of the next `count` complete image sets.
 
         Raises:
-            CaptureError: for 5 s a camera gave no usable image.
+            CaptureError: A camera gave no usable image for 5 s.
         """
         last_s = 0.0
         for image_set in self:
@@ -124,11 +111,11 @@ class CameraSource(ClosableSource):
                 count, last_s = count - 1, moment_s
                 if count <= 0:
                     return
-            elif moment_s - last_s > _NEVER_USABLE_S:
+            elif moment_s - last_s > SOURCES.never_usable_s:
                 raise CaptureError("; ".join(image_set.notes) or "a camera gives no usable images")
 
     def close(self) -> None:
-        """End the iteration and give the cameras back."""
+        """End the iteration and release the cameras."""
         super().close()
         for reader in self._readers:
             reader.stop()
@@ -143,7 +130,7 @@ class _Reader:
         self._opened = opened
         self._controls = controls
         self._news = news
-        self._images: deque[tuple[float, Image]] = deque(maxlen=_HELD)
+        self._images: deque[tuple[float, Image]] = deque(maxlen=SOURCES.held)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         first = self._open()
@@ -157,30 +144,33 @@ class _Reader:
         return np.asarray(image)
 
     def begin(self) -> None:
-        """Start reading; earlier images are forgotten."""
+        """Start reading; earlier images are dropped."""
         self._images.clear()
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
             self._thread.start()
 
     def drain(self) -> Iterator[tuple[float, Image]]:
-        """Yield the images so far, oldest first, with their times."""
+        """Yield the times and images so far, oldest first."""
         while self._images:
             yield self._images.popleft()
 
     def stop(self) -> None:
-        """Give the camera back; one that hangs is given back when it answers."""
+        """Release the camera; a hung camera is released once it responds."""
         self._stop.set()
         if self._thread is None:
             self._release()
         else:
-            self._thread.join(_JOIN_S)
+            self._thread.join(SOURCES.join_s)
 
     def _run(self) -> None:
         failing_since_s: float | None = None
         while not self._stop.is_set():
             if self._capture is None:
-                self._reopen()
+                try:
+                    self._open()
+                except CaptureError:
+                    self._stop.wait(SOURCES.reopen_s)
                 continue
             if self._read():
                 failing_since_s, self.gone = None, False
@@ -188,28 +178,23 @@ class _Reader:
                 continue
             now_s = time.perf_counter()
             failing_since_s = now_s if failing_since_s is None else failing_since_s
-            if now_s - failing_since_s > _GONE_S:
+            if now_s - failing_since_s > SOURCES.gone_s:
                 failing_since_s, self.gone = None, True
                 self._release()
-            self._stop.wait(_RETRY_S)
+            self._stop.wait(SOURCES.retry_s)
         self._release()
 
     def _read(self) -> bool:
         if not self._capture.grab():
             return False
         now_s = time.perf_counter()
-        stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0  # some drivers' stamps are of this clock
+        stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0  # some drivers use our clock
         ok, image = self._capture.retrieve()
         if not ok:
             return False
-        self._images.append((stamp_s if 0.0 <= now_s - stamp_s < _SAME_CLOCK_S else now_s, np.asarray(image, np.uint8)))
+        is_ours = 0.0 <= now_s - stamp_s < SOURCES.same_clock_s
+        self._images.append((stamp_s if is_ours else now_s, np.asarray(image, np.uint8)))
         return True
-
-    def _reopen(self) -> None:
-        try:
-            self._open()
-        except CaptureError:
-            self._stop.wait(_REOPEN_S)
 
     def _release(self) -> None:
         if self._capture is not None:
@@ -218,9 +203,9 @@ class _Reader:
 
 
 def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) -> tuple[Any, Image]:
-    """Return an open camera and an image of it."""
+    """Return an open camera and its first image."""
     if isinstance(device, str):
-        capture = open_address(device, _STREAM_OPENS_MS, _STREAM_STALLS_MS)
+        capture = open_address(device, SOURCES.stream_opens_ms, SOURCES.stream_stalls_ms)
         advice = "check the address, also in a web browser or player, and that the camera is switched on"
     else:
         capture = cv2.VideoCapture(device)
@@ -234,24 +219,23 @@ def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) ->
     if fps is not None:
         capture.set(cv2.CAP_PROP_FPS, fps)
     capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
-    for _ in range(_WARM_UP_READS):
-        ok, image = capture.read()
-        if ok:
-            return capture, np.asarray(image, dtype=np.uint8)
+    first = _first_image(capture)
+    if first is not None:
+        return capture, first
     capture.release()
     raise CaptureError(
         f"camera {camera_name(device)} gives no image", advice="unplug it, plug it in again, close other programs"
     )
 
 
+def _first_image(capture: Any) -> Image | None:
+    reads = (capture.read() for _ in range(SOURCES.warm_up_reads))
+    return next((np.asarray(image, dtype=np.uint8) for ok, image in reads if ok), None)
+
+
 @dataclass(frozen=True)
 class FoundCamera:
-    """A camera of this computer.
-
-    Args:
-        size: (width, height) of its images in pixels, None when it gives none.
-        image: one of them.
-    """
+    """A camera of this computer; without an image, it has no size (width, height) either."""
 
     device: int
     size: tuple[int, int] | None
@@ -259,14 +243,12 @@ class FoundCamera:
 
 
 def find_cameras() -> list[FoundCamera]:
-    """Return the plugged-in cameras, also silent ones; each is opened for a moment."""
+    """Return the plugged-in cameras, also those without images; each is opened for a moment."""
     found = []
     for device in device_numbers():
         capture = cv2.VideoCapture(device)
         if capture.isOpened():
-            images = (capture.read() for _ in range(_WARM_UP_READS))
-            image = next((image for ok, image in images if ok), None)
-            size = None if image is None else (image.shape[1], image.shape[0])
-            found.append(FoundCamera(device, size, None if image is None else np.asarray(image, dtype=np.uint8)))
+            image = _first_image(capture)
+            found.append(FoundCamera(device, None if image is None else (image.shape[1], image.shape[0]), image))
         capture.release()
     return found

@@ -12,24 +12,22 @@ from ...geometry.arrays import Image
 from .image_files import list_images, pair_by_number, read_image
 from .image_set import ClosableSource, ImageSet
 
-# a time of day as cameras write it into names: 14-57-01~73, 10-21-36%593, 10-21-36.593
+# the time of day in names that cameras write: 14-57-01~73, 10-21-36%593, 10-21-36.593
 _TIME_OF_DAY = re.compile(r"(?<!\d)(\d{1,2})-(\d{2})-(\d{2})[~%.,](\d+)")
 
 
-_PAUSE = 4.0  # an interval longer than so many usual ones is a pause in the recording
-
-
 class ImageFileSource(ClosableSource):
-    """Image sets from files; iterate it any number of times.
+    """Image sets from files; can be iterated any number of times.
 
     Args:
-        patterns: per camera a folder, a pattern or a file.
-        fps: nominal rate where the names do not tell the time.
+        patterns: A folder, a pattern or a file for each camera.
+        fps: Rate where the names do not contain times.
 
-    `warnings` says which files were left out; `fps` is the rate that the names tell, or the nominal one.
+    Attributes:
+        warnings: Files that were left out.
 
     Raises:
-        CaptureError: no files, or files that cannot be paired; when iterated: an unreadable image.
+        CaptureError: No files, or files that cannot be paired; in the iteration, an unreadable image.
     """
 
     def __init__(self, patterns: Sequence[str | Path], fps: float = 30.0) -> None:
@@ -42,11 +40,15 @@ class ImageFileSource(ClosableSource):
             self.warnings = (f"{len(leftover)} picture(s) have no partner and were left out: {names}",)
         self.name = lists[0][0].parent.name
         self._times = _times_from_names([paths[0] for _, paths in self._pairs])
-        self.fps = fps if self._times is None else _usual_rate(self._times)
+        if self._times is not None:
+            steps = np.diff(self._times)
+            # without pauses; programs write down single frames late by chance
+            fps = float(1.0 / np.mean(steps[steps <= 4.0 * np.median(steps)]))
+        self.fps = fps
         self.frames = len(self._pairs)
 
     def frame(self, index: int) -> ImageSet:
-        """Return one image set by its place in the order."""
+        """Return an image set by its index."""
         number, paths = self._pairs[index]
         first = self._pairs[0][0]
         time_s = self._times[index] if self._times is not None else (number - first) / self.fps
@@ -66,7 +68,7 @@ class ImageFileSource(ClosableSource):
 
 
 def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
-    """Return seconds since the first file, None when the names lack increasing times."""
+    """Return seconds since the first file, None without increasing times in the names."""
     times = []
     for path in paths:
         match = _TIME_OF_DAY.search(path.stem)
@@ -77,12 +79,6 @@ def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
     if len(times) < 2 or any(later <= earlier for earlier, later in pairwise(times)):
         return None
     return [time - times[0] for time in times]
-
-
-def _usual_rate(times_s: Sequence[float]) -> float:
-    """Return frames per second without pauses: programs note a frame late by chance."""
-    steps = np.diff(times_s)
-    return float(1.0 / np.mean(steps[steps <= _PAUSE * np.median(steps)]))
 
 
 def is_image_pattern(text: str) -> bool:

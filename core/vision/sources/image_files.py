@@ -18,16 +18,9 @@ from .image_header import check_image_size, image_size
 
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm")
 
-_MOST_IMAGE = 128 << 20  # bytes of a picture's file
-_DIGITS = re.compile(r"\d+")
-
 
 def list_images(pattern: str | Path) -> list[Path]:
-    """Return image files of a folder, a glob or one file, ordered by number.
-
-    Raises:
-        CaptureError: there is none.
-    """
+    """Return the image files of a folder or a glob, or one file, ordered by number."""
     text = os.path.expanduser(str(pattern))  # noqa: PTH111 - a glob need not be a valid path
     path = Path(text)
     if is_folder(text):
@@ -49,14 +42,7 @@ def natural_key(path: Path) -> tuple[tuple[int, int, str], ...]:
 
 
 def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tuple[Path, ...]]], list[Path]]:
-    """Pair files of several cameras by the number that `by_number` finds in names.
-
-    Returns:
-        pairs (number, one path per camera), in order of number, and the files left over.
-
-    Raises:
-        CaptureError: the files cannot be paired.
-    """
+    """Return the files of several cameras by number, ascending, and the files left over."""
     tables = by_number(lists)
     shared = sorted(set.intersection(*(set(table) for table in tables)))
     pairs = [(number, tuple(table[number] for table in tables)) for number in shared]
@@ -65,15 +51,15 @@ def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tup
 
 
 def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
-    """Return the files of each camera by the number shared between cameras.
+    """Return the files of each camera by the number in their names that cameras share.
 
-    Which number that is (the first, the last, ...) is found out: the position with values that most files share with
-    those of another camera. Without common numbers lists of one length are numbered in order.
+    That is the one (first, last, ...) with values that most files share with another camera's. Without common numbers,
+    lists of equal length are numbered in order.
 
     Raises:
-        CaptureError: no common numbers, and lists of different length.
+        CaptureError: No common numbers, and lists of different length.
     """
-    numbers = [[[int(text) for text in _DIGITS.findall(path.stem)] for path in paths] for paths in lists]
+    numbers = [[[int(text) for text in re.findall(r"\d+", path.stem)] for path in paths] for paths in lists]
     width = max((len(row) for rows in numbers for row in rows), default=0)
     best: list[dict[int, Path]] = []
     most = 0
@@ -83,10 +69,16 @@ def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
         shared = sum(count > 1 for count in counts.values())
         if shared > most:
             best, most = tables, shared
-    longest = max(len(paths) for paths in lists)
-    if most == 0 or (longest > 1 and most == 1):
-        return _in_order(lists)
-    return best
+    lengths = [len(paths) for paths in lists]
+    if most > 1 or (most == 1 and max(lengths) == 1):
+        return best
+    if len(set(lengths)) != 1:
+        raise CaptureError(
+            "the cameras have " + " and ".join(map(str, lengths)) + " pictures and no numbers in common",
+            where=str(lists[0][0].parent),
+            advice="name the pictures of one moment with the same number, e.g. left012.jpg and right012.jpg",
+        )
+    return [dict(enumerate(paths)) for paths in lists]
 
 
 def _table(paths: Sequence[Path], rows: Sequence[Sequence[int]], position: int) -> dict[int, Path]:
@@ -98,32 +90,17 @@ def _table(paths: Sequence[Path], rows: Sequence[Sequence[int]], position: int) 
     }
 
 
-def _in_order(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
-    lengths = [len(paths) for paths in lists]
-    if len(set(lengths)) != 1:
-        raise CaptureError(
-            "the cameras have " + " and ".join(map(str, lengths)) + " pictures and no numbers in common",
-            where=str(lists[0][0].parent),
-            advice="name the pictures of one moment with the same number, e.g. left012.jpg and right012.jpg",
-        )
-    return [dict(enumerate(paths)) for paths in lists]
-
-
 def write_image(path: Path | str, image: Image) -> None:
-    """Write an image (BGR) in the format of the ending; CaptureError if that fails."""
+    """Write an image (BGR) in the format of the ending."""
     with atomic_path(path) as temporary:
         if not cv2.imwrite(str(temporary), image):
             raise CaptureError("cannot be written", where=str(path), advice="check the free disk space")
 
 
 def read_image(path: Path) -> Image:
-    """Return a BGR image.
-
-    Raises:
-        CaptureError: the file is missing, not an image, or small with a huge number of pixels.
-    """
+    """Return a BGR image; refuse small files that declare very many pixels."""
     with reading(path, CaptureError, "export it again", "is not a readable image"):
-        data = read_bytes(path, _MOST_IMAGE, CaptureError)  # not cv2.imread: it cannot open every path on Windows
+        data = read_bytes(path, 128 << 20, CaptureError)  # cv2.imread cannot open every path on Windows
         check_image_size(image_size(data), len(data), str(path))
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
         if image is None:
@@ -132,6 +109,6 @@ def read_image(path: Path) -> Image:
 
 
 def open_address(text: str, opening_ms: int, reading_ms: int) -> Any:
-    """Return a capture that opens, and waits for an image, for limited times."""
+    """Return a capture of an address, with limited times to open it and to wait for an image."""
     limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, opening_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, reading_ms]
     return cv2.VideoCapture(text, cv2.CAP_FFMPEG, limits)

@@ -1,4 +1,4 @@
-"""Sizes of pictures by their headers, before a decoder takes memory for them."""
+"""Sizes of pictures from their headers, before a decoder takes memory for them."""
 
 import re
 import struct
@@ -7,31 +7,22 @@ from collections.abc import Callable
 from ...errors import CaptureError
 from ...system.files import is_over_budget
 
-_PIXEL_BYTES = 3  # of a BGR image
-_NO_LENGTH = frozenset((0x00, 0x01, *range(0xD0, 0xD9)))  # JPEG's marks without a segment
-_NO_FRAME = frozenset((0xC4, 0xC8, 0xCC))  # tables and reserved among JPEG's frame headers, 0xC0 to 0xCF
+_NO_LENGTH = frozenset((0x00, 0x01, *range(0xD0, 0xD9)))  # JPEG markers without a segment
+_NO_FRAME = frozenset((0xC4, 0xC8, 0xCC))  # other segments among JPEG's frame headers, 0xC0 to 0xCF
 _BLANK = rb"(?:\s|#[^\r\n]*[\r\n])*+"
 _PORTABLE = re.compile(rb"P[1-6]" + _BLANK + rb"(\d{1,9})\D" + _BLANK + rb"(\d{1,9})")
 _TIFF_WIDTHS, _TIFF_HEIGHTS = (256, 322), (257, 323)  # tags of the image and of its tiles
 
 
 def check_image_size(size: tuple[int, int], file_bytes: int, where: str) -> None:
-    """Refuse a picture that takes far more memory than its file has bytes.
-
-    Args:
-        size: (width, height) in pixels.
-        file_bytes: 0 for a stream.
-
-    Raises:
-        CaptureError: its pixels have more than four times these bytes and some slack.
-    """
+    """Refuse a picture (width, height) with far more bytes of pixels than its file; 0 for a stream."""
     width, height = size
-    if is_over_budget(width * height * _PIXEL_BYTES, file_bytes):
+    if is_over_budget(width * height * 3, file_bytes):
         raise CaptureError(f"has {width} x {height} pixels", where=where, advice="give smaller pictures")
 
 
 def image_size(data: bytes) -> tuple[int, int]:
-    """Return (width, height) in pixels; ValueError if it is no known picture."""
+    """Return width and height in pixels, or raise ValueError."""
     reader = next((read for start, read in _READERS.items() if data.startswith(start)), None)
     try:
         size = reader(data) if reader else None
@@ -49,9 +40,9 @@ def _png(data: bytes) -> tuple[int, int] | None:
     while name != b"IEND" and at < len(data):
         length, name = struct.unpack_from(">I4s", data, at)
         at += 12 + length
-        if at > len(data):  # the decoder would take memory for all that is declared
+        if at > len(data):  # the decoder would take memory for the declared length
             raise ValueError(f"cut off in its part {name!r}")
-        has_pixels = has_pixels or name == b"IDAT"  # else the decoder goes on behind the end
+        has_pixels = has_pixels or name == b"IDAT"  # without them, the decoder goes on after the end
     return struct.unpack_from(">II", data, 16) if has_pixels else None
 
 

@@ -1,8 +1,8 @@
 """Images of all cameras at one moment."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
@@ -15,9 +15,9 @@ class ImageSet:
     """One image per camera.
 
     Args:
-        times_s: when each image was taken, seconds.
-        images: per camera (height, width, 3) uint8 BGR.
-        usable: per camera whether its image shows this moment; empty: all do. An image that does not is black.
+        times_s: Time of each image.
+        images: Images (height, width, 3), uint8 BGR; one that does not show this moment is black.
+        usable: Which images show this moment; all by default.
     """
 
     number: int
@@ -37,6 +37,32 @@ class ImageSet:
                     f"an image has {image.dtype} values of shape {image.shape}, not 8-bit colour",
                     where=f"frame {self.number}",
                 )
+        object.__setattr__(self, "usable", self.usable or (True,) * len(self.images))
+
+    @property
+    def mean_time_s(self) -> float | None:
+        """Mean time of the images; None without any."""
+        times_s = [time_s for time_s in self.times_s if np.isfinite(time_s)]
+        return float(np.mean(times_s)) if times_s else None
+
+
+class ImageSource(Protocol):
+    """Anything that yields image sets."""
+
+    fps: float
+
+    def __iter__(self) -> Iterator[ImageSet]:
+        """Yield image sets in order."""
+
+    def close(self) -> None:
+        """End the iteration and release devices."""
+
+
+class SampledSource(ImageSource, Protocol):
+    """A source with samples in advance: files, and cameras (new images)."""
+
+    def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
+        """Yield the images of up to `count` moments."""
 
 
 class ClosableSource:
@@ -45,23 +71,12 @@ class ClosableSource:
     _closed = False
 
     def close(self) -> None:
-        """Let the iteration end."""
+        """End the iteration."""
         self._closed = True
 
 
-def usable_images(images: Any) -> tuple[bool, ...]:
-    """Return per camera whether its image shows the moment of an image set."""
-    return tuple(getattr(images, "usable", ())) or (True,) * len(images.images)
-
-
-def moment_of(images: Any) -> float | None:
-    """Return the mean time of an image set, seconds; None without any image."""
-    times_s = [time_s for time_s in images.times_s if np.isfinite(time_s)]
-    return float(np.mean(times_s)) if times_s else None
-
-
 def camera_title(index: int, names: Sequence[str]) -> str:
-    """Return a camera's name in messages: left and right where there are two."""
+    """Return a camera's name in messages: left or right of two."""
     return f"the {('left', 'right')[index]} camera" if len(names) == 2 else f"camera {names[index]}"
 
 

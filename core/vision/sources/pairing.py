@@ -1,4 +1,4 @@
-"""Images of cameras that run by themselves, put together to image sets."""
+"""Image sets from the images of unsynchronised cameras."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -9,21 +9,17 @@ from ...geometry.arrays import Image
 from ...system.steady_clock import SteadyClock
 from .camera_watch import CameraHealth
 from .image_set import ImageSet, camera_title, next_number
-
-_TOGETHER = 0.75  # periods: images further apart in time are of two moments
-_LATE = 0.25  # periods: an image so little after a set that went without it comes too late
-_PATIENCE = 2.0  # periods for which the other cameras' image is waited for
-_HELD = 12  # images of a camera; who takes them too slowly loses the oldest
+from .source_settings import SOURCES
 
 
 class ImagePairing:
     """Grouping of images by their times; a silent camera is skipped.
 
-    A camera with a missing, repeated or black image has a black image in the set and is marked as not usable.
+    In place of a missing, repeated or black image the set has a black one that is not usable.
 
     Args:
-        now_s: time on the clock that the images' times are read from.
-        compressed: per camera whether its images come compressed; empty: none.
+        now_s: Present time of the clock that stamps the images.
+        compressed: Which cameras' images come compressed; none by default.
     """
 
     def __init__(
@@ -36,7 +32,7 @@ class ImagePairing:
     ) -> None:
         self._black = [np.zeros(shape, dtype=np.uint8) for shape in shapes]
         self._period_s = period_s
-        self._held: list[deque[tuple[float, Image, bool]]] = [deque(maxlen=_HELD) for _ in shapes]
+        self._held: list[deque[tuple[float, Image, bool]]] = [deque(maxlen=SOURCES.held) for _ in shapes]
         self._watches = [
             CameraHealth(camera_title(i, names), period_s, now_s, shape, is_compressed)
             for i, (shape, is_compressed) in enumerate(zip(shapes, compressed or [False] * len(shapes), strict=True))
@@ -46,18 +42,17 @@ class ImagePairing:
         self._last_s = -np.inf
 
     def put(self, camera: int, time_s: float, image: Image) -> None:
-        """Take an image that a camera gave."""
+        """Take an image of a camera."""
         fresh = self._watches[camera].update(time_s, image)
         time_s = self._clocks[camera].steady(time_s)
-        if time_s < self._last_s + _LATE * self._period_s:
-            return
-        self._held[camera].append((time_s, image, fresh))
+        if time_s >= self._last_s + SOURCES.late * self._period_s:
+            self._held[camera].append((time_s, image, fresh))
 
     def take(self, now_s: float, gone: Sequence[bool] = ()) -> ImageSet | None:
-        """Return the next image set, None while there is nothing new.
+        """Return the next image set, None while there is none.
 
         Args:
-            gone: per camera whether its device said that it cannot give images.
+            gone: Which devices reported that they cannot give images.
         """
         first = [held[0][0] for held in self._held if held]
         if not first:
@@ -66,9 +61,9 @@ class ImagePairing:
         waits = any(
             not held and not watch.is_silent(now_s) for held, watch in zip(self._held, self._watches, strict=True)
         )
-        if waits and now_s - start_s < _PATIENCE * self._period_s:
+        if waits and now_s - start_s < SOURCES.patience * self._period_s:
             return None
-        before_s = start_s + _TOGETHER * self._period_s
+        before_s = start_s + SOURCES.together * self._period_s
         rows = [held.popleft() if held and held[0][0] < before_s else None for held in self._held]
         known = [row for row in rows if row is not None]
         middle_s = float(np.mean([time_s for time_s, _, _ in known]))

@@ -1,63 +1,27 @@
 """Image sources, opened from texts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
 
 from ...errors import CaptureError
-from ...geometry.arrays import Image
 from ...system.files import is_file, is_folder
 from .addresses import camera_name, is_address, is_stream
 from .camera_source import CameraSource
 from .image_file_source import ImageFileSource, is_image_pattern
+from .image_set import SampledSource
 from .video_source import VideoSource
-
-
-class ImageSetLike(Protocol):
-    """Image set of a source: number, one time and one image per camera."""
-
-    @property
-    def number(self) -> int:
-        """Frame number."""
-
-    @property
-    def times_s(self) -> tuple[float, ...]:
-        """Seconds, one per camera."""
-
-    @property
-    def images(self) -> tuple[Image, ...]:
-        """uint8 BGR, one per camera."""
-
-
-class ImageSource(Protocol):
-    """Anything that yields image sets."""
-
-    fps: float
-
-    def __iter__(self) -> Iterator[ImageSetLike]:
-        """Yield image sets in order."""
-
-    def close(self) -> None:
-        """Let the iteration end and give devices back."""
-
-
-class SampledSource(ImageSource, Protocol):
-    """A source with samples in advance: files, and cameras (new images)."""
-
-    def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield the images of up to `count` moments."""
 
 
 def open_image_source(
     *sources: str | Path, fps: float | None = None, size: tuple[int, int] | None = None
 ) -> SampledSource:
-    """Return a source from one text per camera: file, folder, pattern, device, stream.
+    """Return a source from one text per camera: a video, folder, pattern, device number or address.
 
-    Cameras by device number deliver images of `size` (width, height), that of their calibration; a network camera is
-    read like one.
+    Args:
+        size: Width and height of the images that devices deliver, as calibrated.
 
     Raises:
-        CaptureError: a text is none of these, or they are not all of one kind.
+        CaptureError: A text is none of these, or they are not all of one kind.
     """
     texts = [str(source) for source in sources]
     kinds = [_kind(text) for text in texts]
@@ -75,11 +39,7 @@ def open_image_source(
 
 
 def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource:
-    """Return a source from films, or from addresses of network cameras.
-
-    Raises:
-        CaptureError: they are of both kinds, or cannot be opened.
-    """
+    """Return a source from films, or from addresses of network cameras."""
     streams = [path for path in paths if is_stream(path)]
     if not streams:
         return VideoSource(paths, fps or 30.0)
@@ -97,7 +57,7 @@ def _kind(text: str) -> str:
         return "images"
     if is_file(text):
         return "videos"
-    what = "holds no image files" if is_folder(text) else "not found"
+    what = "contains no image files" if is_folder(text) else "not found"
     raise CaptureError(
         what, where=text, advice="give a video, a folder, a pattern like take/*_1.jpg, a device number or an address"
     )

@@ -19,30 +19,29 @@ from .image_files import open_address
 from .image_header import check_image_size
 from .image_set import ClosableSource, ImageSet, next_number
 
-_SPARE_FRAMES = 2  # that one video may have more at its end: the last ones may be lost too
-_NO_ANSWER_MS = 10000  # after which a film behind an address is given up
-_HEAD_BYTES = 1024
 _CONTAINER = re.compile(
     rb"RIFF....AVI |\x1aE\xdf\xa3|....(?:ftyp|moov|mdat|wide|free|skip|pnot)|\x00\x00\x01[\xba\xb3]"
     rb"|\x30\x26\xb2\x75\x8e\x66\xcf\x11|FLV\x01|OggS|\x06\x0e\x2b\x34",
     re.DOTALL,
 )  # AVI, Matroska and WebM, MP4 and MOV, MPEG, WMV, Flash, Ogg, MXF
-_TRANSPORT = ((0, 188), (4, 192))  # MPEG-TS, and that of camcorders: the first mark of a packet, and bytes to the next
+_TRANSPORT = ((0, 188), (4, 192))  # first mark of a packet and bytes to the next, in MPEG-TS and in that of camcorders
 
 
 class VideoSource(ClosableSource):
     """Image sets from one video per camera; files can be iterated any number of times.
 
-    Frames are numbered by each video's time stamps, so that a number left out is a frame that was lost. A frame that
-    one video lacks, or shows twice while another goes on, is not usable there; `warnings` counts them afterwards.
+    Frames are numbered by each video's time stamps; a missing number is a lost frame. A frame that one video lacks, or
+    shows twice while another goes on, is not usable there.
 
     Args:
-        paths: video files or addresses of films, one per camera.
-        fps: rate to assume where a file does not tell it.
+        paths: Video files or addresses of films, one per camera.
+        fps: Rate where a file does not contain it.
+
+    Attributes:
+        warnings: Faults in the frames so far.
 
     Raises:
-        CaptureError: missing or unreadable file, files of different length (also when one ends early while it
-            is iterated).
+        CaptureError: A file is missing or unreadable, or the lengths differ (also in the iteration).
     """
 
     def __init__(self, paths: Sequence[str | Path], fps: float = 30.0) -> None:
@@ -76,7 +75,7 @@ class VideoSource(ClosableSource):
                 current = [reader for reader in readers if reader.number == number]
                 repeated = [reader.is_repeated for reader in readers]
                 usable = tuple(
-                    # when nothing changed in any video, nothing moved
+                    # a repetition in all videos shows that nothing moved
                     reader in current and (not reader.is_repeated or all(repeated))
                     for reader in readers
                 )
@@ -92,18 +91,18 @@ class VideoSource(ClosableSource):
                 self._advance(readers, current)
 
     def _advance(self, readers: Sequence["_Reader"], current: Sequence["_Reader"]) -> None:
-        """Read the next frame of the current videos; at the end no reader has an image."""
+        """Read the next frame of the current videos; at the end, no reader has an image."""
         before = max(reader.number for reader in readers)
         for reader in current:
             reader.read()
         ended = [path for path, reader in zip(self._paths, readers, strict=True) if reader.image is None]
-        if ended and not all(reader.ends_within(_SPARE_FRAMES) for reader in readers):
+        if ended and not all(reader.ends_within(2) for reader in readers):  # the last frames may be lost in one video
             raise CaptureError(
                 f"ends after {before + 1} frames, before the other video",
                 where=ended[0],
                 advice="cut both to one length",
             )
-        if ended and before + 1 < self.frames - 1:  # some containers announce one frame more than they hold
+        if ended and before + 1 < self.frames - 1:  # some containers announce a frame too many
             raise CaptureError(
                 f"cannot be read after frame {before + 1} of {self.frames}",
                 where=self._paths[0],
@@ -111,7 +110,6 @@ class VideoSource(ClosableSource):
             )
 
     def _warnings(self, readers: Sequence["_Reader"]) -> tuple[str, ...]:
-        """Return descriptions of faults in the frames so far."""
         found = []
         for path, reader in zip(self._paths, readers, strict=True):
             if reader.doubled:
@@ -130,7 +128,7 @@ class VideoSource(ClosableSource):
             for capture in captures:
                 stack.callback(capture.release)
             for index in range(max(wanted) + 1):
-                # frames are stepped over, not sought: seeking is inexact in many containers
+                # seeking is inexact in many containers
                 if not all(capture.grab() for capture in captures):
                     return
                 if index in wanted:
@@ -164,7 +162,7 @@ class _Reader:
         self.image, self._stamp_s = image, stamp_s
 
     def ends_within(self, frames: int) -> bool:
-        """Read to the end; return whether at most so many frames were left."""
+        """Read on; return whether the video ended within so many frames."""
         for _ in range(frames):
             if self.image is not None:
                 self.read()
@@ -173,10 +171,10 @@ class _Reader:
 
 def _open(path: str) -> Any:
     if is_address(path):
-        capture = open_address(path, _NO_ANSWER_MS, _NO_ANSWER_MS)
+        capture = open_address(path, 10_000, 10_000)
     elif is_file(path):
         _check_container(path)
-        # a name like "concat:a.avi" would open another file
+        # the prefix keeps a name like "concat:a.avi" from opening another file
         capture = cv2.VideoCapture(os.path.join(os.curdir, path))  # noqa: PTH118 - pathlib drops the "./"
     else:
         raise CaptureError("there is no such video", where=path, advice="check the path")
@@ -189,12 +187,9 @@ def _open(path: str) -> Any:
 
 
 def _check_container(path: str) -> None:
-    """Raise CaptureError for a file that does not begin like a video.
-
-    OpenCV's reader goes by the content: a playlist makes it open other files and addresses, and wait for them.
-    """
+    """Refuse a file that does not begin like a video: a playlist would make OpenCV open other files and addresses."""
     with open_foreign(path, CaptureError) as file, reading(path, CaptureError, what="cannot be read"):
-        head = file.read(_HEAD_BYTES)
+        head = file.read(1024)
     is_transport = any(len(head) > 2 * step and set(head[at::step]) == {0x47} for at, step in _TRANSPORT)
     if not is_transport and not _CONTAINER.match(head):
         raise CaptureError(

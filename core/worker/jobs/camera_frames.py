@@ -22,7 +22,7 @@ from ...vision.blob_preview import draw_blobs
 from ...vision.detection.background import Background, background_from_take, learn_backgrounds
 from ...vision.live_frames import live_frames, live_settings
 from ...vision.pipeline import MarkerPipeline
-from ...vision.sources.source_kinds import ImageSetLike, ImageSource
+from ...vision.sources.image_set import ImageSet, ImageSource
 from ..channel import Channel, Stopped, open_when_free
 from ..open_source import open_source
 from ..requests import CamerasRequest
@@ -66,13 +66,13 @@ class _Images:
         processor_s: time that this thread had a processor when they were handed over.
     """
 
-    def __init__(self, stop: Event, images: Iterable[ImageSetLike]) -> None:
+    def __init__(self, stop: Event, images: Iterable[ImageSet]) -> None:
         self.newest: tuple[Image, ...] = ()
         self.processor_s = 0.0
         self._stop = stop
         self._images = images
 
-    def __iter__(self) -> Iterator[ImageSetLike]:
+    def __iter__(self) -> Iterator[ImageSet]:
         for moment in self._images:
             if self._stop.is_set():
                 return
@@ -119,7 +119,7 @@ def _read_backgrounds(path: Path) -> list[Background]:
         return [Background(mean, deviation) for mean, deviation in zip(arrays[::2], arrays[1::2], strict=True)]
 
 
-def _remaining(request: CamerasRequest, source: Any) -> Iterable[ImageSetLike]:
+def _remaining(request: CamerasRequest, source: Any) -> Iterable[ImageSet]:
     """Return the images that the process before did not process."""
     if request.after is None or not request.source.is_repeatable:
         return source
@@ -164,7 +164,7 @@ def _report_learning(
         yield images
 
 
-def _pace(source: Iterable[ImageSetLike]) -> Iterator[ImageSetLike]:
+def _pace(source: Iterable[ImageSet]) -> Iterator[ImageSet]:
     """Yield the images of a source that can wait, no faster than they were taken.
 
     Nothing is left out: on a machine that is too slow the performer moves slowly, instead of jumping.

@@ -26,7 +26,7 @@ from ...subjects.setup_check.finding import Fault, Finding
 from ...vision.blob_preview import cross_out, reduced
 from ...vision.common_space import CommonSpace, common_space
 from ...vision.detection.background import learn_backgrounds
-from ...vision.sources.source_kinds import ImageSetLike
+from ...vision.sources.image_set import ImageSet
 from ..channel import Channel, Stopped
 from ..open_source import open_source
 from ..requests import CheckSetupRequest
@@ -96,12 +96,12 @@ def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 class _Watched:
     """Image sets that are shown as they pass, with instructions for the performer."""
 
-    def __init__(self, images: Iterable[ImageSetLike], fps: float, channel: Channel) -> None:
+    def __init__(self, images: Iterable[ImageSet], fps: float, channel: Channel) -> None:
         self._images, self._fps, self._channel = images, fps, channel
         self._preview = PreviewSender(True, channel)
         self._last: Sequence[Image] = ()
 
-    def __iter__(self) -> Iterator[ImageSetLike]:
+    def __iter__(self) -> Iterator[ImageSet]:
         for number, moment in enumerate(self._images):
             if self._channel.stop_requested.is_set():
                 raise Stopped

@@ -25,8 +25,7 @@ from ...vision.calibration.board_session import BoardSession, Guidance
 from ...vision.calibration.calibrate import calibration_summary
 from ...vision.calibration.calibration_board import Board, parse_board
 from ...vision.sources.image_files import write_image
-from ...vision.sources.image_set import camera_title, moment_of, usable_images
-from ...vision.sources.source_kinds import ImageSetLike, ImageSource
+from ...vision.sources.image_set import ImageSet, ImageSource, camera_title
 from ..channel import Channel
 from ..open_source import open_source
 from ..requests import ImageSourceRequest, RecordBoardRequest
@@ -84,7 +83,7 @@ def open_board(asked: ImageSourceRequest, board: Board, poses: Sequence[BoardPos
 
 
 def _watch(
-    images: Iterable[ImageSetLike],
+    images: Iterable[ImageSet],
     session: BoardSession,
     folders: Sequence[Path],
     preview: PreviewSender,
@@ -95,9 +94,9 @@ def _watch(
     for image_set in images:
         if channel.stop_requested.is_set():
             return
-        advice, time_s = "; ".join(getattr(image_set, "notes", ())), moment_of(image_set)
+        advice, time_s = "; ".join(image_set.notes), image_set.mean_time_s
         if time_s is not None:  # some camera gives images
-            guidance = session.see(time_s, image_set.images, usable_images(image_set))
+            guidance = session.see(time_s, image_set.images, image_set.usable)
             if guidance.taken:
                 taken_s = time.monotonic()
                 for folder, image in zip(folders, image_set.images, strict=True):

@@ -17,8 +17,7 @@ from ...vision.calibration.board_preview import draw_corners
 from ...vision.calibration.board_watch import BoardObservation, BoardWatch
 from ...vision.calibration.calibration_board import Board, find_board, parse_board
 from ...vision.calibration.rig_on_floor import board_in_space, rig_on_floor
-from ...vision.sources.image_set import moment_of, usable_images
-from ...vision.sources.source_kinds import ImageSource
+from ...vision.sources.image_set import ImageSource
 from ..channel import Channel
 from ..requests import RecordFloorRequest
 from .preview_sender import PreviewSender
@@ -52,9 +51,9 @@ def _still_board(
     for image_set in source:
         if channel.stop_requested.is_set():
             return None
-        advice, time_s = "; ".join(getattr(image_set, "notes", ())), moment_of(image_set)
+        advice, time_s = "; ".join(image_set.notes), image_set.mean_time_s
         if time_s is not None:  # some camera gives images
-            look = watch.see(time_s, image_set.images, usable_images(image_set))
+            look = watch.see(time_s, image_set.images, image_set.usable)
             preview.send(image_set.images, partial(_draw, look))
             if look.still:
                 return look

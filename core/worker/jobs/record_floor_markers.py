@@ -18,8 +18,7 @@ from ...vision.calibration.floor_watch import FloorWatch, scaled_to
 from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.live_frames import live_settings
 from ...vision.pipeline import MarkerPipeline
-from ...vision.sources.image_set import moment_of
-from ...vision.sources.source_kinds import ImageSource
+from ...vision.sources.image_set import ImageSource
 from ..channel import Channel, Stopped
 from ..requests import FloorMarkersRequest
 from .camera_frames import open_pipeline
@@ -64,14 +63,14 @@ def _watch(source: ImageSource, pipeline: MarkerPipeline, preview: PreviewSender
     for images in source:
         if channel.stop_requested.is_set():
             raise Stopped
-        time_s = moment_of(images)
+        time_s = images.mean_time_s
         if time_s is not None:  # some camera gives images
             frame = pipeline.process(images)
             watch.see(time_s, frame.points_m)
             preview.send(images.images, partial(draw_blobs, frame, thresholds, pipeline.rig))
         if watch.points_m is not None:
             break
-        advice = "; ".join(getattr(images, "notes", ())) or watch.advice
+        advice = "; ".join(images.notes) or watch.advice
         if advice != sent:
             sent = advice
             channel.send_status(advice)

@@ -22,7 +22,7 @@ from ...simulate.studio.simulated_performer import SimulatedPerformer
 from ...simulate.studio.stage_placement import ARRIVAL_S
 from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.rig_on_floor import rig_on_floor
-from ...vision.sources.source_kinds import ImageSetLike
+from ...vision.sources.image_set import ImageSet
 from ..channel import Channel, Stopped
 from ..job_status import PoseCue, PoseStage
 from ..requests import RecordPoseRequest
@@ -74,7 +74,7 @@ def record_poses(request: RecordPoseRequest, channel: Channel) -> tuple[MarkerTa
     return take, result
 
 
-def _moments(request: RecordPoseRequest, images: Iterator[ImageSetLike], channel: Channel) -> Iterator[ImageSetLike]:
+def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Channel) -> Iterator[ImageSet]:
     """Yield the image sets from the first pose to the last; send the instructions."""
     poses = request.poses
     if request.source.is_live:
@@ -90,7 +90,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSetLike], channel
         yield from _for_seconds(images, request.seconds, channel, words, PoseStage.HOLD)
 
 
-def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str) -> None:
+def count_down(images: Iterator[ImageSet], seconds: float, channel: Channel, text: str) -> None:
     """Skip the images of some time; send the seconds left and a text."""
     due_s, sent = time.perf_counter() + seconds, 0
     for _ in images:
@@ -105,8 +105,8 @@ def count_down(images: Iterator[ImageSetLike], seconds: float, channel: Channel,
 
 
 def _for_seconds(
-    images: Iterator[ImageSetLike], seconds: float, channel: Channel, text: str, stage: PoseStage | None
-) -> Iterator[ImageSetLike]:
+    images: Iterator[ImageSet], seconds: float, channel: Channel, text: str, stage: PoseStage | None
+) -> Iterator[ImageSet]:
     """Yield the image sets of some time; send the text, with the time left or the request to hold still."""
     start_s = None
     for image_set in images:

@@ -72,7 +72,7 @@ def test_what_a_camera_does_not_take_is_told(monkeypatch):
     source = CameraSource([0, 1], controls=[told, told])
     source.close()
     (warning,) = source.warnings
-    assert warning.startswith("camera 0 does not take exposure and focus")
+    assert warning.startswith("camera 0 does not accept exposure and focus")
 
 
 def test_a_description_carries_them_and_without_any_the_camera_is_left_alone(monkeypatch):

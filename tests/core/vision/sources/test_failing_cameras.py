@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -13,6 +14,7 @@ from perfanim.core.vision.sources import camera_source
 from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.vision.sources.pairing import ImagePairing
+from perfanim.core.vision.sources.source_settings import SOURCES
 
 FPS = 60.0
 NOTICED_S = 0.25
@@ -200,7 +202,7 @@ def test_a_pulled_cable_and_a_hanging_driver_hold_up_no_other_camera(devices: li
 
 
 def test_when_no_camera_is_left_the_end_is_told(devices: list[Device], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(camera_source, "_ALL_LOST_S", 0.3)
+    monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, all_lost_s=0.3))
     source = CameraSource([0, 1])
     sets = iter(source)
     next(sets)

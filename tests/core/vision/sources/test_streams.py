@@ -1,6 +1,7 @@
 """Cameras on a network: one that stalls is told and done without, read again when it gives images, opened in time."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from perfanim.core.vision.sources.camera_source import CameraSource
 from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.vision.sources.pairing import ImagePairing
 from perfanim.core.vision.sources.source_kinds import open_image_source
+from perfanim.core.vision.sources.source_settings import SOURCES
 from perfanim.core.worker.open_source import open_source
 
 FPS = 60.0
@@ -41,7 +43,7 @@ def until(sets: Iterator[ImageSet], condition: Callable[[ImageSet], bool]) -> Im
 def test_a_stream_that_stalls_for_ever_is_told_and_done_without(
     servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(camera_source, "_STREAM_STALLS_MS", 300)
+    monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_stalls_ms=300))
     source = open_source({"kind": "videos", "paths": [server.address for server in servers], "fps": FPS})
     sets = iter(source)
     try:
@@ -72,7 +74,7 @@ def test_a_stream_that_was_cut_is_opened_again(servers: list[MjpegServer]) -> No
 
 
 def test_a_short_stall_leaves_the_connection(servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(camera_source, "_STREAM_STALLS_MS", 60000)
+    monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_stalls_ms=60000))
     source = CameraSource([server.address for server in servers], fps=FPS)
     sets = iter(source)
     try:
@@ -89,7 +91,7 @@ def test_a_short_stall_leaves_the_connection(servers: list[MjpegServer], monkeyp
 def test_a_stream_that_does_not_answer_is_not_waited_for(
     servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(camera_source, "_STREAM_OPENS_MS", 200)
+    monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_opens_ms=200))
     servers[0].begin("stream")
     with pytest.raises(CaptureError, match=r"camera http://127.*does not open.*check the address"):
         open_image_source(servers[0].address)
@@ -99,7 +101,7 @@ def test_the_login_of_a_camera_is_in_no_message(
     servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Messages come into takes, and takes are given to others."""
-    monkeypatch.setattr(camera_source, "_STREAM_OPENS_MS", 200)
+    monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_opens_ms=200))
     servers[0].begin("stream")
     (tmp_path / "1.png").touch()
     address = servers[0].address.replace("://", "://anna:s3cr@t/1@")

@@ -16,6 +16,7 @@ from perfanim.core.geometry.rig_file import load_rig, rig_from, save_rig
 from perfanim.core.simulate.studio.floor_marker_source import PLACES_M, SETTINGS, FloorMarkers
 from perfanim.core.simulate.studio.simulated_performer import SimulatedPerformer
 from perfanim.core.simulate.studio.studio_rig import default_rig
+from perfanim.core.vision.sources.image_set import ImageSet
 from perfanim.core.worker.jobs import record_floor_markers
 from perfanim.core.worker.requests import FloorMarkersRequest
 
@@ -86,7 +87,7 @@ def test_without_markers_it_says_what_to_do(elsewhere: CameraRig, monkeypatch: p
 
 def empty_room(source: FloorMarkers) -> Any:
     for number, images in enumerate(source.background_frames(5)):
-        yield SimpleNamespace(number=number, times_s=(number / 5.0,) * 2, images=images)
+        yield ImageSet(number, (number / 5.0,) * 2, images)
 
 
 def test_floor_and_scale_are_found_on_the_command_line(
