@@ -155,7 +155,7 @@ def solve_recording(
     cache, where, recorded = cache or SessionCache(), str(take.path), take.setup.subjects()
     rig, frames = take.setup.camera_rig(), take.frames
     if changes.rig is not None:
-        from ..vision.synchronise import retriangulate  # OpenCV is slow to load
+        from ..vision.tracked_take import retriangulate  # OpenCV is slow to load
 
         progress(0.0, "triangulating the markers again")
         rig = changes.rig

@@ -1,38 +1,55 @@
-"""Marker frames of a live capture, with watches of the cameras."""
+"""Marker frames of a live capture, with watches of time offsets and bumped cameras."""
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 
+from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .bump_watch import BumpDetector
 from .detection.blob_detector import DetectionSettings
 from .matching.time_alignment import TimeAligner
-from .matching.time_offset import TimeOffset
+from .matching.time_offset import TimeOffset, estimate_time_offsets
 from .pipeline import MarkerPipeline
 from .sources.image_set import ImageSet
-from .time_offset_watch import TimeOffsetWatch
 
-_WHOLE_EVERY = 4  # images: 50 ms at 60 Hz until a marker from elsewhere is found
+Start = Callable[..., "Future[tuple[TimeOffset, ...]]"]
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """How the cameras of a live capture are followed."""
+
+    whole_every: int = 4  # images that are searched as a whole: 50 ms at 60 Hz until a marker from elsewhere is found
+    first_s: float = 4.0  # until the first estimate of time offsets,
+    every_s: float = 5.0  # and to the next,
+    remembered_s: float = 10.0  # from images of this time,
+    least_apart_s: float = 0.012  # of fast cameras not more than so many
+    largest_s: float = 0.1  # largest offset: how long images are on their way, as stamps are from one clock
+    change_s: float = 0.012  # largest change of a certain offset
+
+
+_LIVE = LiveSettings()
 
 
 def live_settings(threshold: float | None = None) -> DetectionSettings:
-    """Return detection settings of a live capture; `threshold` None: automatic."""
-    return DetectionSettings(None if threshold is None else float(threshold), whole_every=_WHOLE_EVERY)
+    """Return detection settings of a live capture; the default threshold is automatic."""
+    return DetectionSettings(None if threshold is None else float(threshold), whole_every=_LIVE.whole_every)
 
 
 def live_frames(
     images: Iterable[ImageSet], pipeline: MarkerPipeline, warn: Callable[[str], None], *, exact: bool
 ) -> Iterator[tuple[float, MarkerFrame]]:
-    """Yield per image set its `time.perf_counter()` and its markers.
+    """Yield the `time.perf_counter()` and the markers of each image set.
 
     Args:
-        exact: the time stamps are those of the moments shown, and the cameras stand still: nothing is to be learned.
+        exact: The time stamps are exact and the cameras do not move, so neither is watched.
     """
     with ThreadPoolExecutor(1) as later:
         offsets = bumps = None
         if not exact:
-            # all blobs are brought to one time, by the images' time stamps until more is known
             pipeline.aligner = TimeAligner(pipeline.rig, [TimeOffset()] * len(pipeline.rig))
             offsets = TimeOffsetWatch(pipeline.rig, pipeline.aligner, later.submit)
             bumps = BumpDetector(pipeline.rig, later.submit)
@@ -45,3 +62,38 @@ def live_frames(
             yield stamp_s, frame
             if bumps is not None and (warning := bumps.update(frame, pipeline.last_errors_px)):
                 warn(warning)
+
+
+class TimeOffsetWatch:
+    """Estimation of the cameras' time offsets from the last seconds.
+
+    Args:
+        aligner: Receives certain offsets.
+        start: Begins a computation that must not delay the cameras, as `Executor.submit` does.
+    """
+
+    def __init__(self, rig: CameraRig, aligner: TimeAligner, start: Start) -> None:
+        self._rig = rig
+        self._aligner = aligner
+        self._start = start
+        self._frames: deque[MarkerFrame] = deque()
+        self._running: Future[tuple[TimeOffset, ...]] | None = None
+        self._due_s: float | None = None
+
+    def update(self, frame: MarkerFrame) -> None:
+        """Take a frame with the blobs' places in the images."""
+        if not self._frames or frame.time_s - self._frames[-1].time_s >= _LIVE.least_apart_s:
+            self._frames.append(frame)
+        while frame.time_s - self._frames[0].time_s > _LIVE.remembered_s:
+            self._frames.popleft()
+        if self._due_s is None:
+            self._due_s = frame.time_s + _LIVE.first_s
+        if self._running is not None and self._running.done():
+            pairs = zip(self._aligner.offsets, self._running.result(), strict=True)
+            self._aligner.offsets = tuple(new if new.is_certain else old for old, new in pairs)
+            self._running = None
+        if self._running is None and frame.time_s >= self._due_s:
+            self._due_s = frame.time_s + _LIVE.every_s
+            known = self._aligner.offsets
+            largest_s = _LIVE.change_s if any(offset.is_certain for offset in known) else _LIVE.largest_s
+            self._running = self._start(estimate_time_offsets, self._rig, tuple(self._frames), largest_s, known)

@@ -1,20 +1,19 @@
 """Pipeline from images to marker frames, on the cameras' side."""
 
-import math
 from collections.abc import Iterable, Sequence
 from statistics import fmean
 
 import numpy as np
 
 from ..errors import CaptureError
-from ..geometry.arrays import Array, FloatArray, Image
+from ..geometry.arrays import Image
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .detection.background import Background, background_from_take, learn_backgrounds
 from .detection.blob_detector import DetectionSettings, Detector
 from .matching.camera_swap import CameraSwapDetector
 from .matching.point_prediction import PointPredictor
-from .matching.stereo import Matches, StereoMatcher, unused_blobs
+from .matching.stereo import StereoMatcher, unused_blobs
 from .matching.time_alignment import TimeAligner
 from .sources.image_set import ImageSet
 
@@ -22,10 +21,10 @@ _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 
 
 class MarkerPipeline:
-    """Detection, correspondence and triangulation for one rig.
+    """Detection, matching and triangulation for one rig.
 
-    Backgrounds are learned by one of the `learn_*` methods, or left out in the dark. With an `aligner` the cameras'
-    blobs are brought to one time before they are matched.
+    Backgrounds are learned by the `learn_*` methods, or left out in the dark. An `aligner` moves the cameras' blobs to
+    one time before they are matched.
     """
 
     def __init__(self, rig: CameraRig, detection: DetectionSettings | None = None) -> None:
@@ -39,7 +38,7 @@ class MarkerPipeline:
         self.set_backgrounds([None] * len(rig))
 
     def set_backgrounds(self, backgrounds: Sequence[Background | None]) -> None:
-        """Use these backgrounds, one per camera (None: dark)."""
+        """Use a background for each camera, None in the dark."""
         self._check_count(len(backgrounds))
         self.backgrounds = tuple(backgrounds)
         self.detectors = tuple(
@@ -52,7 +51,7 @@ class MarkerPipeline:
         self.set_backgrounds(learn_backgrounds(images))
 
     def learn_from_take(self, images: Iterable[tuple[Image, ...]]) -> None:
-        """Learn the backgrounds from frames spread over a take with the performer in it."""
+        """Learn backgrounds from frames spread over a take with the performer in it."""
         moments = list(images)
         if not moments:
             raise CaptureError("there are no images to learn the background from")
@@ -67,18 +66,23 @@ class MarkerPipeline:
         """Return the blobs of one image set; none where an image is unusable.
 
         Raises:
-            CaptureError: another number of images than cameras, or images of another size than the calibration's.
+            CaptureError: The number or the size of the images is not the calibration's.
         """
         self._check_count(len(images.images))
-        self._check_sizes(images.images)
-        usable = images.usable
-        rows = zip(self.detectors, images.images, usable, strict=True)
+        for camera, image in zip(self.rig.cameras, images.images, strict=True):
+            height, width = image.shape[:2]
+            if (width, height) != camera.image_size:
+                raise CaptureError(
+                    f"images are {width}x{height}, the calibration is for "
+                    f"{camera.image_size[0]}x{camera.image_size[1]}",
+                    where=f"camera {camera.name}",
+                    advice="record at the size of the calibration, or calibrate again",
+                )
+        rows = zip(self.detectors, images.images, images.usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)
-        stamps_s = [float(time_s) if use else math.nan for time_s, use in zip(images.times_s, usable, strict=True)]
-        known_s = [stamp_s for stamp_s in stamps_s if math.isfinite(stamp_s)]
-        time_s = fmean(known_s or map(float, images.times_s))
-        notes = tuple(images.notes)
-        return MarkerFrame(int(images.number), time_s, blobs=blobs, camera_times_s=np.array(stamps_s), notes=notes)
+        stamps_s = np.where(images.usable, images.times_s, np.nan)
+        time_s = fmean(stamps_s[np.isfinite(stamps_s)].tolist() or images.times_s)
+        return MarkerFrame(images.number, time_s, blobs=blobs, camera_times_s=stamps_s, notes=images.notes)
 
     def locate(self, seen: MarkerFrame) -> MarkerFrame:
         """Return the markers of one moment from the blobs of `detect`."""
@@ -90,16 +94,6 @@ class MarkerPipeline:
         matches = self._matcher.match(blobs, normalised, expected)
         self._predictor.update(time_s, matches.points_m)
         self.last_errors_px = matches.errors_px
-        return self._frame(seen, time_s, blobs, normalised, matches)
-
-    def _frame(
-        self,
-        seen: MarkerFrame,
-        time_s: float,
-        blobs: tuple[FloatArray, ...],
-        normalised: Sequence[Array],
-        matches: Matches,
-    ) -> MarkerFrame:
         swapped = self._swap_detector.update(blobs, matches)
         free = [unused_blobs(matches.blobs, camera, len(rows)) for camera, rows in enumerate(normalised)]
         return MarkerFrame(
@@ -124,14 +118,3 @@ class MarkerPipeline:
                 f"{count} image(s) for a calibration of {len(self.rig)} cameras",
                 advice="use a calibration of this set-up",
             )
-
-    def _check_sizes(self, images: Sequence[Image]) -> None:
-        for camera, image in zip(self.rig.cameras, images, strict=True):
-            size = (image.shape[1], image.shape[0])
-            if size != camera.image_size:
-                raise CaptureError(
-                    f"images are {size[0]}x{size[1]}, the calibration is for "
-                    f"{camera.image_size[0]}x{camera.image_size[1]}",
-                    where=f"camera {camera.name}",
-                    advice="record at the size of the calibration, or calibrate again",
-                )

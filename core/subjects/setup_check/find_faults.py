@@ -13,7 +13,7 @@ from ...vision.detection.background import Background
 from ...vision.detection.blob_detector import Detector
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import ImageSet, camera_title
-from ...vision.synchronise import synchronise_frames
+from ...vision.tracked_take import synchronise_frames
 from .finding import Finding, Place
 from .image_faults import marker_light_faults, moving_images, reflections, room_faults, sharpness_faults
 from .rig_faults import bump_fault, exchange_fault, place_fault

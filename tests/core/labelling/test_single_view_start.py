@@ -17,7 +17,7 @@ from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.vision.image_take import image_take
+from perfanim.core.vision.tracked_take import image_take
 
 FPS = 60.0
 PIXEL = 0.1 / 600.0

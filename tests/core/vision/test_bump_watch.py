@@ -64,5 +64,5 @@ def test_neither_cameras_that_stand_still_nor_reflections_are_a_bump(rig):
 def test_what_meets_none_counts_as_the_worst():
     blobs = tuple(np.zeros((count, 5), dtype=np.float32) for count in (5, 8))
     errors = np.array([[0.5, 0.5], [0.3, 0.3], [0.4, 0.4]])
-    assert meeting_error_px(blobs, errors, 4.0) == pytest.approx((0.5 + 0.3 + 0.4 + 2 * 4.0) / 5)
-    assert meeting_error_px((blobs[0][:3], blobs[1]), errors, 4.0) is None
+    assert meeting_error_px(blobs, errors) == pytest.approx((0.5 + 0.3 + 0.4 + 2 * 4.0) / 5)
+    assert meeting_error_px((blobs[0][:3], blobs[1]), errors) is None

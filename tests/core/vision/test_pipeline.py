@@ -5,8 +5,8 @@ import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.markers.marker_frame_codec import pack, unpack
 from perfanim.core.vision.pipeline import MarkerPipeline
-from perfanim.core.vision.reprojection import labelled_rms_px
 from perfanim.core.vision.sources.image_set import ImageSet
+from perfanim.core.vision.tracked_take import labelled_rms_px
 
 
 def walker(time_s: float) -> np.ndarray:

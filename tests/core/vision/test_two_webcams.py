@@ -9,8 +9,8 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.vision.calibration.board_points import load_board_points
 from perfanim.core.vision.calibration.calibrate import calibrate_from_points
 from perfanim.core.vision.pipeline import MarkerPipeline
-from perfanim.core.vision.reprojection import labelled_rms_px
 from perfanim.core.vision.sources.image_file_source import ImageFileSource
+from perfanim.core.vision.tracked_take import labelled_rms_px
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ from concurrent.futures import Future
 import numpy as np
 import pytest
 from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.vision.live_frames import TimeOffsetWatch
 from perfanim.core.vision.matching.time_alignment import TimeAligner
 from perfanim.core.vision.matching.time_offset import TimeOffset, estimate_time_offsets
 from perfanim.core.vision.pipeline import MarkerPipeline
-from perfanim.core.vision.synchronise import synchronise_frames
-from perfanim.core.vision.time_offset_watch import TimeOffsetWatch
+from perfanim.core.vision.tracked_take import synchronise_frames
 
 FPS = 30.0
 SECONDS = 10.0

@@ -8,7 +8,7 @@ from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.simulate.studio.studio_settings import StudioSettings
 from perfanim.core.vision.pipeline import MarkerPipeline
 from perfanim.core.vision.sources.image_set import ImageSet
-from perfanim.core.vision.synchronise import synchronise_frames
+from perfanim.core.vision.tracked_take import synchronise_frames
 
 FPS = 60.0
 

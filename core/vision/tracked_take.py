@@ -1,0 +1,89 @@
+"""Frames of a whole take: synchronised, triangulated again, compared with the images; the take of one camera."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import TakeError
+from ..geometry.arrays import IntArray
+from ..geometry.camera import CameraRig
+from ..markers.marker_frame import MarkerFrame, undistort_blobs
+from ..markers.marker_take import MarkerTake, SingleViews
+from .matching.image_tracks import BlobLinker, image_tracks
+from .matching.time_alignment import TimeAligner
+from .matching.time_offset import TimeOffset, estimate_time_offsets
+from .pipeline import MarkerPipeline
+
+
+def synchronise_frames(
+    rig: CameraRig, frames: Sequence[MarkerFrame]
+) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
+    """Return frames with blobs of one time, triangulated again, and the time offsets.
+
+    Without a certain offset, the frames stay as they are.
+    """
+    offsets = estimate_time_offsets(rig, frames, largest_s=0.25)
+    if not any(offset.is_certain for offset in offsets):
+        return list(frames), offsets
+    pipeline = MarkerPipeline(rig)
+    pipeline.aligner = TimeAligner(rig, [offset if offset.is_certain else TimeOffset() for offset in offsets])
+    return [pipeline.locate(frame) for frame in frames], offsets
+
+
+def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
+    """Return synchronised frames with points from the detected blobs only.
+
+    Raises:
+        TakeError: The frames come from another number of cameras.
+    """
+    for frame in frames:
+        if len(frame.detected) != len(rig):
+            raise TakeError(
+                f"was recorded by {len(frame.detected)} cameras, the calibration has {len(rig)}",
+                where=f"frame {frame.number}",
+                advice="give a calibration of the same cameras",
+            )
+    pipeline = MarkerPipeline(rig)
+    located = [pipeline.locate(replace(frame, blobs=frame.detected, normalised=())) for frame in frames]
+    return synchronise_frames(rig, located)[0]
+
+
+def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Sequence[IntArray]) -> float:
+    """Return the RMS reprojection error of labelled points, pixels; NaN without any."""
+    squares = []
+    for frame, row in zip(frames, labels, strict=True):
+        for index, camera in enumerate(rig.cameras):
+            used = (row >= 0) & (frame.point_blobs[:, index] >= 0)
+            if used.any():
+                seen = frame.blobs[index][frame.point_blobs[used, index], :2]
+                squares.append(np.sum((camera.project(frame.points_m[used]) - seen) ** 2, axis=1))
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
+
+
+def image_take(frames: Sequence[MarkerFrame], rig: CameraRig, name: str, fps: float) -> MarkerTake:
+    """Return the image trajectories of one camera, those that do not overlap in one column.
+
+    They are labelled when the take is solved (see `markers.take_frames`).
+
+    Raises:
+        TakeError: No frame shows anything.
+    """
+    linker = BlobLinker(rig.cameras[0].image_size[0])
+    times_s = np.array([frame.time_s for frame in frames])
+    pixels = [frame.blobs[0][:, :2].astype(np.float64) for frame in frames]
+    ids = [linker.link(time_s, blobs) for time_s, blobs in zip(times_s.tolist(), pixels, strict=True)]
+    normalised = [undistort_blobs(frame, rig.cameras).normalised[0] for frame in frames]
+    points = np.swapaxes(image_tracks(times_s.tolist(), normalised, ids).points, 0, 1)
+    if points.shape[1] == 0:
+        raise TakeError("shows no markers", where=name, advice="check the threshold and the light")
+    cameras = np.where(np.isfinite(points[..., 0]), 0, -1)
+    return MarkerTake(
+        name,
+        fps,
+        tuple(f"B{column + 1:02d}" for column in range(points.shape[1])),
+        np.full((*cameras.shape, 3), np.nan),
+        np.array([frame.number for frame in frames]),
+        times_s,
+        SingleViews(rig, cameras, points),
+    )
