@@ -40,26 +40,16 @@ _MOVEMENT, _JERKS = _movements()
 
 @dataclass(frozen=True)
 class MotionModels:
-    """How points of one kind move; lengths are in the points' unit.
+    """How points of one kind move; lengths are in the points' unit."""
 
-    Args:
-        changes: Third differences (K,) at 60 Hz that the models expect.
-        least_sigma: Least standard deviation of a measured coordinate.
-        jump: Distance from every prediction beyond which a point starts over.
-        first_speed, first_acceleration: Standard deviations at the start, per s and s^2.
-        holds_s: Mean time until a point changes its model.
-        pause_s: Time without measurement after which a point starts over.
-        jump_sigmas: Distance from every prediction, in standard deviations, that `jump` requires as well.
-    """
-
-    changes: tuple[float, ...]
-    least_sigma: float
-    jump: float
-    first_speed: float
-    first_acceleration: float
-    holds_s: float = 1.0
-    pause_s: float = 0.25
-    jump_sigmas: float = 8.0
+    changes: tuple[float, ...]  # third differences at 60 Hz that the models expect
+    least_sigma: float  # least standard deviation of a measured coordinate
+    jump: float  # distance from every prediction beyond which a point starts over
+    first_speed: float  # standard deviation at the start, per s
+    first_acceleration: float  # standard deviation at the start, per s^2
+    holds_s: float = 1.0  # mean time until a point changes its model
+    pause_s: float = 0.25  # time without measurement after which a point starts over
+    jump_sigmas: float = 8.0  # distance in standard deviations that `jump` requires as well
 
 
 class MultipleModelFilter:

@@ -24,12 +24,9 @@ def triangulate(
     """
     observed = np.where(weights[..., None] > 0, normalised, 0.0)
     rotations = np.array([camera.rotation for camera in cameras])
-    if start_m is not None and np.all(np.isfinite(start_m)):
-        start = start_m
-    else:
-        start = _linear(cameras, rotations, observed, weights)
-        if start_m is not None:
-            start = np.where(np.isfinite(start_m), start_m, start)
+    start = np.full((len(weights), 3), np.nan) if start_m is None else start_m
+    if not np.all(np.isfinite(start)):
+        start = np.where(np.isfinite(start), start, _linear(cameras, rotations, observed, weights))
     shifts = np.array([camera.translation_m for camera in cameras])
     focal = np.array([camera.focal_px for camera in cameras])
     # in pixels: the distortion changes the scale by little over a marker's error

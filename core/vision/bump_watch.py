@@ -14,7 +14,7 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..system.backoff import Backoff
 from .calibration.rig_refinement import Refinement, refine_rig
-from .matching.stereo import STEREO
+from .matching.matching_settings import MATCHING
 
 Start = Callable[..., "Future[Refinement | None]"]
 
@@ -114,7 +114,7 @@ def meeting_error_px(blobs: Sequence[FloatArray], errors_px: Array) -> float | N
         return None
     taking_part = np.maximum(np.count_nonzero(errors_px > 0.0, axis=1), 1)
     met = float((errors_px.sum(axis=1) / taking_part).sum())
-    return (met + STEREO.epipolar_px * max(seen - len(errors_px), 0)) / seen
+    return (met + MATCHING.epipolar_px * max(seen - len(errors_px), 0)) / seen
 
 
 def _refine(rig: CameraRig, moments: Sequence[Sequence[FloatArray]]) -> Refinement | None:

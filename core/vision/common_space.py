@@ -11,18 +11,12 @@ from ..geometry.triangulation import depths
 
 @dataclass(frozen=True)
 class CommonSpace:
-    """Floor positions that all cameras see, on a grid in world metres.
+    """Floor positions that all cameras see, on a grid in the world."""
 
-    Args:
-        x_m, z_m: Positions (X,) and (Z,) of the grid.
-        seen: Mask (Z, X) of the places where all cameras see a whole performer.
-        rectangle_m: Least x, least z, greatest x and greatest z of the largest rectangle of these; zeros without one.
-    """
-
-    x_m: Array
-    z_m: Array
-    seen: Mask
-    rectangle_m: tuple[float, float, float, float]
+    x_m: Array  # (X,)
+    z_m: Array  # (Z,)
+    seen: Mask  # (Z, X) places where all cameras see a whole performer
+    rectangle_m: tuple[float, float, float, float]  # largest of these: least x and z, greatest x and z; zeros without
 
     @property
     def size_m(self) -> tuple[float, float]:

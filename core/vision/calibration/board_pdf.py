@@ -46,29 +46,19 @@ def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
 
 def _rectangles(board: Board) -> tuple[list[Rectangle], float, float]:
     """Return black rectangles (x, y, width, height) and the board's size, in mm."""
-    square = board.square_m * 1000.0
+    square, edge = board.square_m * 1000.0, board.marker_m * 1000.0
+    corners = board.corner_grid
+    columns, rows = corners[0] + 1, corners[1] + 1
+    cells = [(c * square, r * square, (r + c) % 2 == 0) for r, c in np.ndindex(rows, columns)]
+    black = [(x, y, square, square) for x, y, is_black in cells if is_black]
     if board.kind == "charuco":
-        return _charuco_rectangles(board, square)
-    columns, rows = board.columns + 1, board.rows + 1
-    black = [(c * square, r * square, square, square) for r in range(rows) for c in range(columns) if (r + c) % 2 == 0]
+        codes = charuco_board(board).getDictionary()
+        bits = int(codes.markerSize) + 2
+        bit, rim = edge / bits, (square - edge) / 2.0
+        for marker, (x, y) in enumerate((x, y) for x, y, is_black in cells if not is_black):
+            dark = np.argwhere(np.asarray(codes.generateImageMarker(marker, bits)) == 0).tolist()
+            black += [(x + rim + i * bit, y + rim + j * bit, bit, bit) for j, i in dark]
     return black, columns * square, rows * square
-
-
-def _charuco_rectangles(board: Board, square: float) -> tuple[list[Rectangle], float, float]:
-    codes = charuco_board(board).getDictionary()
-    cells = int(codes.markerSize) + 2
-    cell, rim = board.marker_m * 1000.0 / cells, (square - board.marker_m * 1000.0) / 2.0
-    black = []
-    marker = 0
-    for r, c in np.ndindex(board.rows, board.columns):
-        x0, y0 = c * square, r * square
-        if (r + c) % 2 == 0:
-            black.append((x0, y0, square, square))
-            continue
-        bits = np.asarray(codes.generateImageMarker(marker, cells))
-        black += [(x0 + rim + x * cell, y0 + rim + y * cell, cell, cell) for y, x in np.argwhere(bits == 0).tolist()]
-        marker += 1
-    return black, board.columns * square, board.rows * square
 
 
 def _paper(width: float, height: float) -> tuple[str, float, float]:

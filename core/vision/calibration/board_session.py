@@ -26,17 +26,11 @@ Start = Callable[..., "Future[Any]"]
 
 @dataclass(frozen=True)
 class Guidance:
-    """Answer to one set of images.
+    """Answer to one set of images."""
 
-    Args:
-        seen: The board in each image; None when these images were left out.
-        advice: Next step for the person with the board.
-        target: Camera and region (row, column of `REGIONS` each) that the board is wanted in.
-    """
-
-    seen: BoardObservation | None
-    advice: str
-    target: Target | None
+    seen: BoardObservation | None  # None when these images were left out
+    advice: str  # next step for the person with the board
+    target: Target | None  # camera and region that the board is wanted in
     taken: bool = False
 
 

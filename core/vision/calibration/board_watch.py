@@ -39,17 +39,11 @@ GUIDANCE = GuidanceSettings()
 
 @dataclass(frozen=True)
 class BoardPlacement:
-    """Placement of the board in an image.
+    """Placement of the board in an image, in image widths, for a usual lens."""
 
-    Args:
-        centre: Centre (2,) relative to the image's middle, in image widths.
-        size: Root of the board's area, in image widths.
-        normal: Unit normal (3,) in the camera's frame, away from the camera, for a usual lens.
-    """
-
-    centre: Array
-    size: float
-    normal: Array
+    centre: Array  # (2,) relative to the image's middle
+    size: float  # root of the board's area
+    normal: Array  # (3,) unit normal in the camera's frame, away from the camera
 
     @property
     def tilt_rad(self) -> float:

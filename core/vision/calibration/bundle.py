@@ -44,33 +44,22 @@ FIT = FitSettings()
 
 @dataclass(frozen=True)
 class CornerObservation:
-    """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment.
-
-    Args:
-        motion_px_s: Velocities (n, 2) of the pixels where cameras may not be synchronised: an error along them may be
-            the picture's delay. None for a board that was held still.
-    """
+    """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment."""
 
     camera: int
     moment: int
     points_m: Array
     pixels: Array
-    motion_px_s: Array | None = None
+    motion_px_s: Array | None = None  # (n, 2); errors along it may be a picture's delay. None: the board held still
 
 
 @dataclass(frozen=True)
 class Bundle:
-    """Unknowns of the adjustment; a pose is a rotation vector and a translation.
+    """Unknowns of the adjustment; a pose is a rotation vector and a translation."""
 
-    Args:
-        intrinsics: Lenses (C, 10).
-        cameras: Poses (C, 6), camera-from-first; the first is zero.
-        boards: Poses (M, 6), first-camera-from-board.
-    """
-
-    intrinsics: Array
-    cameras: Array
-    boards: Array
+    intrinsics: Array  # (C, 10)
+    cameras: Array  # (C, 6) camera-from-first; the first is zero
+    boards: Array  # (M, 6) first-camera-from-board
 
 
 @dataclass(frozen=True)

@@ -58,36 +58,20 @@ class ExchangedCamerasError(CalibrationError):
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """A calibrated rig and how far to trust it.
+    """A calibrated rig and how far to trust it; errors are RMS reprojection errors."""
 
-    Args:
-        rig: Cameras in the world of the first one: y up, z towards it, x to the performer's left.
-        stereo_rms_px: RMS reprojection error over all cameras with one board pose per moment.
-        held_out_px: RMS reprojection error of moments left out of the fit; NaN with too few of them.
-        rms_px: RMS reprojection error of each camera alone.
-        distance_sigma: Largest relative standard deviation of the distances between cameras.
-        views_px: RMS reprojection error of each view in the rig, by moment and camera.
-        coverage: Share of each camera's image in which the board has been.
-        late_s: Delay of each camera's pictures against the first one's, where videos show it.
-        baseline_m: Distance of the first two optical centres; 0 for one camera.
-        used: Moments used.
-        rejected: Pictures not used, with reasons.
-        verdict: "good", "usable" or "redo".
-        advice: What would improve the calibration.
-    """
-
-    rig: CameraRig
-    stereo_rms_px: float
-    held_out_px: float
-    rms_px: Mapping[str, float]
-    baseline_m: float
-    distance_sigma: float
-    views_px: Mapping[tuple[str, str], float]
-    coverage: Mapping[str, float]
-    late_s: Mapping[str, float]
-    used: tuple[str, ...]
+    rig: CameraRig  # in the world of the first camera: y up, z towards it, x to the performer's left
+    stereo_rms_px: float  # over all cameras with one board pose per moment
+    held_out_px: float  # of moments left out of the fit; NaN with too few of them
+    rms_px: Mapping[str, float]  # of each camera alone
+    baseline_m: float  # distance of the first two optical centres; 0 for one camera
+    distance_sigma: float  # largest relative standard deviation of the distances between cameras
+    views_px: Mapping[tuple[str, str], float]  # by moment and camera
+    coverage: Mapping[str, float]  # share of each camera's image in which the board has been
+    late_s: Mapping[str, float]  # delay of each camera against the first, where videos show it
+    used: tuple[str, ...]  # moments
     rejected: tuple[Rejected, ...] = ()
-    verdict: str = "good"
+    verdict: str = "good"  # or "usable", "redo"
     advice: tuple[str, ...] = ()
 
 
@@ -174,9 +158,8 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
         errors = rms_by_moment(bundle, observations)[:, 0]
         if not is_outlier(errors).any():
             poses = {key: pose_matrix(row) for key, row in zip(keys, bundle.boards, strict=True)}
-            lens = bundle.intrinsics[0]
             error = rms(bundle, observations)
-            return SingleCamera(camera.name, camera.image_size, matrix_of(lens), lens[5:], error, poses)
+            return SingleCamera(camera.name, camera.image_size, bundle.intrinsics[0], error, poses)
         worst = int(np.argmax(errors))
         refused.append(Rejected(f"{camera.name} {keys[worst]}", f"board points do not fit ({errors[worst]:.2f} px)"))
         del keys[worst]
@@ -224,7 +207,7 @@ def _result(
     )
     names = [single.name for single in singles]
     late_s = {name: float(late) for name, late in zip(names, fit.late_s, strict=True) if np.isfinite(late)}
-    advice = (*_fit_advice(fit, singles), *_picture_advice(views, seen), *_time_advice(late_s))
+    advice = (*_fit_advice(fit, singles, late_s), *_picture_advice(views, seen))
     verdict = "usable" if advice else "good"
     if fit.rms_px > _VERDICT.usable_rms * singles[0].image_size[0]:
         verdict = "redo"
@@ -248,7 +231,7 @@ def _result(
     )
 
 
-def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
+def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera], late_s: Mapping[str, float]) -> list[str]:
     advice = []
     if fit.rms_px > _VERDICT.good_rms * singles[0].image_size[0]:
         advice.append("the error is high: keep the board flat and still, use more light, focus the cameras")
@@ -264,6 +247,11 @@ def _fit_advice(fit: RigFit, singles: Sequence[SingleCamera]) -> list[str]:
         most_tilted = min(abs(pose[2, 2]) for pose in camera.poses.values())
         if most_tilted > np.cos(np.radians(_VERDICT.good_tilt_deg)):
             advice.append(f"{camera.name} saw the board almost straight on only: tilt it by 20 to 45 degrees")
+    if np.ptp([*late_s.values(), 0.0]) >= _VERDICT.good_delay_s:
+        delays = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
+        advice.append(
+            f"the cameras do not take their pictures at one time ({delays}): hold the board still in each place"
+        )
     return advice
 
 
@@ -292,10 +280,3 @@ def _picture_advice(cameras: Sequence[CameraViews], seen: Mapping[str, Coverage]
                 else f"{camera.name} is out of focus: edges {width:.0f} pixels wide"
             )
     return advice
-
-
-def _time_advice(late_s: Mapping[str, float]) -> list[str]:
-    if not late_s or np.ptp(list(late_s.values())) < _VERDICT.good_delay_s:
-        return []
-    delays = ", ".join(f"{name} {1000.0 * late:+.0f} ms" for name, late in late_s.items())
-    return [f"the cameras do not take their pictures at one time ({delays}): hold the board still in each place"]

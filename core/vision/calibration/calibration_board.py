@@ -16,8 +16,10 @@ SPEC_HELP = (
 )
 
 _UNITS_M = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "": 1e-3}
-_LENGTH = re.compile(r"^\s*([0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(mm|cm|m|in|)\s*$")
-_SIZE = re.compile(r"^\s*(\d+)\s*[xX]\s*(\d+)\s*$")
+_LENGTH = r"\s*([0-9]*\.?[0-9]+(?:e[-+]?[0-9]+)?)\s*(mm|cm|m|in|)\s*"
+_SPEC = re.compile(
+    rf"(chessboard|charuco):\s*(\d+)\s*x\s*(\d+)\s*:{_LENGTH}(?::{_LENGTH}:(\w+)(:inverted)?)?", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
@@ -40,19 +42,13 @@ _SEARCH = BoardSearchSettings()
 
 @dataclass(frozen=True)
 class Board:
-    """A planar board.
-
-    Args:
-        columns, rows: Inner corners of a chessboard, squares of a ChArUco board, as printed on them.
-        square_m: Side of a square.
-        marker_m, dictionary, inverted: Of ChArUco boards only.
-    """
+    """A planar board."""
 
     kind: str
-    columns: int
+    columns: int  # inner corners of a chessboard, squares of a ChArUco board
     rows: int
     square_m: float
-    marker_m: float = 0.0
+    marker_m: float = 0.0  # as the following, of ChArUco boards only
     dictionary: str = ""
     inverted: bool = False
 
@@ -96,19 +92,12 @@ class Board:
 
 @dataclass(frozen=True)
 class BoardView:
-    """Board points in one picture.
+    """Board points in one picture."""
 
-    Args:
-        ids: Indices (n,) into `Board.points_m`.
-        pixels: Places (n, 2) in the picture.
-        motion_px_s: Velocities (n, 2) in a video; None in a single picture.
-        edge_widths_px: Sharpness of the picture, as `board_quality.edge_widths` measures it, where it is known.
-    """
-
-    ids: IntArray
-    pixels: Array
-    motion_px_s: Array | None = None
-    edge_widths_px: tuple[float, float] | None = None
+    ids: IntArray  # (n,) into `Board.points_m`
+    pixels: Array  # (n, 2)
+    motion_px_s: Array | None = None  # (n, 2) in a video
+    edge_widths_px: tuple[float, float] | None = None  # as `board_quality.edge_widths` measures them
 
     def reverse(self) -> "BoardView":
         """Return the view of a whole board numbered from the other end."""
@@ -123,43 +112,27 @@ def parse_board(spec: str) -> Board:
         SettingsError: The text is not a SPEC.
         CalibrationError: Sizes are impossible (no square, a marker larger than its square).
     """
-    parts = spec.strip().split(":")
-    kind = parts[0].lower()
-    if kind == "chessboard" and len(parts) == 3:
-        columns, rows = _parse_size(parts[1], spec)
-        return Board("chessboard", columns, rows, _parse_length(parts[2], spec))
-    if kind == "charuco" and len(parts) in (5, 6):
-        columns, rows = _parse_size(parts[1], spec)
-        square, marker = _parse_length(parts[2], spec), _parse_length(parts[3], spec)
-        inverted = len(parts) == 6 and parts[5].lower() == "inverted"
-        board = Board("charuco", columns, rows, square, marker, parts[4].upper(), inverted)
-        needed, there = columns * rows // 2, len(_dictionary(parts[4]).bytesList)
-        if needed > there:
-            raise SettingsError(
-                f"{columns}x{rows} squares need {needed} codes, {board.dictionary} has {there}",
-                where="board",
-                advice="take a dictionary with more, e.g. DICT_4X4_250",
-            )
-        return board
-    raise SettingsError("is not a board", where=repr(spec), advice=f"use {SPEC_HELP}")
-
-
-def _parse_size(text: str, spec: str) -> tuple[int, int]:
-    match = _SIZE.match(text)
-    if match is None:
-        raise SettingsError(f"has no size like 9x6 but {text!r}", where=repr(spec), advice=f"use {SPEC_HELP}")
-    return int(match[1]), int(match[2])
-
-
-def _parse_length(text: str, spec: str) -> float:
-    match = _LENGTH.match(text)
-    if match is None:
-        raise SettingsError(f"has no length like 24.2mm but {text!r}", where=repr(spec), advice=f"use {SPEC_HELP}")
-    return float(match[1]) * _UNITS_M[match[2]]
+    match = _SPEC.fullmatch(spec.strip())
+    kind = match[1].lower() if match else ""
+    if match is None or (kind == "charuco") != (match[6] is not None):
+        raise SettingsError("is not a board", where=repr(spec), advice=f"use {SPEC_HELP}")
+    columns, rows, square_m = int(match[2]), int(match[3]), float(match[4]) * _UNITS_M[match[5].lower()]
+    if kind == "chessboard":
+        return Board(kind, columns, rows, square_m)
+    marker_m = float(match[6]) * _UNITS_M[match[7].lower()]
+    board = Board(kind, columns, rows, square_m, marker_m, match[8].upper(), match[9] is not None)
+    needed, there = columns * rows // 2, len(_dictionary(board.dictionary).bytesList)
+    if needed > there:
+        raise SettingsError(
+            f"{columns}x{rows} squares need {needed} codes, {board.dictionary} has {there}",
+            where="board",
+            advice="take a dictionary with more, e.g. DICT_4X4_250",
+        )
+    return board
 
 
 def _dictionary(name: str) -> Any:
-    number = getattr(cv2.aruco, name.upper(), None) if name.upper().startswith("DICT_") else None
+    number = getattr(cv2.aruco, name, None) if name.startswith("DICT_") else None
     if not isinstance(number, int):
         raise SettingsError(f"unknown ArUco dictionary {name!r}", advice="use a name such as DICT_4X4_50")
     return cv2.aruco.getPredefinedDictionary(number)

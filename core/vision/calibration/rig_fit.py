@@ -1,7 +1,7 @@
 """Fit of several cameras: moments that agree, start, bundle adjustment, choice of the lens model, errors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from .bundle import (
     adjust_boards,
     camera_covariance,
     delay_s,
-    intrinsics_of,
     residuals,
     rms,
     rms_by_moment,
@@ -53,37 +52,26 @@ class Rejected:
 
 @dataclass
 class SingleCamera:
-    """One camera calibrated alone; `poses` are camera-from-board (4, 4) by moment."""
+    """One camera calibrated alone."""
 
     name: str
     image_size: tuple[int, int]
-    matrix: Array
-    distortion: Array
+    intrinsics: Array  # (10,) as in `bundle`
     rms_px: float
-    poses: dict[str, Array] = field(default_factory=dict)
+    poses: dict[str, Array]  # camera-from-board (4, 4) by moment
 
 
 @dataclass(frozen=True)
 class RigFit:
-    """Cameras adjusted together.
+    """Cameras adjusted together; see `calibrate.CalibrationResult`."""
 
-    Args:
-        intrinsics: Lenses (C, 10) as in `bundle`.
-        poses: Camera-from-first-camera (4, 4).
-        rms_px: RMS reprojection error over all cameras and moments.
-        held_out_px: RMS reprojection error of moments left out of the fit, NaN with too few of them.
-        errors_px: RMS reprojection error (M, C) of each view, NaN where a camera takes no part in a moment.
-        late_s: Delay (C,) of each camera's pictures against the first one's, NaN where the board held still.
-        distance_sigma: Largest relative standard deviation of the distances between cameras.
-    """
-
-    intrinsics: Array
-    poses: tuple[Array, ...]
+    intrinsics: Array  # (C, 10) as in `bundle`
+    poses: tuple[Array, ...]  # camera-from-first-camera (4, 4)
     rms_px: float
     held_out_px: float
     used: tuple[str, ...]
-    errors_px: Array
-    late_s: Array
+    errors_px: Array  # (M, C) of each view, NaN where a camera takes no part in a moment
+    late_s: Array  # (C,), NaN where the board held still
     distance_sigma: float
 
 
@@ -125,7 +113,7 @@ def fit_rig(
 def fit_of_one(single: SingleCamera) -> RigFit:
     """Return the fit of a rig of one camera, in the world's origin."""
     return RigFit(
-        intrinsics_of(single.matrix, single.distortion)[None],
+        single.intrinsics[None],
         (np.eye(4),),
         single.rms_px,
         float("nan"),
@@ -262,19 +250,14 @@ def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> lis
         }
         (i, j), keys = max(shared.items(), key=lambda item: len(item[1]))
         if len(keys) < MINIMUM_VIEWS:
-            _refuse_pair(singles, list(starts), len(keys), i, j)
+            what = f"{singles[i].name} and {singles[j].name} saw the board together in {len(keys)} picture(s) only"
+            if not keys:
+                names = " or ".join(singles[c].name for c in starts)
+                what = f"{singles[j].name} never saw the board together with {names}"
+            raise CalibrationError(what, advice="hold the board where both cameras see it, in at least 12 moments")
         agreed = relative_pose([singles[i].poses[k] for k in keys], [singles[j].poses[k] for k in keys], centre)
         starts[j] = agreed @ starts[i]
     return [starts[i] for i in range(len(singles))]
-
-
-def _refuse_pair(singles: Sequence[SingleCamera], joined: Sequence[int], shared: int, i: int, j: int) -> None:
-    if shared:
-        what = f"{singles[i].name} and {singles[j].name} saw the board together in {shared} picture(s) only"
-    else:
-        names = " or ".join(singles[c].name for c in joined)
-        what = f"{singles[j].name} never saw the board together with {names}"
-    raise CalibrationError(what, advice="hold the board where both cameras see it, in at least 12 moments")
 
 
 def _members(
@@ -324,5 +307,5 @@ def _start(
             observations.append(CornerObservation(c, moment, points_m[view.ids], view.pixels, view.motion_px_s))
             pose = singles[c].poses[key] @ half_turn(points_m.mean(axis=0)) if turned else singles[c].poses[key]
             boards[moment] = pose_vector(np.linalg.inv(starts[c]) @ pose)
-    intrinsics = np.array([intrinsics_of(single.matrix, single.distortion) for single in singles])
+    intrinsics = np.array([single.intrinsics for single in singles])
     return Bundle(intrinsics, np.array([pose_vector(start) for start in starts]), boards), observations

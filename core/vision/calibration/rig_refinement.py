@@ -42,22 +42,14 @@ _REFINEMENT = RefinementSettings()
 
 @dataclass(frozen=True)
 class Refinement:
-    """Cameras in their present places.
+    """Cameras in their present places."""
 
-    Args:
-        rig: The first camera and the distance of the first two are as before.
-        before_px, after_px: Median reprojection errors of the same markers with the old and the new places.
-        turned_deg, moved_mm: Rotation and shift (C,) of each camera since the calibration.
-        depth_sigma: Standard deviation of the markers' places that the new cameras' uncertainty causes, relative to
-            their distance. It is large for cameras close together.
-    """
-
-    rig: CameraRig
-    before_px: float
-    after_px: float
-    turned_deg: Array
-    moved_mm: Array
-    depth_sigma: float
+    rig: CameraRig  # the first camera and the distance of the first two are as before
+    before_px: float  # median reprojection error with the old places,
+    after_px: float  # and of the same markers with the new places
+    turned_deg: Array  # (C,) since the calibration
+    moved_mm: Array  # (C,)
+    depth_sigma: float  # relative standard deviation of markers' distances due to that of the cameras' places
     points: int
 
     @property

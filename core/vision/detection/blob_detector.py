@@ -10,24 +10,8 @@ from numpy.typing import NDArray
 
 from ...errors import CaptureError, SettingsError
 from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
+from . import blob_measurement as blobs
 from .background import Background
-from .blob_measurement import (
-    BRIGHTNESS,
-    COLUMNS,
-    CONTRAST,
-    HUE,
-    NO_PIXELS,
-    RADIUS,
-    ROUNDNESS,
-    BlobPixels,
-    X,
-    Y,
-    blob_pixels,
-    group_of,
-    join_groups,
-    measure_apart,
-    subtract_skin,
-)
 
 
 @dataclass(frozen=True)
@@ -149,7 +133,7 @@ class Detector:
         self._partly = 0 if window is None else self._partly + 1
         table = self._found(image, self._room) if window is None else self._found_within(image, window)
         if len(self._ignored_px) and len(table):
-            distance = np.linalg.norm(table[:, None, [X, Y]] - self._ignored_px, axis=2).min(axis=1)
+            distance = np.linalg.norm(table[:, None, [blobs.X, blobs.Y]] - self._ignored_px, axis=2).min(axis=1)
             table = table[distance > ignored_radius_px(width, self.settings)]
         self._last = self._select(table)
         return self._last
@@ -168,11 +152,11 @@ class Detector:
         """Return the candidates in a part of an image, without those at its inner edges."""
         rows, columns = window
         table = self._found(image[window], None if self._room is None else self._room.within(window))
-        table[:, X] += columns.start
-        table[:, Y] += rows.start
+        table[:, blobs.X] += columns.start
+        table[:, blobs.Y] += rows.start
         height, width = image.shape[:2]
         inside, rim_px = np.ones(len(table), dtype=bool), self.settings.rim_px
-        for place, part, size in ((table[:, X], columns, width), (table[:, Y], rows, height)):
+        for place, part, size in ((table[:, blobs.X], columns, width), (table[:, blobs.Y], rows, height)):
             inside &= (place >= part.start + rim_px) | (part.start == 0)
             inside &= (place < part.stop - rim_px) | (part.stop == size)
         return table[inside]
@@ -192,19 +176,21 @@ class Detector:
     ) -> "tuple[Array, list[_Component]]":
         """Return markers among foreground parts, and the bright parts that are not markers."""
         if not parts:
-            return np.empty((0, COLUMNS)), []
+            return np.empty((0, blobs.COLUMNS)), []
         owner, x, y = _pixels(parts)
         colours = image[y, x]
         rise = colours.astype(np.float32)
         if room is not None:
             rise -= room.mean[y, x]
         if rise.max() < dimmest:  # noise and shadows
-            return np.empty((0, COLUMNS)), []
+            return np.empty((0, blobs.COLUMNS)), []
         contrast = _contrast(rise, owner, len(parts))
         bright = np.zeros(len(parts), dtype=bool)
         bright[owner[contrast >= dimmest]] = True
         kept = bright[owner]
-        owners, table = measure_apart(blob_pixels(owner[kept], x[kept], y[kept], contrast[kept], colours[kept]))
+        owners, table = blobs.measure_apart(
+            blobs.blob_pixels(owner[kept], x[kept], y[kept], contrast[kept], colours[kept])
+        )
         fitting = self._fits(table)
         bright[owners[fitting]] = False
         return table[fitting], [parts[i] for i in np.flatnonzero(bright)]
@@ -215,23 +201,23 @@ class Detector:
         """Return the markers on parts of the foreground."""
         spots = [self._spots(image, room, body, dimmest) for body in bodies]
         if not spots:
-            return np.empty((0, COLUMNS))
-        owners, table = measure_apart(subtract_skin(join_groups(spots)))
+            return np.empty((0, blobs.COLUMNS))
+        owners, table = blobs.measure_apart(blobs.subtract_skin(blobs.join_groups(spots)))
         fitting = self._fits(table)
-        body = group_of(owners)
+        body = blobs.group_of(owners)
         for number in range(len(spots)):
-            brightest = np.sort(table[body == number, BRIGHTNESS])[-self.settings.usual_markers :].tolist()
+            brightest = np.sort(table[body == number, blobs.BRIGHTNESS])[-self.settings.usual_markers :].tolist()
             limit = self.settings.spot_brightness * median(brightest) if brightest else 0.0
-            fitting[(body == number) & (table[:, BRIGHTNESS] < limit)] = False
+            fitting[(body == number) & (table[:, blobs.BRIGHTNESS] < limit)] = False
         return table[fitting]
 
-    def _spots(self, image: Image, room: "_EmptyRoom | None", body: "_Component", dimmest: float) -> BlobPixels:
+    def _spots(self, image: Image, room: "_EmptyRoom | None", body: "_Component", dimmest: float) -> blobs.BlobPixels:
         """Return bright spots on a performer in a lit room."""
         window = body.window
         light = _light(image[window])
         above_background = light if room is None else cv2.subtract(light, room.light[window])
         if not np.any(body.inside & (above_background >= 3.0 * dimmest)):
-            return NO_PIXELS
+            return blobs.NO_PIXELS
         contrast = cv2.morphologyEx(light, cv2.MORPH_TOPHAT, np.ones((self.settings.spot_px,) * 2, np.uint8))
         # pixels no brighter than the empty room are the room beside a limb
         lit = body.inside & (light >= (3.0 * self.threshold if room is None else room.lit[window]))
@@ -239,33 +225,35 @@ class Detector:
         spots = np.asarray(cv2.dilate(bright.view(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)
         places = np.flatnonzero(lit & spots.view(bool))  # `nonzero` of two axes takes ten times as long
         if not len(places):
-            return NO_PIXELS
+            return blobs.NO_PIXELS
         y, x = np.divmod(places, light.shape[1])
         third = np.float32(1.0 / 3.0)
         owner = _labels(spots)[y, x].astype(np.int64)
-        return blob_pixels(owner, x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x])
+        return blobs.blob_pixels(owner, x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x])
 
     def _fits(self, table: Array) -> Mask:
         """Return the rows with a marker's size and shape."""
-        radius = table[:, RADIUS]
+        radius = table[:, blobs.RADIUS]
         inside = (radius >= self.settings.smallest_px) & (radius <= self.settings.largest_px)
-        return np.asarray(inside & (table[:, ROUNDNESS] >= self.settings.least_roundness))
+        return np.asarray(inside & (table[:, blobs.ROUNDNESS] >= self.settings.least_roundness))
 
     def _select(self, table: Array) -> FloatArray:
         # rounding keeps the equally bright in the order of the image's rows
-        table = table[np.argsort(-table[:, CONTRAST].round(6), kind="stable")]
+        table = table[np.argsort(-table[:, blobs.CONTRAST].round(6), kind="stable")]
         if len(table) == 0:
             self._usual_contrast *= self.settings.memory
         elif self.settings.threshold is None:
-            top = median(table[: self.settings.usual_markers, CONTRAST].tolist())
+            top = median(table[: self.settings.usual_markers, blobs.CONTRAST].tolist())
             # follows at once when markers get brighter, slowly when they leave or get dimmer
             self._usual_contrast = max(top, self.settings.memory * self._usual_contrast)
             limit = self.settings.relative_brightness * min(top, self._usual_contrast)
-            table = table[table[:, CONTRAST] >= limit]
+            table = table[table[:, blobs.CONTRAST] >= limit]
         if len(table):
-            usual_radius = median(table[:, RADIUS].tolist())
-            table = table[table[:, RADIUS] >= self.settings.relative_radius * usual_radius]
-        return table[: self.settings.most_blobs, (X, Y, RADIUS, BRIGHTNESS, HUE)].astype(np.float32)
+            usual_radius = median(table[:, blobs.RADIUS].tolist())
+            table = table[table[:, blobs.RADIUS] >= self.settings.relative_radius * usual_radius]
+        return table[: self.settings.most_blobs, (blobs.X, blobs.Y, blobs.RADIUS, blobs.BRIGHTNESS, blobs.HUE)].astype(
+            np.float32
+        )
 
 
 _Window = tuple[slice, slice]
@@ -273,20 +261,13 @@ _Window = tuple[slice, slice]
 
 @dataclass(frozen=True)
 class _EmptyRoom:
-    """The empty room, or a part of it.
+    """The empty room, or a part of it."""
 
-    Args:
-        low, width: Band (h, w, 3) of each pixel and channel that is still background: least value and height.
-        mean: Grey levels (h, w, 3).
-        light: Sum of the channels (h, w).
-        lit: The same, risen by the threshold.
-    """
-
-    low: Image
-    width: Image
-    mean: FloatArray
-    light: NDArray[np.uint16]
-    lit: NDArray[np.uint16]
+    low: Image  # (h, w, 3) least value of each pixel and channel that is still background,
+    width: Image  # and the height of the band above it
+    mean: FloatArray  # (h, w, 3)
+    light: NDArray[np.uint16]  # (h, w) sum of the channels,
+    lit: NDArray[np.uint16]  # and the same raised by the threshold
 
     def within(self, window: _Window) -> "_EmptyRoom":
         return _EmptyRoom(self.low[window], self.width[window], self.mean[window], self.light[window], self.lit[window])
@@ -294,18 +275,12 @@ class _EmptyRoom:
 
 @dataclass(frozen=True)
 class _Component:
-    """A connected part of a mask.
-
-    Args:
-        left, top: Corner of its box.
-        inside: Pixels (h, w) of the box that belong to it.
-        may_be_marker: The box is small enough for a marker, or two that touch.
-    """
+    """A connected part of a mask."""
 
     left: int
     top: int
-    inside: Mask
-    may_be_marker: bool
+    inside: Mask  # (h, w) pixels of its box that belong to it
+    may_be_marker: bool  # its box is small enough for a marker, or two that touch
 
     @property
     def window(self) -> _Window:

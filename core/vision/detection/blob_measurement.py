@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...geometry.arrays import Array, FloatArray, Image, IntArray, Mask
+from ...geometry.arrays import Array, FloatArray, Image, IntArray
 
 X, Y, RADIUS, BRIGHTNESS, HUE, CONTRAST, ROUNDNESS = range(7)
 COLUMNS = 7
@@ -39,20 +39,13 @@ _MEASUREMENT = MeasurementSettings()
 
 @dataclass(frozen=True)
 class BlobPixels:
-    """Pixels of some blobs, blob after blob, each from its dimmest to its brightest.
+    """Pixels of some blobs, blob after blob, each from its dimmest to its brightest."""
 
-    Args:
-        owner: Ascending number (P,) of each pixel's blob.
-        x, y: Places (P,) in the image.
-        contrast: Positive grey levels (P,) above the surroundings.
-        colours: BGR (P, 3).
-    """
-
-    owner: IntArray
-    x: IntArray
+    owner: IntArray  # (P,) ascending number of each pixel's blob
+    x: IntArray  # (P,) in the image
     y: IntArray
-    contrast: FloatArray
-    colours: Image
+    contrast: FloatArray  # (P,) grey levels above the surroundings, positive
+    colours: Image  # (P, 3) BGR
 
     def select(self, which: Any) -> "BlobPixels":
         """Return some of the pixels, in their order."""
@@ -198,11 +191,8 @@ def _split(pixels: BlobPixels) -> list[BlobPixels]:
         sizes = np.bincount(parts.ravel(), minlength=count)[1:]
         large = [i + 1 for i, size in enumerate(sizes) if size >= max(3, _MEASUREMENT.least_piece * sizes.max())]
         if len(large) >= 2:
-            distances = np.stack([_distance_to(parts == i) for i in large])
+            outside = [(parts != i).astype(np.uint8) for i in large]
+            distances = np.stack([cv2.distanceTransform(mask, cv2.DIST_L2, 3) for mask in outside])
             nearest = distances.argmin(axis=0)[y, x]
             return [pixels.select(nearest == i) for i in range(len(large))]
     return []
-
-
-def _distance_to(mask: Mask) -> FloatArray:
-    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3), dtype=np.float32)

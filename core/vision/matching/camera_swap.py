@@ -6,7 +6,8 @@ from statistics import fmean
 
 from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
-from .stereo import STEREO, Matches, StereoMatcher
+from .matching_settings import MATCHING
+from .stereo import Matches, StereoMatcher
 
 EXCHANGED = "left and right camera seem to be exchanged"
 
@@ -15,25 +16,25 @@ class CameraSwapDetector:
     """Test of two cameras for exchange, while their blobs match badly; a no-op for other numbers of cameras."""
 
     def __init__(self, rig: CameraRig) -> None:
-        exchanged = CameraRig(rig.cameras[::-1]) if len(rig) == 2 else None
-        self._matcher = StereoMatcher(exchanged) if exchanged else None
-        self._errors_px: deque[tuple[float, float]] = deque(maxlen=STEREO.swap_frames)
+        self._matcher = StereoMatcher(CameraRig(rig.cameras[::-1])) if len(rig) == 2 else None
+        self._errors_px: deque[tuple[float, float]] = deque(maxlen=MATCHING.swap_frames)
 
     def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
         """Return a warning, "" without one."""
         if self._matcher is None:
             return ""
         seen = min(len(rows) for rows in blobs)
-        if seen >= STEREO.fewest_blobs:
+        if seen >= MATCHING.fewest_blobs:
             error = exchanged = self._error_px(matches, seen)
-            if error > STEREO.swap_px:
+            if error > MATCHING.swap_px:
                 exchanged = self._error_px(self._matcher.match(blobs, self._matcher.undistort(blobs), None), seen)
             self._errors_px.append((error, exchanged))
-        if len(self._errors_px) < STEREO.swap_frames:
+        if len(self._errors_px) < MATCHING.swap_frames:
             return ""
         error, exchanged = (fmean(errors) for errors in zip(*self._errors_px, strict=True))
-        return EXCHANGED if error > STEREO.swap_px and exchanged < STEREO.swap_gain * error else ""
+        return EXCHANGED if error > MATCHING.swap_px and exchanged < MATCHING.swap_gain * error else ""
 
     def _error_px(self, matches: Matches, seen: int) -> float:
         """Return the mean reprojection error of blobs, pixels; one without a partner has the largest."""
-        return float(matches.errors_px.mean(axis=1).sum() + STEREO.epipolar_px * (seen - len(matches.points_m))) / seen
+        unmatched = seen - len(matches.points_m)
+        return float(matches.errors_px.mean(axis=1).sum() + MATCHING.epipolar_px * unmatched) / seen

@@ -8,19 +8,7 @@ from scipy.spatial.distance import cdist
 
 from ...geometry.arrays import Array, IntArray, Mask
 from ...geometry.gated_assignment import assign
-
-
-@dataclass(frozen=True)
-class TrackSettings:
-    """How blobs are followed in an image 640 pixels wide, which a marker at 5 m/s crosses in less than a second."""
-
-    gate_px: float = 6.0  # largest distance from the expected place,
-    gate_px_s: float = 400.0  # and its growth with the time since the last image,
-    new_px_s: float = 900.0  # also for a blob of unknown velocity
-    longest_gap_s: float = 0.1  # then a track ends
-
-
-_TRACKS = TrackSettings()
+from .matching_settings import MATCHING
 
 
 class BlobLinker:
@@ -34,7 +22,7 @@ class BlobLinker:
 
     def link(self, time_s: float, pixels: Array) -> IntArray:
         """Return the track (n,) of each blob (n, 2) of the next image; the times increase."""
-        self._keep(time_s - self._tracks[:, 4] <= _TRACKS.longest_gap_s)
+        self._keep(time_s - self._tracks[:, 4] <= MATCHING.longest_gap_s)
         ids = np.full(len(pixels), -1, dtype=np.int64)
         seen = np.full((len(pixels), 5), np.nan)
         seen[:, :2], seen[:, 4] = pixels, time_s
@@ -42,8 +30,8 @@ class BlobLinker:
             passed_s = time_s - self._tracks[:, 4:]
             velocities = self._tracks[:, 2:4]
             known = np.isfinite(velocities)
-            speeds = np.where(known[:, :1], _TRACKS.gate_px_s, _TRACKS.new_px_s)
-            gates = self._scale * (_TRACKS.gate_px + speeds * passed_s)
+            speeds = np.where(known[:, :1], MATCHING.gate_px_s, MATCHING.new_px_s)
+            gates = self._scale * (MATCHING.gate_px + speeds * passed_s)
             expected = self._tracks[:, :2] + np.where(known, velocities, 0.0) * passed_s
             rows, columns = assign(cdist(expected, pixels) / gates)
             ids[columns] = self._ids[rows]
@@ -65,17 +53,11 @@ class BlobLinker:
 
 @dataclass(frozen=True)
 class ImageTracks:
-    """Tracks of one camera in a table; a row has one track after another.
+    """Tracks of one camera in a table; a row has one track after another."""
 
-    Args:
-        times_s: Increasing times (F,) of the images.
-        points: Undistorted normalised coordinates (S, F, 2), NaN where a row has no track.
-        ids: Tracks (S, F), -1 where a row has none.
-    """
-
-    times_s: Array
-    points: Array
-    ids: IntArray
+    times_s: Array  # (F,) of the images, increasing
+    points: Array  # (S, F, 2) undistorted normalised coordinates, NaN where a row has no track
+    ids: IntArray  # (S, F), -1 where a row has no track
 
     def thin(self, most: int) -> "ImageTracks":
         """Return at most so many images, evenly spaced."""

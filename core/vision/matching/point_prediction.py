@@ -1,25 +1,11 @@
 """Prediction of unlabelled points from the last frames."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial.distance import cdist
 
 from ...geometry.arrays import Array
 from ...geometry.gated_assignment import assign
-
-
-@dataclass(frozen=True)
-class PredictionSettings:
-    """How unlabelled points are followed."""
-
-    fastest_m_s: float = 12.0
-    jitter_m: float = 0.05  # largest distance at rest
-    forget_s: float = 0.5
-    damping: float = 0.8  # of velocities
-
-
-_PREDICTION = PredictionSettings()
+from .matching_settings import MATCHING
 
 
 class PointPredictor:
@@ -34,21 +20,21 @@ class PointPredictor:
         """Return expected points (P, 3), None without any."""
         if len(self._points) == 0:
             return None
-        passed = np.clip(time_s - self._seen_s, 0.0, _PREDICTION.forget_s)[:, None]
+        passed = np.clip(time_s - self._seen_s, 0.0, MATCHING.forget_s)[:, None]
         return np.asarray(self._points + self._velocities * passed)
 
     def update(self, time_s: float, points_m: Array) -> None:
         """Take the points (N, 3) that were found."""
         velocities = np.zeros_like(points_m)
-        kept = time_s - self._seen_s < _PREDICTION.forget_s
+        kept = time_s - self._seen_s < MATCHING.forget_s
         expected = self.predict(time_s)
         if expected is not None and len(points_m):
             distance = cdist(points_m, expected)
             rows, columns = assign(distance, np.inf)
             passed = np.maximum(time_s - self._seen_s[columns], 1e-4)
-            near = distance[rows, columns] <= _PREDICTION.jitter_m + _PREDICTION.fastest_m_s * passed
+            near = distance[rows, columns] <= MATCHING.jitter_m + MATCHING.fastest_m_s * passed
             rows, columns, passed = rows[near], columns[near], passed[near]
-            velocities[rows] = _PREDICTION.damping * (points_m[rows] - self._points[columns]) / passed[:, None]
+            velocities[rows] = MATCHING.damping * (points_m[rows] - self._points[columns]) / passed[:, None]
             kept[columns] = False
         self._points = np.concatenate((points_m, self._points[kept]))
         self._velocities = np.concatenate((velocities, self._velocities[kept]))

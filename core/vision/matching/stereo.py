@@ -14,34 +14,9 @@ from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.camera import Camera, CameraRig, undistort_all
 from ...geometry.gated_assignment import assign
 from ...geometry.triangulation import depths, inverse_3x3, triangulate
+from .matching_settings import MATCHING
 
 Located = tuple[Array, Array, Array]
-
-
-@dataclass(frozen=True)
-class StereoSettings:
-    """Costs and limits of stereo matching; sigmas are standard deviations."""
-
-    epipolar_px: float = 4.0  # largest distance of a blob from the other's epipolar line
-    gate_sigmas: float = 3.0  # the same distance in standard deviations
-    pixel_sigma: float = 0.5  # blob's centre, with calibration and time errors
-    nearest_m: float = 0.3  # depths of markers
-    farthest_m: float = 12.0
-    spread_m: float = 0.5  # sigma of a marker's depth about the middle of all
-    coherence_m: float = 0.06  # sigma of a marker's distance from its prediction
-    most_coherence: float = 9.0  # largest cost of that distance, and of the depth
-    hue_sigma: float = 25.0  # half degrees
-    size_sigma: float = 0.35  # logarithm
-    brightness_sigma: float = 0.6  # logarithm
-    no_match: float = 30.0  # cost of a blob without a partner
-    most_blobs: int = 150  # per camera, the brightest; the cost grows with their square, and with ghosts faster
-    fewest_blobs: int = 4  # in each image, to test for exchanged cameras
-    swap_frames: int = 6  # mean over so many: a quarter of a second at 30 Hz
-    swap_px: float = 0.75  # mean error from which the exchanged order is tried
-    swap_gain: float = 0.35  # error of exchanged cameras in the right order, relative to the wrong one
-
-
-STEREO = StereoSettings()
 
 
 @dataclass(frozen=True)
@@ -57,7 +32,7 @@ class Matches:
 class StereoMatcher:
     """Matching of the blobs of a rig's cameras."""
 
-    def __init__(self, rig: CameraRig, epipolar_px: float = STEREO.epipolar_px) -> None:
+    def __init__(self, rig: CameraRig, epipolar_px: float = MATCHING.epipolar_px) -> None:
         self.rig = rig
         self._epipolar_px = epipolar_px
         self._essential = {
@@ -98,7 +73,7 @@ class StereoMatcher:
         for camera, coordinates in enumerate(normalised):
             seen = table[:, camera] >= 0
             observed[seen, camera] = coordinates[table[seen, camera]]
-        return triangulate(self.rig.cameras, observed, (table >= 0).astype(float), STEREO.pixel_sigma)
+        return triangulate(self.rig.cameras, observed, (table >= 0).astype(float), MATCHING.pixel_sigma)
 
     def _attach(self, camera: int, normalised: Sequence[Array], points: Array, table: IntArray) -> IntArray:
         """Add another camera's blobs to known points."""
@@ -132,32 +107,32 @@ class StereoMatcher:
         if len(rows) == 0:
             return none
         both = np.stack((x[rows], y[columns]), axis=1)
-        points, covariances, errors = triangulate(views, both, np.ones((len(rows), 2)), STEREO.pixel_sigma)
+        points, covariances, errors = triangulate(views, both, np.ones((len(rows), 2)), MATCHING.pixel_sigma)
         depth, other_depth = (depths(view, points) for view in views)
-        possible = np.minimum(depth, other_depth) >= STEREO.nearest_m
-        possible &= np.maximum(depth, other_depth) <= STEREO.farthest_m
+        possible = np.minimum(depth, other_depth) >= MATCHING.nearest_m
+        possible &= np.maximum(depth, other_depth) <= MATCHING.farthest_m
         if not possible.all():
             rows, columns, depth = rows[possible], columns[possible], depth[possible]
             points, covariances, errors = points[possible], covariances[possible], errors[possible]
         unlike = _dissimilarity(blobs[a][free[0]], blobs[b][free[1]], rows, columns)
-        base = (line[rows, columns] / (self._epipolar_px / STEREO.gate_sigmas)) ** 2 + unlike
+        base = (line[rows, columns] / (self._epipolar_px / MATCHING.epipolar_sigmas)) ** 2 + unlike
         if predicted_m is not None and len(predicted_m):
             nearest = self._coherence(points, covariances, predicted_m)
-            base = base + np.minimum(nearest, STEREO.most_coherence)
+            base = base + np.minimum(nearest, MATCHING.most_coherence)
         candidates = np.full(line.shape, -1, dtype=np.int64)
         candidates[rows, columns] = np.arange(len(rows))
         chosen = _choose(base, rows, columns, candidates)
         # again, with the performer's distance from the first answer
         if len(chosen) >= 3:
             middle = float(_medians(depth[chosen]))
-            cost = base + np.minimum(((depth - middle) / STEREO.spread_m) ** 2, STEREO.most_coherence)
+            cost = base + np.minimum(((depth - middle) / MATCHING.spread_m) ** 2, MATCHING.most_coherence)
             chosen = _choose(cost, rows, columns, candidates)
         pairs = np.stack((free[0][rows[chosen]], free[1][columns[chosen]]), axis=1)
         return pairs, (points[chosen], covariances[chosen], errors[chosen])
 
     def _coherence(self, points: Array, covariances: Array, predicted_m: Array) -> Array:
         """Return squared distances (n,), in sigmas, to the nearest predicted point."""
-        information = inverse_3x3(covariances + STEREO.coherence_m**2 * np.eye(3))
+        information = inverse_3x3(covariances + MATCHING.coherence_m**2 * np.eye(3))
         apart = points[:, None] - predicted_m[None]
         return np.asarray(np.einsum("npi,npi->np", apart @ information, apart).min(axis=1))
 
@@ -171,7 +146,7 @@ def _choose(cost: Array, rows: IntArray, columns: IntArray, candidates: IntArray
     """
     table = np.full(candidates.shape, np.inf)
     table[rows, columns] = cost
-    return np.sort(candidates[assign(table, STEREO.no_match)])
+    return np.sort(candidates[assign(table, MATCHING.no_match)])
 
 
 def unused_blobs(table: IntArray, camera: int, count: int) -> IntArray:
@@ -183,9 +158,9 @@ def unused_blobs(table: IntArray, camera: int, count: int) -> IntArray:
 
 def _brightest(free: IntArray, blobs: FloatArray) -> IntArray:
     """Return the brightest of these blobs, in their order."""
-    if len(free) <= STEREO.most_blobs:
+    if len(free) <= MATCHING.most_blobs:
         return free
-    return np.sort(free[np.argsort(-blobs[free, 3], kind="stable")[: STEREO.most_blobs]])
+    return np.sort(free[np.argsort(-blobs[free, 3], kind="stable")[: MATCHING.most_blobs]])
 
 
 def epipolar_distances(essential: Array, focal_px: float, x: Array, y: Array) -> Array:
@@ -222,8 +197,8 @@ def homogeneous(points: Array) -> Array:
 def _dissimilarity(a: FloatArray, b: FloatArray, rows: IntArray, columns: IntArray) -> Array:
     """Return squared dissimilarities (K,) of two cameras' blobs, each relative to the median of its camera."""
     apart = _unlike_usual(a)[rows] - _unlike_usual(b)[columns]
-    sizes, brightnesses = apart[:, 0] / STEREO.size_sigma, apart[:, 1] / STEREO.brightness_sigma
-    hue = np.minimum(np.abs((apart[:, 2] + 90.0) % 180.0 - 90.0), 2.0 * STEREO.hue_sigma) / STEREO.hue_sigma
+    sizes, brightnesses = apart[:, 0] / MATCHING.size_sigma, apart[:, 1] / MATCHING.brightness_sigma
+    hue = np.minimum(np.abs((apart[:, 2] + 90.0) % 180.0 - 90.0), 2.0 * MATCHING.hue_sigma) / MATCHING.hue_sigma
     return np.asarray(np.minimum(sizes**2, 4.0) + np.minimum(brightnesses**2, 4.0) + 0.25 * hue**2)
 
 

@@ -10,22 +10,8 @@ import numpy as np
 from ...geometry.arrays import Array, FloatArray, IntArray
 from ...geometry.camera import CameraRig
 from .image_tracks import BlobLinker
+from .matching_settings import MATCHING
 from .time_offset import TimeOffset
-
-
-@dataclass(frozen=True)
-class AlignmentSettings:
-    """How blobs are moved in time."""
-
-    remembered: int = 40  # images: two thirds of a second at 60 Hz
-    nearest: int = 5  # images in which a blob's track is searched for
-    among: int = 3  # images that its parabola goes through
-    least_step_s: float = 0.001  # of the common moment, when offsets change,
-    largest_step_s: float = 0.25  # unless time goes back by more than this
-    reach: float = 1.0  # periods to the nearest image, beyond which a camera saw nothing
-
-
-_ALIGNMENT = AlignmentSettings()
 
 
 @dataclass(frozen=True)
@@ -44,7 +30,7 @@ class TimeAligner:
         self.offsets = tuple(offsets)
         self._linkers = [BlobLinker(camera.image_size[0]) for camera in rig.cameras]
         self._last_s = -np.inf
-        self._seen: list[deque[_Seen]] = [deque(maxlen=_ALIGNMENT.remembered) for _ in rig.cameras]
+        self._seen: list[deque[_Seen]] = [deque(maxlen=MATCHING.remembered_images) for _ in rig.cameras]
 
     def align(
         self, time_s: float, stamps_s: Array, blobs: Sequence[FloatArray]
@@ -64,8 +50,8 @@ class TimeAligner:
             if new and (not seen or moment_s > seen[-1].moment_s):
                 seen.append(_Seen(moment_s, rows, linker.link(moment_s, rows[:, :2].astype(np.float64))))
         common_s = min(moments)
-        if 0.0 <= self._last_s - common_s < _ALIGNMENT.largest_step_s:
-            common_s = self._last_s + _ALIGNMENT.least_step_s
+        if 0.0 <= self._last_s - common_s < MATCHING.largest_step_s:
+            common_s = self._last_s + MATCHING.least_step_s
         self._last_s = common_s
         at = [
             _blobs_at(seen, common_s) if new else np.empty((0, 5), dtype=np.float32)
@@ -82,18 +68,19 @@ def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> FloatArray:
     if len(order) < 2:
         return np.empty((0, 5), dtype=np.float32)
     nearest, period_s = order[0], abs(order[1].moment_s - order[0].moment_s)
-    if abs(nearest.moment_s - moment_s) > _ALIGNMENT.reach * period_s:
+    if abs(nearest.moment_s - moment_s) > MATCHING.reach_periods * period_s:
         return np.empty((0, 5), dtype=np.float32)
     known = np.stack([_of_tracks(image, nearest.ids) for image in order])
     moments = np.array([image.moment_s for image in order])
     shown = np.isfinite(known[..., 0])
-    use = shown & (np.cumsum(shown, axis=0) <= _ALIGNMENT.among)
+    use = shown & (np.cumsum(shown, axis=0) <= MATCHING.parabola_images)
     rows = nearest.blobs.copy()
     left = np.ones(len(rows), dtype=bool)
     while left.any():  # blobs with the same images together; mostly these are all
         pattern = use[:, left.argmax()]
         alike = left & np.all(use == pattern[:, None], axis=0)
-        weights = _lagrange(moments[pattern].tolist(), moment_s)
+        times = moments[pattern].tolist()
+        weights = [math.prod((moment_s - other) / (own - other) for other in times if other != own) for own in times]
         rows[alike, :2] = np.tensordot(weights, known[pattern][:, alike], axes=1)
         left &= ~alike
     return rows
@@ -104,7 +91,7 @@ def _nearest(seen: Sequence[_Seen], moment_s: float) -> list[_Seen]:
     last = len(seen) - 1
     while last > 0 and seen[last].moment_s > moment_s:
         last -= 1
-    count = _ALIGNMENT.nearest
+    count = MATCHING.nearest_images
     around = [seen[i] for i in range(max(last - count, 0), min(last + count, len(seen)))]
     return sorted(around, key=lambda image: abs(image.moment_s - moment_s))[:count]
 
@@ -117,10 +104,3 @@ def _of_tracks(image: _Seen, ids: IntArray) -> Array:
     rows, columns = np.nonzero(ids[:, None] == image.ids)
     points[rows] = image.blobs[columns, :2]
     return points
-
-
-def _lagrange(moments_s: Sequence[float], moment_s: float) -> Array:
-    """Return the Lagrange weights (k,) of values at some moments for another moment."""
-    return np.array(
-        [math.prod((moment_s - other) / (own - other) for other in moments_s if other != own) for own in moments_s]
-    )

@@ -16,49 +16,19 @@ from ...geometry.camera import Camera, CameraRig
 from ...geometry.least_squares import gauss_newton
 from ...markers.marker_frame import MarkerFrame
 from .image_tracks import BlobLinker, ImageTracks, image_tracks
+from .matching_settings import MATCHING
 from .stereo import essential_matrix, homogeneous
 
 
 @dataclass(frozen=True)
-class TimeOffsetSettings:
-    """How time offsets are estimated."""
-
-    grid_step_s: float = 0.004
-    grid_images: int = 600  # most images of the reference on the grid,
-    images: int = 6000  # and in the refinement
-    most_px: float = 5.0  # larger distances all mean that blobs are different markers
-    fewest_samples: int = 12  # of two tracks in common
-    rounds: int = 4  # of choosing tracks and refining
-    steps: int = 3  # of Gauss-Newton in a round
-    difference_frames: float = 3.0  # each way, for velocities
-    least_scale_px: float = 0.05  # of Cauchy's weights
-    accepted: float = 3.0  # times the usual distance; tracks further apart are different markers
-    drift_sigma: float = 1e-3  # standard deviation of the drift; clocks differ by less
-    block_s: float = 0.5  # errors within such a time are correlated
-    certain_s: float = 0.0005  # standard deviation of a certain offset; twice this is half a centimetre at 5 m/s,
-    significant: float = 3.0  # and it is larger than this many of them
-
-
-_OFFSETS = TimeOffsetSettings()
-
-
-@dataclass(frozen=True)
 class TimeOffset:
-    """Time of a camera against the reference's.
-
-    Args:
-        offset_s: An image stamped t shows the moment t + offset_s + drift * (t - middle_s) of the reference's clock.
-        drift: Growth of the offset, seconds per second.
-        middle_s: Time stamp at which the offset is `offset_s`.
-        sigma_s: Standard deviation of the offset there; infinite without a result.
-        samples: Number of pairs of blobs in the estimate.
-    """
+    """Time of a camera: an image stamped t shows t + offset_s + drift (t - middle_s) of the reference's clock."""
 
     offset_s: float = 0.0
-    drift: float = 0.0
+    drift: float = 0.0  # seconds per second
     middle_s: float = 0.0
-    sigma_s: float = np.inf
-    samples: int = 0
+    sigma_s: float = np.inf  # standard deviation of the offset at `middle_s`; infinite without a result
+    samples: int = 0  # pairs of blobs in the estimate
 
     @property
     def is_found(self) -> bool:
@@ -68,7 +38,7 @@ class TimeOffset:
     @property
     def is_certain(self) -> bool:
         """Whether an offset is known well enough to be corrected."""
-        return self.sigma_s < _OFFSETS.certain_s and abs(self.offset_s) > _OFFSETS.significant * self.sigma_s
+        return self.sigma_s < MATCHING.certain_s and abs(self.offset_s) > MATCHING.significant * self.sigma_s
 
     def moment_s(self, stamp_s: float) -> float:
         """Return the moment that an image shows."""
@@ -92,18 +62,18 @@ def estimate_time_offset(
     """
     if min(reference_tracks.points.size, tracks.points.size) == 0:
         return TimeOffset()
-    rough = _Pair(reference, camera, reference_tracks.thin(_OFFSETS.grid_images), tracks)
-    pair = _Pair(reference, camera, reference_tracks.thin(_OFFSETS.images), tracks)
-    steps = int(np.ceil(largest_s / _OFFSETS.grid_step_s))
-    grid = about_s + _OFFSETS.grid_step_s * np.arange(-steps, steps + 1)
+    rough = _Pair(reference, camera, reference_tracks.thin(MATCHING.grid_images), tracks)
+    pair = _Pair(reference, camera, reference_tracks.thin(MATCHING.offset_images), tracks)
+    steps = int(np.ceil(largest_s / MATCHING.grid_step_s))
+    grid = about_s + MATCHING.grid_step_s * np.arange(-steps, steps + 1)
     offset, drift = float(grid[np.argmin([rough.score(shift) for shift in grid])]), 0.0
     refined = TimeOffset()
-    for _ in range(_OFFSETS.rounds):
+    for _ in range(MATCHING.rounds):
         refined = pair.refine(offset, drift)
         if not refined.is_found:
             return refined
         offset, drift = refined.offset_s, refined.drift
-    return refined if abs(offset - about_s) <= largest_s + _OFFSETS.grid_step_s else TimeOffset()
+    return refined if abs(offset - about_s) <= largest_s + MATCHING.grid_step_s else TimeOffset()
 
 
 class _Pair:
@@ -129,14 +99,14 @@ class _Pair:
 
     def _costs(self, distances: Array, ids: IntArray) -> Array:
         """Return capped mean squared distances of tracks (A, B, F); inf where none."""
-        squares = np.minimum(distances**2, _OFFSETS.most_px**2)
+        squares = np.minimum(distances**2, MATCHING.most_px**2)
         known = np.isfinite(squares)
         width = int(ids.max()) + 1
         keys = (self._a.ids[:, None] * width + ids[None])[known]
         values, index = np.unique(keys, return_inverse=True)
         counts = np.bincount(index, minlength=len(values))
         means = np.bincount(index, squares[known], minlength=len(values)) / np.maximum(counts, 1)
-        means[counts < _OFFSETS.fewest_samples] = np.inf
+        means[counts < MATCHING.fewest_samples] = np.inf
         costs = np.full(distances.shape, np.inf)
         costs[known] = means[index]
         return costs
@@ -146,7 +116,7 @@ class _Pair:
         distances, ids = self._distances(offset_s, 0.0)
         best = self._costs(distances, ids).min(axis=1)
         there = self._a.ids >= 0
-        return float(np.minimum(best[there], _OFFSETS.most_px**2).sum())
+        return float(np.minimum(best[there], MATCHING.most_px**2).sum())
 
     def refine(self, offset_s: float, drift: float) -> TimeOffset:
         """Refine offset and drift with the tracks that fit there."""
@@ -157,12 +127,12 @@ class _Pair:
         if not chosen.any():
             return TimeOffset()
         usual = float(np.median(costs[chosen]))
-        chosen &= costs <= _OFFSETS.accepted**2 * max(usual, _OFFSETS.least_scale_px**2)
+        chosen &= costs <= MATCHING.accepted**2 * max(usual, MATCHING.least_scale_px**2)
         a, b, f = np.nonzero(chosen)
         since = self.times_s[f] - self._middle_s
         # Velocities and distances are from different images: noise in both would be a bias towards the middle between
         # two images, where the interpolated noise is least.
-        apart_s = _OFFSETS.difference_frames * float(np.median(np.diff(self._b.times_s)))
+        apart_s = MATCHING.difference_frames * float(np.median(np.diff(self._b.times_s)))
 
         def linearise(state: Array) -> tuple[Array, Array]:
             ahead, here, behind = (
@@ -172,24 +142,24 @@ class _Pair:
             usable = np.isfinite(rate) & np.isfinite(here)
             residual, rate = np.where(usable, here, 0.0), np.where(usable, rate, 0.0)
             usual_px = float(np.median(np.abs(here[usable]))) if usable.any() else 0.0
-            scale = max(1.4826 * usual_px, _OFFSETS.least_scale_px)
+            scale = max(1.4826 * usual_px, MATCHING.least_scale_px)
             weights = 1.0 / (scale * np.hypot(1.0, residual / (2.0 * scale)))
             rows = np.stack((weights * rate, weights * rate * since, weights * residual), axis=1)
-            prior = (0.0, 1.0 / _OFFSETS.drift_sigma, state[1] / _OFFSETS.drift_sigma)
+            prior = (0.0, 1.0 / MATCHING.drift_sigma, state[1] / MATCHING.drift_sigma)
             rows = np.concatenate((rows, [prior]))
             return rows[:, 2], rows[:, :2]
 
         state, residuals, rows = gauss_newton(
             np.array([offset_s, drift]),
             linearise,
-            _OFFSETS.steps,
+            MATCHING.steps,
             solve=lambda matrix, vector: np.linalg.lstsq(matrix, vector, rcond=None)[0],
         )
         usable = rows[:-1, 0] != 0.0
-        if usable.sum() < _OFFSETS.fewest_samples:
+        if usable.sum() < MATCHING.fewest_samples:
             return TimeOffset()
         # errors of calibration and of overlapping blobs last for some time, so they are summed over blocks
-        times = np.floor(self.times_s[f][usable] / _OFFSETS.block_s).astype(np.int64)
+        times = np.floor(self.times_s[f][usable] / MATCHING.block_s).astype(np.int64)
         _, index = np.unique(ids[b, f][usable] * 100_000 + times, return_inverse=True)
         parts = np.zeros((index.max() + 1, 2))
         np.add.at(parts, index, (rows * residuals[:, None])[:-1][usable])

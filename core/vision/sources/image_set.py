@@ -12,19 +12,13 @@ from ...geometry.arrays import Image
 
 @dataclass(frozen=True)
 class ImageSet:
-    """One image per camera.
-
-    Args:
-        times_s: Time of each image.
-        images: Images (height, width, 3), uint8 BGR; one that does not show this moment is black.
-        usable: Which images show this moment; all by default.
-    """
+    """One image per camera."""
 
     number: int
-    times_s: tuple[float, ...]
-    images: tuple[Image, ...]
+    times_s: tuple[float, ...]  # of each image
+    images: tuple[Image, ...]  # (height, width, 3) uint8 BGR; one that does not show this moment is black
     notes: tuple[str, ...] = ()
-    usable: tuple[bool, ...] = ()
+    usable: tuple[bool, ...] = ()  # images that show this moment; all by default
 
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.images) or not self.images:
