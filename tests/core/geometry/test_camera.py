@@ -33,7 +33,7 @@ def points_before(view: Camera, seed: int = 1, count: int = 300) -> np.ndarray:
 
 
 @pytest.mark.parametrize("lens", range(3))
-def test_projection_is_opencvs(lens: int) -> None:
+def test_projection_equals_opencvs(lens: int) -> None:
     view = camera(lens)
     points = points_before(view)
     expected, _ = cv2.projectPoints(points, cv2.Rodrigues(view.rotation)[0], view.translation_m, MATRIX, LENSES[lens])
@@ -67,7 +67,7 @@ def test_pixels_of_several_cameras_are_undistorted_as_those_of_each() -> None:
         np.testing.assert_allclose(found, view.undistort(rows), atol=1e-9)
 
 
-def test_undistort_bears_missing_and_no_pixels() -> None:
+def test_undistort_accepts_nan_and_empty_arrays() -> None:
     view = camera()
     assert view.undistort(np.empty((0, 2))).shape == (0, 2)
     result = view.undistort([[np.nan, np.nan], [700.0, 300.0]])
@@ -115,7 +115,7 @@ def test_impossible_cameras_are_refused(change: dict[str, object], message: str)
         Camera(**(parts | change))
 
 
-def test_short_and_long_distortion_is_filled_up() -> None:
+def test_distortion_is_padded_to_five_coefficients() -> None:
     np.testing.assert_array_equal(Camera("a", (4, 4), MATRIX, np.array([0.1])).distortion, [0.1, 0, 0, 0, 0])
     long = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0])  # OpenCV's rational model with nothing in it
     np.testing.assert_array_equal(Camera("a", (4, 4), MATRIX, long).distortion, long[:5])
@@ -171,7 +171,7 @@ def test_ignored_places_are_kept_in_the_file_and_nothing_else_is_changed(tmp_pat
     assert path.read_text() == before
 
 
-def test_a_rig_ignores_the_places_given_and_no_others() -> None:
+def test_ignoring_replaces_the_ignored_places() -> None:
     rig = CameraRig((camera(), replace(camera(), name="right")))
     places = [(1, 3.0, 4.0), (0, 12.5, 80.25)]
     ignoring = rig.ignoring(places)
@@ -180,7 +180,7 @@ def test_a_rig_ignores_the_places_given_and_no_others() -> None:
     assert ignoring.ignoring(()).ignored.shape == (0, 3)
 
 
-def test_other_programs_calibrations_are_left_as_they_are(tmp_path: Path) -> None:
+def test_ignored_places_are_refused_in_other_programs_files(tmp_path: Path) -> None:
     path = tmp_path / "caliscope.toml"
     path.write_text("[cameras.0]\nsize = [640, 480]\n")
     with pytest.raises(CalibrationError, match="notes no places to ignore"):

@@ -33,7 +33,7 @@ def test_one_far_pair_does_not_drive_near_ones_apart():
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 3), (3, 0)])
-def test_nothing_can_be_assigned_to_nothing(shape):
+def test_empty_tables_are_assigned(shape):
     rows, columns = assign(np.empty(shape))
     assert rows.shape == columns.shape == (0,)
     assert rows.dtype.kind == "i"

@@ -6,7 +6,7 @@ QUICK = MotionModels((1.0, 100.0), 0.1, 0.5, 2000.0, 20000.0)
 FRAME_S, NOISE = 1.0 / 60.0, 3.0
 
 
-def test_points_of_two_kinds_move_and_start_over_by_their_own_models() -> None:
+def test_kinds_of_points_have_their_own_models() -> None:
     chance = np.random.default_rng(1)
     follower = MultipleModelFilter((SLOW, 2), (QUICK, 1))
     errors = []
@@ -21,7 +21,7 @@ def test_points_of_two_kinds_move_and_start_over_by_their_own_models() -> None:
     assert quick < NOISE * np.sqrt(3.0)
 
 
-def test_an_unseen_point_goes_on_and_one_that_jumps_starts_over() -> None:
+def test_unseen_points_go_on_and_jumping_points_start_over() -> None:
     follower = MultipleModelFilter((SLOW, 1))
     for frame in range(60):
         follower.predict(frame * FRAME_S)
@@ -35,7 +35,7 @@ def test_an_unseen_point_goes_on_and_one_that_jumps_starts_over() -> None:
     np.testing.assert_allclose(follower.means()[0], [[300.0, 0.0, 0.0]])
 
 
-def test_far_from_the_origin_points_are_followed_as_near_it() -> None:
+def test_precision_does_not_depend_on_the_origin() -> None:
     found = []
     for away in (0.0, 1e8):
         chance, follower = np.random.default_rng(1), MultipleModelFilter((SLOW, 1))

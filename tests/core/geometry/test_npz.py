@@ -27,7 +27,7 @@ ARRAYS = {
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
-def test_what_numpy_writes_is_read(tmp_path: Path, save) -> None:
+def test_arrays_written_by_numpy_are_read(tmp_path: Path, save) -> None:
     save(tmp_path / "a.npz", **ARRAYS)
     found = read_arrays(tmp_path / "a.npz")
     assert set(found) == set(ARRAYS)
@@ -37,7 +37,7 @@ def test_what_numpy_writes_is_read(tmp_path: Path, save) -> None:
 
 
 @pytest.mark.parametrize("packed", [True, False])
-def test_what_is_written_is_read_by_numpy_too(tmp_path: Path, packed: bool) -> None:
+def test_arrays_are_readable_by_numpy(tmp_path: Path, packed: bool) -> None:
     for name in ("a.npz", "b.npz"):
         write_arrays(tmp_path / name, ARRAYS | {"list": [1.5, 2.5]}, packed)
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
@@ -65,7 +65,7 @@ for most in (0, 100, 3000, 40000, 80000):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no quota for a process")
-def test_a_full_quota_is_told_in_one_line_and_the_old_file_kept(tmp_path: Path) -> None:
+def test_full_quota_is_an_error_and_keeps_the_old_file(tmp_path: Path) -> None:
     (tmp_path / "a.npz").write_text("old")
     done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path / "a.npz")], stderr=subprocess.PIPE, text=True)
     lines = done.stderr.splitlines()
@@ -107,14 +107,14 @@ def test_hostile_members_are_refused(tmp_path: Path, member: bytes) -> None:
 
 
 @pytest.mark.parametrize("packing", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
-def test_other_ways_of_packing_are_refused(tmp_path: Path, packing: int) -> None:
+def test_other_compressions_are_refused(tmp_path: Path, packing: int) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "w", packing) as archive:
         archive.writestr("a.npy", _npy())
     with pytest.raises(FormatError, match="packed in an unknown way"):
         read_arrays(tmp_path / "a.npz")
 
 
-def test_a_small_file_that_unpacks_to_much_takes_no_memory(tmp_path: Path) -> None:
+def test_small_file_that_unpacks_to_much_takes_no_memory(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         for number in range(2):
             archive.writestr(f"{number}.npy", _npy(shape=f"({5 << 20},)", data=bytes(40 << 20)))

@@ -35,7 +35,7 @@ def test_fuller_matches_come_first() -> None:
     assert sorted(found[1:]) == [[-1, 1, 2, 3], [0, -1, 2, 3], [0, 1, -1, 3], [0, 1, 2, -1]]
 
 
-def test_a_point_may_be_kept_from_being_a_marker() -> None:
+def test_mask_excludes_points() -> None:
     allowed = np.ones((4, 4), dtype=bool)
     allowed[1, 1] = False
     assert matched(PLACED_M, 3, allowed) == [[0, -1, 2, 3]]
@@ -47,7 +47,7 @@ def test_a_distance_off_by_more_than_its_tolerance_is_no_match() -> None:
     assert matched(far) == []
 
 
-def test_a_rigid_fit_gives_turn_shift_and_what_is_left() -> None:
+def test_placed_pattern_has_rotation_translation_and_residual() -> None:
     turn, shift, off_m = place_pattern(PATTERN_M, PLACED_M)
     np.testing.assert_allclose(turn, rot.to_matrix(TURN), atol=1e-12)
     np.testing.assert_allclose(shift, SHIFT)
@@ -66,7 +66,7 @@ def test_planarity_is_the_distance_from_a_line() -> None:
     assert planarity_m(along[:2]) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_points_that_may_be_no_marker_cost_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_excluded_points_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a followed prop cannot be is left out before distances are taken."""
     points_m = np.concatenate((CHANCE.uniform(-3.0, 3.0, (500, 3)), PLACED_M))
     allowed = np.zeros((len(points_m), 4), dtype=bool)

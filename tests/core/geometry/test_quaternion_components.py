@@ -43,5 +43,5 @@ def test_the_shortest_turn_takes_one_direction_to_the_other_about_their_normal(r
     np.testing.assert_allclose(c.dot((turn[1], turn[2], turn[3]), a), 0.0, atol=1e-12)
 
 
-def test_a_vector_without_length_stays_without() -> None:
+def test_zero_vector_stays_zero() -> None:
     assert c.unit((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)

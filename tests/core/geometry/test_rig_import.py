@@ -166,7 +166,7 @@ def test_published_files(shared_dir: Path, folder: str, name: str, cameras: int)
     assert min(distances) > 0.1 and max(distances) < 10.0  # metres, whatever the file has
 
 
-def test_a_published_file_without_places_is_refused(shared_dir: Path) -> None:
+def test_published_file_without_poses_is_refused(shared_dir: Path) -> None:
     folder = shared_dir / "calibration" / "caliscope" / "sessions" / "not_sufficient_stereopairs"
     with pytest.raises(PerfanimError, match="has no rotation"):
         load_rig(folder / "camera_array.toml")

@@ -7,7 +7,7 @@ def cloud(seed: int, count: int = 6) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(count, 3))
 
 
-def test_exact_motion_is_found() -> None:
+def test_exact_transform_is_found() -> None:
     for seed in range(20):
         points = cloud(seed, 3 + seed % 5)
         matrix = rot.to_matrix(rot.from_rotation_vector(3.0 * cloud(seed + 100)[0]))
@@ -17,14 +17,14 @@ def test_exact_motion_is_found() -> None:
         np.testing.assert_allclose(translation, shift, atol=1e-10)
 
 
-def test_a_mirrored_cloud_is_turned_and_not_mirrored() -> None:
+def test_mirrored_points_give_a_rotation() -> None:
     points = cloud(1)
     found, _ = kabsch(points, points * np.array([-1.0, 1.0, 1.0]))
     np.testing.assert_allclose(np.linalg.det(found), 1.0)
     np.testing.assert_allclose(found @ found.T, np.eye(3), atol=1e-12)
 
 
-def test_no_nearby_motion_is_better() -> None:
+def test_fit_is_a_minimum() -> None:
     source, weights = cloud(2), np.array([1.0, 2.0, 0.5, 4.0, 1.0, 3.0])
     target = cloud(3) * 0.3 + source
     matrix, shift = kabsch(source, target, weights)

@@ -27,7 +27,7 @@ def same(a: Array, b: Array) -> float:
     return float(np.max(rot.angle_between(a, b)))
 
 
-def test_product_and_turned_vectors_agree_with_scipy() -> None:
+def test_products_and_rotated_vectors_equal_scipys() -> None:
     a, b = random_rotations(), random_rotations(seed=1)
     v = np.random.default_rng(2).normal(size=(200, 3))
     assert same(rot.multiply(a, b), np.roll((scipy_of(a) * scipy_of(b)).as_quat(), 1, axis=-1)) < 1e-14 * 10
@@ -36,7 +36,7 @@ def test_product_and_turned_vectors_agree_with_scipy() -> None:
     np.testing.assert_allclose(rot.rotate(rot.conjugate(a), rot.rotate(a, v)), v, atol=1e-14)
 
 
-def test_many_rotations_are_as_few_of_them() -> None:
+def test_large_arrays_equal_small_ones() -> None:
     a, b = random_rotations(5000), random_rotations(5000, seed=1)
     few = range(0, 5000, 100)
     for found, parts in (
@@ -52,7 +52,7 @@ def test_a_quarter_turn_about_y_takes_z_to_x() -> None:
     np.testing.assert_allclose(rot.rotate(quarter, [0.0, 0.0, 1.0]), [1.0, 0.0, 0.0], atol=1e-15)
 
 
-def test_rotation_vectors_come_back() -> None:
+def test_rotation_vector_round_trip() -> None:
     q = random_rotations()
     vectors = rot.to_rotation_vector(q)
     assert np.linalg.norm(vectors, axis=1).max() <= np.pi + 1e-12
@@ -62,7 +62,7 @@ def test_rotation_vectors_come_back() -> None:
     np.testing.assert_allclose(rot.to_rotation_vector(rot.from_rotation_vector(small)), small, rtol=1e-9)
 
 
-def test_matrices_come_back() -> None:
+def test_matrix_round_trip() -> None:
     q = random_rotations()
     matrices = rot.to_matrix(q)
     np.testing.assert_allclose(matrices, scipy_of(q).as_matrix(), atol=1e-14)
@@ -93,7 +93,7 @@ def test_euler_angles_at_gimbal_lock(order: str, middle: float) -> None:
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_unwrapped_euler_angles_are_the_same_turns_and_go_the_short_way(order: str) -> None:
+def test_unwrapped_euler_angles_are_continuous(order: str) -> None:
     """A motion through both gimbal locks and over many turns: what went into it comes back, but for whole turns."""
     time_s = np.linspace(0.0, 4.0, 401)
     true = np.stack((3.0 * time_s, 1.9 * np.sin(2.0 * time_s) + 0.2 * time_s, 0.4 - 2.5 * time_s), axis=1)
@@ -118,7 +118,7 @@ def test_normalize() -> None:
                                [[0.0, 0.6, 0.0, 0.8], [1.0, 0.0, 0.0, 0.0]])  # fmt: skip
 
 
-def test_between_is_the_shortest_turn() -> None:
+def test_between_is_the_shortest_rotation() -> None:
     generator = np.random.default_rng(4)
     a, b = generator.normal(size=(2, 100, 3))
     turn = rot.between(a, b)
@@ -131,7 +131,7 @@ def test_between_is_the_shortest_turn() -> None:
         np.testing.assert_allclose(rot.rotate(rot.between(axis, -axis), axis), -axis, atol=1e-12)
 
 
-def test_slerp_goes_the_short_way_at_a_steady_rate() -> None:
+def test_slerp_is_short_and_uniform() -> None:
     a, b = random_rotations(50), random_rotations(50, seed=5)
     whole = rot.angle_between(a, b)
     for t in (0.0, 0.25, 1.0):
@@ -152,7 +152,7 @@ def test_angle_between() -> None:
     np.testing.assert_allclose(rot.angle_between(q, -q), 0.0, atol=1e-7)
 
 
-def test_mean_does_not_mind_signs_and_weighs() -> None:
+def test_mean_ignores_signs() -> None:
     centre = rot.from_rotation_vector([0.4, -0.3, 0.9])
     spread = np.random.default_rng(6).normal(scale=0.2, size=(40, 3))
     around = rot.multiply(centre, rot.from_rotation_vector(np.concatenate((spread, -spread))))
@@ -172,7 +172,7 @@ def test_continuous_changes_signs_only() -> None:
     assert same(result, q) < 1e-7
 
 
-def test_swing_and_twist_make_the_whole() -> None:
+def test_swing_times_twist_is_the_rotation() -> None:
     q = random_rotations()[6:]
     axis = np.array([0.0, 0.6, 0.8])
     swing, twist = rot.swing_twist(q, axis)

@@ -27,7 +27,7 @@ def seen_by(cameras: list[Camera], points_m: np.ndarray, noise_px: float = 0.0) 
     return (pixels - MATRIX[:2, 2]) / 800.0
 
 
-def test_points_are_found_where_they_are() -> None:
+def test_triangulation_is_exact() -> None:
     found, _, errors = triangulate(CAMERAS, seen_by(CAMERAS, POINTS_M), np.ones((40, 3)), SIGMA_PX)
     np.testing.assert_allclose(found, POINTS_M, atol=1e-9)
     np.testing.assert_allclose(errors, 0.0, atol=1e-6)
@@ -40,7 +40,7 @@ def test_points_at_the_cameras_own_height_or_straight_before_one_are_found_too()
     np.testing.assert_allclose(errors, 0.0, atol=1e-6)
 
 
-def test_a_camera_that_does_not_see_a_point_says_nothing() -> None:
+def test_cameras_without_weight_do_not_count() -> None:
     normalised, weights = seen_by(CAMERAS, POINTS_M), np.ones((40, 3))
     weights[::2, 0], normalised[::2, 0] = 0.0, np.nan
     weights[1::2, 2], normalised[1::2, 2] = 0.0, 7.0
@@ -63,7 +63,7 @@ def test_noisy_points_have_the_least_reprojection_error() -> None:
         assert np.all(np.sum(moved**2, axis=(1, 2)) > best)
 
 
-def test_covariances_are_those_of_the_noise() -> None:
+def test_covariances_equal_the_scatter() -> None:
     point = np.array([[0.3, -0.2, 0.1]])
     many = np.repeat(point, 4000, axis=0)
     found, covariances, _ = triangulate(CAMERAS[:2], seen_by(CAMERAS[:2], many, SIGMA_PX), np.ones((4000, 2)), SIGMA_PX)
@@ -73,7 +73,7 @@ def test_covariances_are_those_of_the_noise() -> None:
 
 
 @pytest.mark.parametrize("known", [40, 20])
-def test_where_points_were_before_does_not_matter(known: int) -> None:
+def test_result_does_not_depend_on_the_start(known: int) -> None:
     normalised, weights = seen_by(CAMERAS, POINTS_M, 1.0), np.ones((40, 3))
     start_m = POINTS_M + CHANCE.normal(0.0, 0.01, POINTS_M.shape)
     start_m[known:] = np.nan
@@ -82,7 +82,7 @@ def test_where_points_were_before_does_not_matter(known: int) -> None:
     np.testing.assert_allclose(started, plain, atol=1e-6)
 
 
-def test_inverses_are_numpys() -> None:
+def test_inverse_3x3_equals_numpys() -> None:
     halves = CHANCE.normal(size=(20, 3, 3))
     matrices = halves @ halves.transpose(0, 2, 1)
     np.testing.assert_allclose(inverse_3x3(matrices), np.linalg.inv(matrices), rtol=1e-6)

@@ -35,7 +35,7 @@ def test_an_angle_follows_the_law_of_cosines(sides: tuple[float, float, float]) 
     assert np.linalg.norm(ends[0] - ends[1]) == pytest.approx(opposite)
 
 
-def test_sides_that_meet_nowhere_are_in_a_line() -> None:
+def test_impossible_triangle_is_straight() -> None:
     assert triangle_angle(1.0, 1.0, 2.5) == pytest.approx(np.pi)
     assert triangle_angle(2.0, 1.0, 0.5) == pytest.approx(0.0)
 
@@ -64,7 +64,7 @@ def test_a_straight_limb_bends_about_its_hinge() -> None:
     assert knee[2] > 0.1  # to the front
 
 
-def test_a_target_out_of_reach_is_pointed_at_by_a_limb_that_is_not_quite_straight() -> None:
+def test_limb_points_at_a_target_out_of_reach() -> None:
     points = limb(1.0)
     before = (STILL, STILL)
     target = np.array([0.3, -2.0, 0.5])

@@ -48,7 +48,7 @@ def told(calibrated: CameraRig, standing, seconds: float, clutter: int = 0) -> l
 
 
 @pytest.mark.parametrize("degrees", [(0.6, 0.0, 0.0), (1.5, 2.0, 1.0)])
-def test_a_camera_bumped_while_capturing_is_told_once(rig, degrees):
+def test_bumped_camera_is_reported_once(rig, degrees):
     now = turned(rig, degrees)
     ((time_s, text),) = told(rig, lambda t: rig if t < 2.0 else now, 9.0)
     assert 2.0 < time_s < 9.0
@@ -56,12 +56,12 @@ def test_a_camera_bumped_while_capturing_is_told_once(rig, degrees):
     assert float(text.split("about ")[1].split()[0]) == pytest.approx(float(np.linalg.norm(degrees)), rel=0.3)
 
 
-def test_neither_cameras_that_stand_still_nor_reflections_are_a_bump(rig):
+def test_still_cameras_and_reflections_are_not_reported(rig):
     assert told(rig, lambda t: rig, 6.0) == []
     assert told(rig, lambda t: rig, 6.0, clutter=8) == []
 
 
-def test_what_meets_none_counts_as_the_worst():
+def test_blob_without_a_partner_has_the_largest_error():
     blobs = tuple(np.zeros((count, 5), dtype=np.float32) for count in (5, 8))
     errors = np.array([[0.5, 0.5], [0.3, 0.3], [0.4, 0.4]])
     assert meeting_error_px(blobs, errors) == pytest.approx((0.5 + 0.3 + 0.4 + 2 * 4.0) / 5)

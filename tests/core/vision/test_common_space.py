@@ -21,7 +21,7 @@ def is_seen(camera, x, z):
 
 
 @pytest.mark.parametrize("cameras", [1, 2, 3])
-def test_the_rectangle_is_seen_and_no_larger_one_beside_it(cameras):
+def test_rectangle_is_visible_and_cannot_grow(cameras):
     rig = default_rig(cameras)
     space = common_space(rig, HEIGHT_M, AROUND_M, RADIUS_M, SMALLEST_PX)
     left, back, right, front = space.rectangle_m
@@ -36,7 +36,7 @@ def test_the_rectangle_is_seen_and_no_larger_one_beside_it(cameras):
     assert space.text == f"you may walk {width:.1f} x {depth:.1f} m"
 
 
-def test_the_largest_rectangle_of_a_small_grid():
+def test_largest_rectangle_equals_that_of_an_exhaustive_search():
     rng = np.random.default_rng(1)
     for _ in range(50):
         seen = rng.random((5, 6)) < 0.7
@@ -49,7 +49,7 @@ def test_the_largest_rectangle_of_a_small_grid():
         assert (found[2] - found[0] + 1) * (found[3] - found[1] + 1) == max(sizes)
 
 
-def test_cameras_that_look_apart_share_no_floor():
+def test_diverging_cameras_have_no_common_space():
     left, right = default_rig(2).cameras
     rotation = np.diag([-1.0, 1.0, -1.0]) @ right.rotation
     turned = replace(right, rotation=rotation, translation_m=-rotation @ right.centre_m)

@@ -31,7 +31,7 @@ def empty(rig, draw, count: int):
     return [tuple(draw(np.empty((0, 2)), 1, seed=1000 + 10 * k + i) for i in range(len(rig))) for k in range(count)]
 
 
-def test_images_become_marker_frames_with_the_true_points(rig, draw):
+def test_marker_frames_contain_the_true_points(rig, draw):
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(empty(rig, draw, 5))
     frames = []
@@ -50,7 +50,7 @@ def test_images_become_marker_frames_with_the_true_points(rig, draw):
     assert labelled_rms_px(rig, frames, labels) < 0.05
 
 
-def test_a_marker_hidden_from_one_camera_is_passed_on_as_a_ray(rig, draw):
+def test_marker_hidden_from_one_camera_becomes_a_ray(rig, draw):
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(empty(rig, draw, 5))
     points = walker(0.0)
@@ -65,7 +65,7 @@ def test_a_marker_hidden_from_one_camera_is_passed_on_as_a_ray(rig, draw):
     np.testing.assert_allclose(blob[:2], rig.cameras[0].project(points[0]), atol=0.05)
 
 
-def test_frames_without_the_performer_are_not_kept_while_the_background_is_learned(rig, draw):
+def test_learning_the_background_keeps_no_images(rig, draw):
     alive, most = [], 0
 
     def moments():
@@ -84,7 +84,7 @@ def test_frames_without_the_performer_are_not_kept_while_the_background_is_learn
         pipeline.learn_empty([])
 
 
-def test_wrong_number_or_size_of_images_is_refused(rig, draw):
+def test_images_of_wrong_number_or_size_are_refused(rig, draw):
     pipeline = MarkerPipeline(rig)
     picture = draw(np.empty((0, 2)), 1)
     with pytest.raises(CaptureError, match="1 image"):
@@ -93,7 +93,7 @@ def test_wrong_number_or_size_of_images_is_refused(rig, draw):
         pipeline.process(ImageSet(0, (0.0, 0.0), (picture[::2, ::2].copy(), picture)))
 
 
-def test_a_camera_without_image_leaves_rays_of_the_other(rig, draw):
+def test_camera_without_an_image_leaves_the_rays_of_the_other(rig, draw):
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(empty(rig, draw, 5))
     black = np.zeros_like(images(rig, draw, 0).images[1])
@@ -109,7 +109,7 @@ def test_a_camera_without_image_leaves_rays_of_the_other(rig, draw):
     assert frame.notes == ("the right camera froze",)
 
 
-def test_exchanged_cameras_are_told_within_a_quarter_of_a_second(rig, draw):
+def test_exchanged_cameras_are_reported_within_a_quarter_of_a_second(rig, draw):
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(tuple(pair[::-1] for pair in empty(rig, draw, 5)))
     told = None
@@ -123,7 +123,7 @@ def test_exchanged_cameras_are_told_within_a_quarter_of_a_second(rig, draw):
     assert frame.notes == ("left and right camera seem to be exchanged",)
 
 
-def test_cameras_that_are_not_exchanged_are_not_said_to_be(rig, draw):
+def test_cameras_in_the_right_order_are_not_reported(rig, draw):
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(empty(rig, draw, 5))
     for number in range(9):

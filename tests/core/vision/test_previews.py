@@ -17,7 +17,7 @@ def dominant(picture: np.ndarray, x: float, y: float, reach: int = 8) -> str:
     return "orange" if red > 200 and 120 < green < 220 else "green" if green > red else "red"
 
 
-def test_blobs_are_ringed_by_what_they_are_taken_for():
+def test_rings_show_the_use_of_blobs():
     # in an image of twice the picture's width: seen by both, by the second camera alone, by mistake
     places = [(100.5, 80.5), (300.5, 200.5), (500.5, 400.5)]
     blobs = np.array([(x, y, 3.0, 200.0, 0.0) for x, y in places], np.float32)
@@ -47,7 +47,7 @@ def test_blobs_are_ringed_by_what_they_are_taken_for():
             assert dominant(left, x / 2, y / 2 + 12.0, reach=4) == "nothing"
 
 
-def test_markers_are_named_where_they_are():
+def test_marker_names_are_drawn_at_the_markers():
     rig = default_rig()
     markers = np.array([[0.3, 1.2, 0.0], [-0.3, 0.6, 0.2], [0.0, 1.0, 50.0]])  # the last is behind the cameras
     pictures = np.zeros((240, 640, 3), np.uint8)
@@ -63,7 +63,7 @@ def test_markers_are_named_where_they_are():
         assert not picture.any()
 
 
-def test_the_board_is_shown_with_what_is_covered_and_wanted():
+def test_preview_shows_board_coverage_and_wanted_region():
     grey = np.full(PICTURE, 90, np.uint8)
     picture = grey.copy()
     covered = np.zeros((18, 24), bool)

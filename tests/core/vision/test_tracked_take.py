@@ -24,7 +24,7 @@ def p90_mm(frames, performance):
     return np.percentile(np.concatenate(errors), 90.0)
 
 
-def test_a_late_camera_is_found_in_its_images():
+def test_delay_of_a_camera_is_found_in_rendered_images():
     late_s, rig = 0.006, default_rig()
     settings = StudioSettings(time_offsets_s=(0.0, late_s), exposure_s=0.004, noise_sigma=2.0)
     source = simulated_source(perform("jumping", 10.0), "boxing", Renderer(rig, settings))

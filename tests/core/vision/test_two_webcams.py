@@ -47,7 +47,7 @@ def test_calibration_from_board_points_is_the_published_one(calibration):
     )
 
 
-def test_all_twelve_markers_are_tracked_all_the_way(walk, calibration):
+def test_all_markers_are_tracked_throughout(walk, calibration):
     frames, tracking = walk
     assert tracking.take.positions_m.shape == (444, 12, 3)
     # of all frames, not only of those in which the detection itself finds twelve in both images
@@ -71,7 +71,7 @@ def test_no_label_is_exchanged(walk, calibration, folder):
         np.testing.assert_array_equal(distance.argmin(axis=1), labels[known], err_msg=f"frame {frame.number}")
 
 
-def test_points_are_the_published_ones_where_the_lens_is_treated_alike(walk, calibration, folder):
+def test_points_equal_the_published_ones_without_distortion(walk, calibration, folder):
     from dataclasses import replace
 
     from perfanim.core.geometry.triangulation import triangulate

@@ -40,7 +40,7 @@ def test_motion_widens_the_edges_across_it(sharp):
     assert across_columns == pytest.approx(9.0, abs=1.0)
 
 
-def test_nothing_is_measured_where_nothing_is_seen(sharp):
+def test_views_without_contrast_have_no_edge_widths(sharp):
     view = BoardView(np.array([0]), np.array([[80.0, 80.0]]))
     assert np.isnan(edge_widths(sharp, BOARD, view)).all()
     flat = np.full_like(sharp, 90)
@@ -51,7 +51,7 @@ def square(x: float, y: float, side: float) -> BoardView:
     return BoardView(np.arange(4), np.array([[x, y], [x + side, y], [x + side, y + side], [x, y + side]]))
 
 
-def test_coverage_is_the_part_of_the_image_where_the_board_was():
+def test_coverage_is_the_share_of_the_image_where_the_board_was():
     middle = coverage([square(260.0, 180.0, 120.0)], (640, 480))
     assert middle.in_the_middle and middle.fraction == pytest.approx(120**2 / (640 * 480), rel=0.25)
     corners = [square(x, y, 200.0) for x in (0.0, 439.0) for y in (0.0, 279.0)]

@@ -103,7 +103,7 @@ def play(
     return sights
 
 
-def test_it_ends_by_itself_with_a_good_calibration(scene: Scene, poses: tuple[BoardPose, ...], rig: CameraRig) -> None:
+def test_session_ends_with_a_good_calibration(scene: Scene, poses: tuple[BoardPose, ...], rig: CameraRig) -> None:
     session = new_session()
     sights = play(session, scene, poses)
     assert session.good
@@ -121,7 +121,7 @@ def test_it_ends_by_itself_with_a_good_calibration(scene: Scene, poses: tuple[Bo
     assert session.fraction == 1.0
 
 
-def test_it_says_what_to_do(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
+def test_session_gives_advice(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session()
     sights = play(session, scene, poses[:1])
     assert sights[0].advice == "hold it still"
@@ -137,7 +137,7 @@ def test_it_says_what_to_do(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     assert not one.taken
 
 
-def test_a_board_of_another_size_is_told(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_advice_names_a_board_of_another_size(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(board_session, "seen_grid", lambda _image, _grid: (8, 5))
     session = new_session()
     said = [session.see(number * PERIOD_S, [BLIND, BLIND], (True, True)).advice for number in range(80)]
@@ -145,7 +145,7 @@ def test_a_board_of_another_size_is_told(scene: Scene, monkeypatch: pytest.Monke
     assert said[-1].startswith("this board has 8x5 inner corners, not 9x6")
 
 
-def test_it_ends_at_the_limit_and_says_what_is_wrong(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
+def test_session_ends_at_the_limit_with_advice(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session(limit=4)
     play(session, scene, poses)
     assert session.done and not session.good
@@ -154,7 +154,7 @@ def test_it_ends_at_the_limit_and_says_what_is_wrong(scene: Scene, poses: tuple[
     assert any("4 moments" in advice for advice in result.advice)
 
 
-def test_too_few_views_are_no_calibration(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
+def test_finish_needs_three_views(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session()
     play(session, scene, poses[:2])
     with pytest.raises(CalibrationError, match="in 2 places, 3 are needed"):
@@ -170,14 +170,14 @@ def test_timed_views_are_taken_while_the_board_moves(scene: Scene, poses: tuple[
     assert len(taken) >= 3  # in 1.9 s
 
 
-def test_cameras_that_are_exchanged_are_told_while_it_goes_on(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
+def test_exchanged_cameras_are_refused_during_the_session(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session()
     with pytest.raises(CalibrationError, match=r"camera left stands on the right, .*; exchange"):
         play(session, scene, poses, order=(1, 0))
     assert session.views < GUIDANCE.enough_views
 
 
-def test_one_camera_alone_gets_its_lens(scene: Scene, poses: tuple[BoardPose, ...], rig: CameraRig) -> None:
+def test_single_camera_gets_its_lens(scene: Scene, poses: tuple[BoardPose, ...], rig: CameraRig) -> None:
     session = BoardSession(DEFAULT_BOARD, ("camera1",), ("the camera",), at_once, 40)
     play(session, scene, poses, order=(1,))
     assert session.good

@@ -26,7 +26,7 @@ def stills(moments: Sequence[Sequence[BoardView | None]], width: int = 640, unus
     ]
 
 
-def test_a_board_is_still_after_half_a_second_and_not_before() -> None:
+def test_board_is_still_after_half_a_second() -> None:
     noise = np.random.default_rng(0).normal(scale=0.3, size=(9, 2, 2))  # of corners found in a reduced image
     found = stills([[view(a), view(b)] for a, b in noise])
     assert found == [False] * 5 + [True] * 4
@@ -38,7 +38,7 @@ def test_a_board_that_moves_before_one_camera_is_not_still() -> None:
     assert stills(stopped) == [False] * 8 + [True] * 2  # it stops at the fourth
 
 
-def test_how_much_it_may_move_goes_by_the_size_of_the_pixels() -> None:
+def test_limit_of_motion_scales_with_the_image_width() -> None:
     swaying = [[view((3.0 * (number % 2), 0.0))] for number in range(9)]
     assert not any(stills(swaying, 640))
     assert stills(swaying, 1280)[-1]
@@ -48,7 +48,7 @@ def test_a_board_numbered_from_the_other_end_has_not_moved() -> None:
     assert stills([[view(turned=number % 2 == 1)] for number in range(9)])[-1]
 
 
-def test_a_board_that_was_out_of_sight_is_watched_anew() -> None:
+def test_lost_board_must_be_still_again() -> None:
     assert stills([[view()]] * 6 + [[None]] + [[view()]] * 6) == [False] * 5 + [True] + [False] * 6 + [True]
     seen = stills([[view()]] * 13, unusable=6)
     assert seen == [False] * 5 + [True] + [False] * 6 + [True]

@@ -36,7 +36,7 @@ def observations(bundle: Bundle, noise: float) -> list[CornerObservation]:
 
 
 @pytest.mark.parametrize("camera", [0, 1])
-def test_derivatives_agree_with_differences(camera):
+def test_jacobian_equals_finite_differences(camera):
     bundle = truth(1)
     observation = CornerObservation(camera, 0, GRID, np.zeros((len(GRID), 2)))
     errors, jacobian = _residuals_and_jacobian(bundle, observation)
@@ -53,7 +53,7 @@ def test_derivatives_agree_with_differences(camera):
         np.testing.assert_allclose(jacobian[:, column], difference, rtol=1e-4, atol=1e-2)
 
 
-def test_adjustment_finds_the_cameras_skew_included():
+def test_adjustment_finds_cameras_with_skew():
     exact = truth(20)
     seen = observations(exact, 0.02)
     start = Bundle(
@@ -69,7 +69,7 @@ def test_adjustment_finds_the_cameras_skew_included():
     np.testing.assert_allclose(found.cameras[1], exact.cameras[1], atol=2e-3)
 
 
-def test_boards_alone_are_adjusted_without_touching_the_cameras():
+def test_adjusting_boards_keeps_the_cameras():
     exact = truth(4)
     seen = observations(exact, 0.0)
     moved = Bundle(exact.intrinsics, exact.cameras, exact.boards + 0.02)

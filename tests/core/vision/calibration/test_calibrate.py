@@ -55,7 +55,7 @@ def with_views(camera: CameraViews, changes: dict[str, BoardView]) -> CameraView
     return CameraViews(camera.name, camera.image_size, dict(camera.views) | changes)
 
 
-def test_cameras_are_found_again(rig):
+def test_true_cameras_are_found(rig):
     result = calibrate_from_points(BOARD.points_m, views(rig, 20), ambiguous=True)
     assert result.verdict == "good" and result.rejected == ()
     assert len(result.used) == 20
@@ -80,7 +80,7 @@ def test_half_turns_of_the_board_are_resolved(rig):
     assert result.stereo_rms_px < NOISE_PX * np.sqrt(2) * 1.05
 
 
-def test_pairs_that_do_not_belong_together_are_left_out_with_a_reason(rig):
+def test_mismatched_pairs_are_rejected_with_a_reason(rig):
     left, right = views(rig, 16)
     mixed = with_views(right, {"003": right.views["009"], "012": right.views["001"]})
     result = calibrate_from_points(BOARD.points_m, [left, mixed], ambiguous=True)
@@ -89,7 +89,7 @@ def test_pairs_that_do_not_belong_together_are_left_out_with_a_reason(rig):
     assert result.baseline_m == pytest.approx(rig.baseline_m(), rel=3e-3)
 
 
-def test_a_spoilt_view_is_left_out(rig):
+def test_noisy_view_is_rejected(rig):
     left, right = views(rig, 16)
     bent = left.views["005"].pixels + np.random.default_rng(0).normal(0, 4, (48, 2))
     result = calibrate_from_points(
@@ -100,7 +100,7 @@ def test_a_spoilt_view_is_left_out(rig):
     assert [row.picture for row in result.rejected] == ["left 005"]
 
 
-def test_exchanged_sides_are_told(rig):
+def test_exchanged_cameras_are_refused(rig):
     left, right = views(rig, 10)
     swapped = [CameraViews("left", right.image_size, right.views), CameraViews("right", left.image_size, left.views)]
     with pytest.raises(CalibrationError, match="camera left stands on the right"):
@@ -108,7 +108,7 @@ def test_exchanged_sides_are_told(rig):
     assert calibrate_from_points(BOARD.points_m, swapped, left_right=False, ambiguous=True).used
 
 
-def test_lists_that_are_shifted_against_each_other_are_refused(rig):
+def test_shifted_lists_are_refused(rig):
     left, right = views(rig, 12)
     keys = sorted(right.views)
     shifted = {key: right.views[other] for key, other in zip(keys, keys[3:] + keys[:3], strict=True)}
@@ -116,7 +116,7 @@ def test_lists_that_are_shifted_against_each_other_are_refused(rig):
         calibrate_from_points(BOARD.points_m, [left, CameraViews("right", right.image_size, shifted)])
 
 
-def test_too_few_views_are_told(rig):
+def test_too_few_views_are_refused(rig):
     left, right = views(rig, 6)
     few = CameraViews("left", left.image_size, dict(list(left.views.items())[:2]))
     with pytest.raises(CalibrationError, match=r"camera left.*2 picture"):
@@ -126,14 +126,14 @@ def test_too_few_views_are_told(rig):
         calibrate_from_points(BOARD.points_m, [left, apart])
 
 
-def test_few_moments_are_usable_but_advice_asks_for_more(rig):
+def test_few_moments_are_usable_with_advice(rig):
     result = calibrate_from_points(BOARD.points_m, views(rig, 5), ambiguous=True)
     assert result.verdict == "usable"
     assert any("12" in line for line in result.advice)
     assert np.isnan(result.held_out_px)
 
 
-def test_a_third_camera_that_shares_views_with_one_of_the_others_joins_the_rig(rig):
+def test_third_camera_that_shares_views_with_one_other_joins_the_rig(rig):
     wide = three_cameras(rig)
     third = wide.cameras[2]
     rows = views(wide, 18)
@@ -150,7 +150,7 @@ def three_cameras(rig: CameraRig) -> CameraRig:
     return CameraRig((left, right, replace(left, name="third", translation_m=shifted)))
 
 
-def test_a_view_of_one_camera_among_three_is_left_out_and_the_moment_stays(rig):
+def test_rejected_view_of_one_of_three_cameras_keeps_the_moment(rig):
     rows = views(three_cameras(rig), 14)
     shifted = BoardView(rows[2].views["004"].ids, rows[2].views["004"].pixels + 6.0)
     result = calibrate_from_points(
@@ -171,7 +171,7 @@ def moving(camera: CameraViews, late_s: float, seed: int) -> CameraViews:
     return CameraViews(camera.name, camera.image_size, rows)
 
 
-def test_a_camera_that_takes_its_pictures_later_is_told_and_costs_little(rig):
+def test_delayed_camera_is_reported_and_costs_little(rig):
     left, right = views(rig, 20)
     pair = [moving(left, 0.0, 1), moving(right, 0.06, 2)]
     blind = [
@@ -186,7 +186,7 @@ def test_a_camera_that_takes_its_pictures_later_is_told_and_costs_little(rig):
     assert calibrate_from_points(BOARD.points_m, blind, ambiguous=True).stereo_rms_px > 1.0
 
 
-def test_the_certainty_of_the_distance_is_that_of_repeated_calibrations(rig):
+def test_distance_sigma_equals_the_scatter_of_repeated_calibrations(rig):
     errors, sigmas = [], []
     for seed in range(8):
         result = calibrate_from_points(BOARD.points_m, views(rig, 9, seed, 0.3), ambiguous=True)
@@ -196,7 +196,7 @@ def test_the_certainty_of_the_distance_is_that_of_repeated_calibrations(rig):
     assert 0.86 < np.sum((np.array(errors) / np.array(sigmas)) ** 2) < 26.0
 
 
-def test_smeared_and_blurred_pictures_are_told(rig):
+def test_advice_names_smeared_and_blurred_pictures(rig):
     widths_px = {"left": (2.0, 9.0), "right": (8.0, 9.0)}
     rows = [
         with_views(c, {key: replace(view, edge_widths_px=widths_px[c.name]) for key, view in c.views.items()})
@@ -239,7 +239,7 @@ def test_json_without_board_points_is_refused(tmp_path):
         load_board_points(tmp_path / "missing.json")
 
 
-def test_one_camera_alone_gets_its_lens(rig):
+def test_single_camera_gets_its_lens(rig):
     result = calibrate_from_points(BOARD.points_m, views(rig, 20)[:1])
     assert result.verdict == "good" and len(result.used) == 20 and result.baseline_m == 0.0
     (found,) = result.rig.cameras

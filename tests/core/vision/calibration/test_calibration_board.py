@@ -81,7 +81,7 @@ def test_spec_of_a_charuco_board_counts_squares():
         "charuco:11x10:40mm:30mm:DICT_4X4_50",  # needs 55 codes
     ],
 )
-def test_what_is_no_spec_is_refused_with_an_example(spec):
+def test_invalid_spec_is_refused_with_an_example(spec):
     with pytest.raises(SettingsError, match=r"chessboard:9x6:24\.23mm|DICT_4X4_50|DICT_4X4_250"):
         parse_board(spec)
 
@@ -94,13 +94,13 @@ def test_what_is_no_spec_is_refused_with_an_example(spec):
         ("charuco:7x5:30mm:30mm:DICT_4X4_50", "marker"),
     ],
 )
-def test_boards_that_cannot_be_are_refused(spec, reason):
+def test_impossible_boards_are_refused(spec, reason):
     with pytest.raises(CalibrationError, match=reason):
         parse_board(spec)
 
 
 @pytest.mark.parametrize("spec", ["chessboard:9x6:24mm", "chessboard:7x7:24mm", "charuco:8x6:40mm:30mm:DICT_4X4_50"])
-def test_corners_are_found_where_they_are(spec):
+def test_corners_are_exact(spec):
     board = parse_board(spec)
     picture, truth = photographed(board)
     view = find_board(picture, board)
@@ -111,7 +111,7 @@ def test_corners_are_found_where_they_are(spec):
     assert min(np.sqrt(np.mean(straight**2)), np.sqrt(np.mean(turned**2))) < 0.1
 
 
-def test_a_board_of_codes_is_glimpsed_where_it_can_be_found():
+def test_glimpse_finds_a_distant_charuco_board():
     """Held three metres away: its codes are some twenty pixels wide."""
     board = parse_board("charuco:7x5:120mm:90mm:DICT_4X4_50")
     for picture in board_pictures(Renderer(default_rig()), board, count=3):
@@ -123,13 +123,13 @@ def test_a_board_of_codes_is_glimpsed_where_it_can_be_found():
             assert np.median(np.linalg.norm(glimpsed.pixels[ours] - found.pixels[theirs], axis=1)) < 1.0
 
 
-def test_no_board_no_view():
+def test_image_without_a_board_has_no_view():
     noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3)).astype(np.uint8)
     assert find_board(noise, parse_board("chessboard:9x6:24mm")) is None
     assert find_board(noise, parse_board("charuco:8x6:40mm:30mm:DICT_4X4_50")) is None
 
 
-def test_the_size_of_another_board_is_told():
+def test_grid_of_another_board_is_found():
     picture, _ = photographed(parse_board("chessboard:9x6:24mm"))
     assert seen_grid(picture, (7, 5)) == (9, 6)
 
@@ -169,7 +169,7 @@ def test_pdf_shows_the_markers_where_the_detector_expects_them(tmp_path):
     assert len(view.ids) == 24
 
 
-def test_a_board_larger_than_any_paper_is_refused(tmp_path):
+def test_board_larger_than_any_paper_is_refused(tmp_path):
     with pytest.raises(CalibrationError, match="A0"):
         write_board_pdf(parse_board("chessboard:20x12:90mm"), "x", tmp_path / "board.pdf")
     assert not list(tmp_path.iterdir())

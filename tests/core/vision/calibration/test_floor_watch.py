@@ -26,7 +26,7 @@ def lying(points, seconds, generator):
         yield generator.permutation(noisy)
 
 
-def test_markers_that_lie_still_are_averaged_in_whatever_order_they_come():
+def test_still_markers_are_averaged_in_any_order():
     watch, advice = watched(lying(FLOOR_M, 2.0, np.random.default_rng(0)))
     assert advice[0] == advice[-2] == "let them lie still"
     assert len(advice) / FPS == pytest.approx(FLOOR.still_s, abs=2.0 / FPS)
@@ -35,7 +35,7 @@ def test_markers_that_lie_still_are_averaged_in_whatever_order_they_come():
     assert nearest.min(axis=1).max() < 5.0 * NOISE_M / np.sqrt(FLOOR.still_s * FPS)
 
 
-def test_what_is_missing_is_told_and_a_hand_that_lays_them_is_waited_for():
+def test_advice_names_missing_markers_and_motion():
     generator = np.random.default_rng(1)
     carried = [FLOOR_M + np.array([0.0, 0.5 - 0.02 * step, 0.0]) for step in range(25)]
     moments = [FLOOR_M[:0], FLOOR_M[:2], *carried, *lying(FLOOR_M, 2.0, generator)]
@@ -47,13 +47,13 @@ def test_what_is_missing_is_told_and_a_hand_that_lays_them_is_waited_for():
 
 
 @pytest.mark.parametrize("points", [FLOOR_M * 0.1, FLOOR_M * [1.0, 0.0, 0.05]])
-def test_markers_on_one_heap_or_one_line_are_refused(points):
+def test_markers_in_one_place_or_on_a_line_are_refused(points):
     watch, advice = watched(lying(points, 3.0, np.random.default_rng(2)))
     assert watch.points_m is None
     assert "lay them further apart, not on one line" in advice
 
 
-def test_a_calibration_is_scaled_to_a_distance_that_was_measured():
+def test_rig_is_scaled_to_a_measured_distance():
     rig = default_rig()
     longest_m = float(np.linalg.norm(FLOOR_M[1] - FLOOR_M[3]))
     scaled, points, factor = scaled_to(rig, FLOOR_M, 2.0 * longest_m)
@@ -65,6 +65,6 @@ def test_a_calibration_is_scaled_to_a_distance_that_was_measured():
 
 
 @pytest.mark.parametrize("longest_m", [0.0, -1.0, float("nan"), float("inf")])
-def test_no_distance_is_told(longest_m):
+def test_impossible_distance_is_refused(longest_m):
     with pytest.raises(CalibrationError, match="no distance between markers"):
         scaled_to(CameraRig(default_rig().cameras), FLOOR_M, longest_m)

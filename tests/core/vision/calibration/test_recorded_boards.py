@@ -66,12 +66,12 @@ def patterns_in(folder) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("wrong", ["8x6", "10x7", "6x5"])
-def test_a_wrong_board_size_is_told_with_the_right_one(few, wrong):
+def test_error_of_a_wrong_board_size_names_the_right_one(few, wrong):
     with pytest.raises(CalibrationError, match=f"9x6 inner corners, not {wrong}"):
         calibrate_images(patterns_in(few), parse_board(f"chessboard:{wrong}:24mm"), silent)
 
 
-def test_unreadable_and_lone_pictures_are_left_out_with_reasons(few):
+def test_unreadable_and_unpaired_pictures_are_rejected_with_reasons(few):
     (few / "left04.jpg").write_bytes(b"no picture")
     (few / "right13.jpg").unlink()
     result = calibrate_images(patterns_in(few), parse_board("chessboard:9x6:24mm"), silent)
@@ -83,14 +83,14 @@ def test_unreadable_and_lone_pictures_are_left_out_with_reasons(few):
     assert len(result.used) == 3
 
 
-def test_pictures_that_cannot_be_read_at_all_are_told(few):
+def test_all_pictures_unreadable_is_an_error(few):
     for path in few.glob("left*.jpg"):
         path.write_bytes(b"")
     with pytest.raises(CalibrationError, match=r"camera left.*none of the pictures can be read"):
         calibrate_images(patterns_in(few), parse_board("chessboard:9x6:24mm"), silent)
 
 
-def test_exchanged_folders_and_missing_files_are_told(few):
+def test_exchanged_folders_and_missing_files_are_errors(few):
     swapped = {"left": f"{few}/right*.jpg", "right": f"{few}/left*.jpg"}
     with pytest.raises(CalibrationError, match="exchange"):
         calibrate_images(swapped, parse_board("chessboard:9x6:24mm"), silent)

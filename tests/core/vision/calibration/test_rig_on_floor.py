@@ -38,7 +38,7 @@ def seen_from(cameras, turn, shift):
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("behind", [0.0, 0.7])
-def test_the_room_is_found_from_any_world(room, seed, behind):
+def test_floor_is_found_from_any_world(room, seed, behind):
     rng = np.random.default_rng(seed)
     turn = rot.to_matrix(rot.from_rotation_vector(rng.normal(size=3)))
     shift = rng.normal(size=3)
@@ -55,12 +55,12 @@ def test_the_room_is_found_from_any_world(room, seed, behind):
     np.testing.assert_allclose(rig.cameras[0].project(middle), room[0].project(np.zeros((1, 3))), atol=1.0)
 
 
-def test_the_board_may_be_three_points(room):
+def test_three_points_determine_the_floor(room):
     rig = rig_on_floor(CameraRig(room), [[0.1, 0.0, 0.0], [-0.1, 0.0, 0.1], [0.0, 0.0, -0.1]])
     np.testing.assert_allclose(rig.cameras[1].centre_m, room[1].centre_m, atol=1e-9)
 
 
-def test_no_floor_is_refused(room):
+def test_points_that_are_not_a_floor_are_refused(room):
     rig = CameraRig(room)
     with pytest.raises(CalibrationError, match="three points are needed"):
         rig_on_floor(rig, np.zeros((2, 3)))
@@ -75,7 +75,7 @@ def test_no_floor_is_refused(room):
 
 
 @pytest.mark.parametrize("cameras", [1, 2])
-def test_the_board_is_found_in_space_by_one_camera_and_by_two(room, cameras):
+def test_board_is_found_in_space_by_one_and_two_cameras(room, cameras):
     board = Board("chessboard", 9, 6, 0.06)
     flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     true = (board.points_m - board.points_m.mean(axis=0)) @ flat.T
@@ -89,7 +89,7 @@ def test_the_board_is_found_in_space_by_one_camera_and_by_two(room, cameras):
         board_in_space(rig, [*views[:-1], BoardView(np.arange(53), views[-1].pixels[:53])], board)
 
 
-def test_cameras_that_were_moved_do_not_agree_on_the_board(room):
+def test_moved_cameras_are_refused(room):
     board = Board("chessboard", 9, 6, 0.06)
     views = [BoardView(np.arange(54), camera.project(board.points_m)) for camera in room]
     views[1] = BoardView(views[1].ids, views[1].pixels + np.array([0.0, 20.0]))

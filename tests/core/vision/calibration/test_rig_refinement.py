@@ -44,7 +44,7 @@ def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(("markers", "ghosts"), [(1, 0), (6, 2)])
-def test_a_bumped_camera_is_noticed_and_found_again(rig, markers, ghosts):
+def test_bumped_camera_is_detected_and_placed(rig, markers, ghosts):
     now = bumped(rig, 1, (1.2, -0.8, 0.6), (0.0, 0.015, 0.01))
     result = refine_rig(rig, marker_frames(now, 240 // markers, markers, ghosts))
     assert result.bumped and result.before_px > 2.0
@@ -58,13 +58,13 @@ def test_a_bumped_camera_is_noticed_and_found_again(rig, markers, ghosts):
     assert result.rig.baseline_m() == pytest.approx(rig.baseline_m(), rel=1e-9)  # the scale is kept
 
 
-def test_cameras_that_stand_as_calibrated_stay(rig):
+def test_unmoved_cameras_stay(rig):
     result = refine_rig(rig, marker_frames(rig, 60, 5))
     assert not result.bumped
     assert result.turned_deg[1] < 0.1 and result.moved_mm[1] < 5.0
 
 
-def test_one_of_three_cameras(rig):
+def test_one_bumped_camera_of_three_is_placed(rig):
     left, right = rig.cameras
     third = replace(left, name="third", translation_m=left.translation_m + np.array([-0.4, 0.05, 0.0]))
     wide = CameraRig((left, right, third))
@@ -75,7 +75,7 @@ def test_one_of_three_cameras(rig):
     assert result.turned_deg[1] < 0.1
 
 
-def test_cameras_too_close_together_are_told_to_be_unsure(rig):
+def test_cameras_close_together_are_unsure(rig):
     left = rig.cameras[0]
     near = replace(left, name="near", translation_m=left.translation_m - left.rotation @ np.array([0.15, 0.0, 0.0]))
     close = replace(rig, cameras=(left, near))
@@ -84,7 +84,7 @@ def test_cameras_too_close_together_are_told_to_be_unsure(rig):
     assert refine_rig(rig, marker_frames(rig, 60, 5)).sure
 
 
-def test_too_few_markers_are_told(rig):
+def test_too_few_markers_are_refused(rig):
     with pytest.raises(CalibrationError, match="200 at 20 are needed"):
         refine_rig(rig, marker_frames(rig, 30, 2))
     with pytest.raises(CalibrationError, match="0 markers"):

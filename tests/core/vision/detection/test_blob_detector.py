@@ -95,7 +95,7 @@ def test_foreground_is_also_what_is_darker_than_the_background(draw):
     assert mask.sum() == 2 * 255
 
 
-def test_blobs_measured_together_are_what_each_is_alone(draw):
+def test_blobs_are_measured_independently(draw):
     centres = grid(8, 6)
     images = [draw(centres[i : i + 1], 2.0 + i, noise=0.0, background=0.0) for i in range(len(centres))]
     blobs = Detector().detect(np.maximum.reduce(images))
@@ -104,7 +104,7 @@ def test_blobs_measured_together_are_what_each_is_alone(draw):
     np.testing.assert_array_equal(matched(blobs, centres), matched(alone, centres))
 
 
-def test_noisy_pixels_need_more_than_quiet_ones(draw):
+def test_noisy_pixels_have_a_wider_band(draw):
     rng = np.random.default_rng(4)
     learner = BackgroundLearner()
     for i in range(50):
@@ -124,7 +124,7 @@ def test_background_is_learned_behind_markers_that_move(draw):
     assert len(blobs) == 2
 
 
-def test_fixed_lamps_are_no_markers_but_markers_beside_them_are(draw):
+def test_markers_beside_fixed_lamps_are_found(draw):
     lamps = np.array([[100.0, 100.0], [400.0, 300.0]])
     empty = learned_background(draw(lamps, 6, level=250, seed=i) for i in range(10))
     marker = np.array([[120.0, 100.0]])
@@ -133,7 +133,7 @@ def test_fixed_lamps_are_no_markers_but_markers_beside_them_are(draw):
     assert near.min() < 0.1
 
 
-def test_ignored_places_show_no_marker_and_all_others_do(draw):
+def test_markers_at_ignored_places_are_left_out(draw):
     centres = grid(3)
     image = draw(centres, 3.0)
     ignored = centres[[2, 7]] + 1.0
@@ -147,7 +147,7 @@ def test_ignored_places_show_no_marker_and_all_others_do(draw):
     assert len(Detector(ignored_px=ignored).detect(draw(ignored[:1] + np.array([8.0, 0.0]), 3.0))) == 1
 
 
-def test_markers_that_touch_are_taken_apart(draw):
+def test_touching_markers_are_split(draw):
     centres = np.array([[200.0, 200.0], [209.6, 200.4], [400.0, 100.0], [404.0, 107.5]])
     blobs = Detector().detect(draw(centres, 5, background=2.0))
     found = matched(blobs, centres)
@@ -155,7 +155,7 @@ def test_markers_that_touch_are_taken_apart(draw):
     assert np.abs(found[:, :2] - centres).max() < 0.8
 
 
-def test_owners_of_pixels_are_numbers_that_can_be_multiplied(draw):
+def test_blob_numbers_have_64_bits(draw):
     """NumPy 2 does not widen 16 bits by itself: bodies are numbered in the upper bits."""
     image = draw(np.array([[300.0, 200.0]]), 3.0, background=5.0)
     image[120:320, 250:350] = np.maximum(image[120:320, 250:350], 60)
@@ -166,7 +166,7 @@ def test_owners_of_pixels_are_numbers_that_can_be_multiplied(draw):
     assert spots.owner.dtype == np.int64
 
 
-def test_streaks_and_specks_are_no_markers(draw):
+def test_streaks_and_specks_are_rejected(draw):
     centres = grid(3, 6)
     image = draw(centres, 4, background=5.0)
     image[300:303, 50:150] = 220  # a bright edge
@@ -175,7 +175,7 @@ def test_streaks_and_specks_are_no_markers(draw):
     assert len(blobs) == 6
 
 
-def test_dim_and_bright_cameras_are_both_judged_by_their_own_markers(draw):
+def test_threshold_adapts_to_dim_and_bright_cameras(draw):
     centres = grid(5, 8)
     for level in (50.0, 240.0):
         image = draw(centres, 4, level=level, background=3.0)
@@ -186,7 +186,7 @@ def test_dim_and_bright_cameras_are_both_judged_by_their_own_markers(draw):
 
 @pytest.mark.parametrize("wall", [90, 140])
 @pytest.mark.parametrize("colour", [(30, 30, 220), (220, 60, 30), (40, 200, 40), (30, 200, 220), (200, 40, 200)])
-def test_coloured_markers_are_found_before_any_wall(draw, wall, colour):
+def test_coloured_markers_are_found_in_front_of_any_wall(draw, wall, colour):
     centres = np.array([[100.3, 80.6], [300.5, 200.2], [510.7, 90.1], [200.9, 400.4]])
     empty = learn_backgrounds((draw(np.empty((0, 2)), 1, background=wall, seed=number),) for number in range(6))[0]
     blobs = Detector(empty).detect(draw(centres, 3.0, level=np.array(colour, float), background=wall, seed=99))
@@ -232,7 +232,7 @@ def large_room(centres, seed):
     return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
 
 
-def test_a_part_of_a_large_image_shows_the_same_markers_as_the_whole():
+def test_search_in_a_part_of_a_large_image_finds_the_same_markers():
     room = np.full((720, 1280, 3), 60.0)
     rng = np.random.default_rng(0)
     empty = learned_background(
@@ -255,7 +255,7 @@ def test_a_part_of_a_large_image_shows_the_same_markers_as_the_whole():
     assert 1 <= len(late) <= 3
 
 
-def test_a_small_marker_is_as_bright_wherever_it_falls_on_the_pixels(draw):
+def test_brightness_of_a_small_marker_does_not_depend_on_sub_pixel_place(draw):
     """A lens blurs it: it has four bright pixels and eight half as bright, or nine bright ones.
 
     On a body, markers dimmer than the others are taken for skin.

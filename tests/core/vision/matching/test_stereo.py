@@ -26,14 +26,14 @@ def normalised(rig: CameraRig, points: np.ndarray) -> np.ndarray:
     return np.stack([camera.undistort(camera.project(points)) for camera in rig.cameras], axis=1)
 
 
-def test_exact_pixels_give_the_exact_point_through_distortion(rig):
+def test_triangulation_is_exact_with_lens_distortion(rig):
     points = body()
     found, _, errors = triangulate(rig.cameras, normalised(rig, points), np.ones((12, 2)), 0.5)
     np.testing.assert_allclose(found, points, atol=1e-9)
     assert errors.max() < 1e-6
 
 
-def test_where_points_were_found_before_changes_nothing_but_the_way_there(rig):
+def test_triangulation_does_not_depend_on_the_start(rig):
     noisy = [blobs[:, :2].astype(np.float64) for blobs in seen(rig, body(), 0.5)]
     coordinates = np.stack([camera.undistort(rows) for camera, rows in zip(rig.cameras, noisy, strict=True)], axis=1)
     plain = triangulate(rig.cameras, coordinates, np.ones((12, 2)), 0.5)
@@ -45,7 +45,7 @@ def test_where_points_were_found_before_changes_nothing_but_the_way_there(rig):
     np.testing.assert_allclose(again[2], plain[2], atol=1e-3)
 
 
-def test_covariance_is_that_of_the_scatter(rig):
+def test_covariance_equals_the_scatter(rig):
     point = np.array([[0.2, 0.1, -3.0]])
     rng = np.random.default_rng(1)
     sigma, draws = 0.4, 4000
@@ -59,13 +59,13 @@ def test_covariance_is_that_of_the_scatter(rig):
     assert np.all(np.linalg.eigvalsh(covariances[0]) > 0)
 
 
-def test_cofactor_inverse_is_the_inverse():
+def test_inverse_by_cofactors_equals_numpys():
     matrices = np.random.default_rng(0).normal(size=(7, 3, 3))
     matrices = matrices @ matrices.transpose(0, 2, 1) + np.eye(3)
     np.testing.assert_allclose(inverse_3x3(matrices) @ matrices, np.broadcast_to(np.eye(3), (7, 3, 3)), atol=1e-10)
 
 
-def test_epipolar_distance_is_zero_for_one_point_and_grows_by_the_pixels_that_it_is_off(rig):
+def test_epipolar_distance_is_the_pixel_error(rig):
     coordinates = normalised(rig, body())
     pair = essential_matrix(*rig.cameras), float(np.mean([camera.focal_px for camera in rig.cameras]))
     distances = epipolar_distances(*pair, coordinates[:, 0], coordinates[:, 1])
@@ -77,7 +77,7 @@ def test_epipolar_distance_is_zero_for_one_point_and_grows_by_the_pixels_that_it
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_blobs_are_matched_although_their_order_differs(rig, seed):
+def test_blobs_in_different_order_are_matched(rig, seed):
     points = body(seed)
     blobs = seen(rig, points, 0.1, seed)
     order = np.random.default_rng(seed).permutation(12)
@@ -91,7 +91,7 @@ def test_blobs_are_matched_although_their_order_differs(rig, seed):
     assert np.linalg.norm(matches.points_m - points[matches.blobs[:, 0]], axis=1).max() < 0.01
 
 
-def test_colour_decides_where_the_epipolar_line_cannot(rig):
+def test_colour_resolves_ambiguous_epipolar_lines(rig):
     left, right = rig.cameras
     # two points whose images lie on one epipolar line: both on the plane through the two centres
     points = np.array([[-0.1, 0.0, -3.0], [0.12, 0.0, -3.0], [0.0, 0.6, -3.0], [0.1, -0.6, -3.0]])
@@ -104,7 +104,7 @@ def test_colour_decides_where_the_epipolar_line_cannot(rig):
     assert left is not right
 
 
-def test_blobs_of_one_camera_only_are_left_over(rig):
+def test_blobs_of_one_camera_stay_unmatched(rig):
     points = body(3)
     blobs = seen(rig, points, 0.1)
     hidden = blobs[1][:9]
@@ -117,7 +117,7 @@ def test_blobs_of_one_camera_only_are_left_over(rig):
     ).points_m.shape == (0, 3)
 
 
-def test_three_cameras_see_a_point_better_than_two(rig):
+def test_third_camera_makes_points_more_exact(rig):
     from dataclasses import replace
 
     extra = rig.cameras[0]
@@ -134,7 +134,7 @@ def test_three_cameras_see_a_point_better_than_two(rig):
     assert np.trace(matches.covariances_m2[0]) < np.trace(two.covariances_m2[0])
 
 
-def test_among_a_thousand_dim_reflections_the_markers_are_still_matched(rig):
+def test_markers_are_matched_among_a_thousand_dim_reflections(rig):
     rng = np.random.default_rng(3)
     points = body()
     blobs = []

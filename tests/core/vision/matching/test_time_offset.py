@@ -52,25 +52,25 @@ def filmed(rig, late_s: float = 0.0, drift: float = 0.0, seconds: float = SECOND
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.0042, -0.0137, 0.1])
-def test_the_offset_is_found_to_a_millisecond_and_its_uncertainty_is_told(rig, late_s):
+def test_offset_and_its_uncertainty_are_found_to_a_millisecond(rig, late_s):
     found = estimate_time_offsets(rig, filmed(rig, late_s), 0.12)[1]
     assert abs(found.offset_s - late_s) <= REQUIRED_S
     assert abs(found.offset_s - late_s) <= 4.0 * found.sigma_s <= 4.0 * REQUIRED_S
     assert found.is_certain == (late_s != 0.0)
 
 
-def test_false_blobs_and_hidden_markers_do_not_move_it(rig):
+def test_offset_is_robust_to_false_blobs_and_hidden_markers(rig):
     found = estimate_time_offsets(rig, filmed(rig, 0.0071, ghosts=3, hidden=0.2), 0.06)[1]
     assert abs(found.offset_s - 0.0071) <= REQUIRED_S
 
 
-def test_a_clock_that_runs_fast_is_found(rig):
+def test_clock_drift_is_found(rig):
     found = estimate_time_offsets(rig, filmed(rig, 0.004, drift=5e-4), 0.06)[1]
     for stamp_s in (0.0, SECONDS):
         assert found.moment_s(stamp_s) == pytest.approx(stamp_s + 0.004 + 5e-4 * stamp_s, abs=REQUIRED_S)
 
 
-def test_who_stands_still_tells_nothing(rig):
+def test_offset_of_a_still_performer_is_uncertain(rig):
     found = estimate_time_offsets(rig, filmed(rig, 0.008, seconds=3.0, speed=0.0), 0.06)[1]
     assert not found.is_certain
 
@@ -82,7 +82,7 @@ def distances_m(frames: list[MarkerFrame]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("late_s", [-0.0137, 0.1])
-def test_points_of_late_cameras_are_as_good_as_of_synchronised_ones(rig, late_s):
+def test_synchronised_points_are_as_exact_as_those_of_synchronous_cameras(rig, late_s):
     def located(frames):
         pipeline = MarkerPipeline(rig)
         return [pipeline.locate(frame) for frame in frames]
@@ -98,14 +98,14 @@ def test_points_of_late_cameras_are_as_good_as_of_synchronised_ones(rig, late_s)
     assert np.all(np.diff(times) > 0.0)
 
 
-def test_nothing_is_changed_when_the_cameras_are_synchronised(rig):
+def test_frames_of_synchronous_cameras_stay(rig):
     frames = filmed(rig, 0.0, seconds=4.0)
     moved, offsets = synchronise_frames(rig, frames)
     assert moved == frames
     assert not offsets[1].is_certain
 
 
-def test_blobs_follow_a_parabola_exactly_and_stamps_alone_count_too(rig):
+def test_alignment_is_exact_on_a_parabola_with_stamps_and_offsets(rig):
     aligner = TimeAligner(rig, [TimeOffset(), TimeOffset(offset_s=0.003)])
     start, rate, bend = np.array([100.0, 200.0]), np.array([300.0, -120.0]), np.array([-900.0, 500.0])
 
@@ -122,7 +122,7 @@ def test_blobs_follow_a_parabola_exactly_and_stamps_alone_count_too(rig):
         np.testing.assert_allclose(rows[0, :2], at(time_s), atol=1e-3)
 
 
-def test_a_camera_without_image_sees_nothing_and_time_goes_on(rig):
+def test_camera_without_an_image_has_no_blobs_and_time_advances(rig):
     aligner = TimeAligner(rig, [TimeOffset(), TimeOffset(offset_s=-0.01)])
     rows = np.array([[100.0, 200.0, 3.0, 200.0, 0.0]], dtype=np.float32)
     times = []
@@ -137,7 +137,7 @@ def test_a_camera_without_image_sees_nothing_and_time_goes_on(rig):
     np.testing.assert_allclose(np.diff(times), 1 / FPS)
 
 
-def test_time_does_not_go_back_when_another_offset_is_told(rig):
+def test_time_advances_when_an_offset_changes(rig):
     aligner = TimeAligner(rig, [TimeOffset(), TimeOffset()])
     rows = np.array([[100.0, 200.0, 3.0, 200.0, 0.0]], dtype=np.float32)
     times = []
@@ -157,7 +157,7 @@ def at_once(function, *arguments) -> "Future":
     return done
 
 
-def test_live_the_offset_is_found_within_ten_seconds_and_used(rig):
+def test_live_offset_is_used_within_ten_seconds(rig):
     aligner = TimeAligner(rig, [TimeOffset(), TimeOffset()])
     live = TimeOffsetWatch(rig, aligner, at_once)
     for frame in filmed(rig, 1 / 120, seconds=SECONDS):

@@ -44,7 +44,7 @@ EVERYTHING = {cv2.CAP_PROP_EXPOSURE: 1.0, cv2.CAP_PROP_GAIN: 1.0, cv2.CAP_PROP_F
 @pytest.mark.parametrize(
     ("backend", "manual", "exposure"), [("V4L2", 1.0, 20.0), ("DSHOW", 0.0, -9.0), ("MSMF", 0.0, -9.0)]
 )
-def test_each_driver_is_told_in_its_own_units_after_automatic_is_off(backend, manual, exposure):
+def test_controls_are_set_in_the_drivers_units_after_automatic_is_off(backend, manual, exposure):
     driver = Driver(backend, EVERYTHING)
     assert apply_controls(driver, CameraControls(exposure_s=0.002, gain=4.0, focus=30.0)) == []
     assert driver.values[cv2.CAP_PROP_EXPOSURE] == exposure
@@ -57,13 +57,13 @@ def test_each_driver_is_told_in_its_own_units_after_automatic_is_off(backend, ma
 
 
 @pytest.mark.parametrize(("backend", "automatic"), [("V4L2", 3.0), ("DSHOW", 1.0)])
-def test_what_is_left_to_the_camera_is_automatic_again(backend, automatic):
+def test_unset_controls_become_automatic(backend, automatic):
     driver = Driver(backend, EVERYTHING)
     assert apply_controls(driver, CameraControls()) == []
     assert driver.told == [(cv2.CAP_PROP_AUTO_EXPOSURE, automatic), (cv2.CAP_PROP_AUTOFOCUS, 1.0)]
 
 
-def test_what_a_camera_does_not_take_is_told(monkeypatch):
+def test_refused_controls_are_reported(monkeypatch):
     picture = np.zeros((48, 64, 3), np.uint8)
     coarse = {cv2.CAP_PROP_EXPOSURE: 100.0, cv2.CAP_PROP_GAIN: 1.0}  # tenths of a millisecond: 2 ms become 0
     drivers = [Driver("V4L2", coarse), Driver("V4L2", EVERYTHING)]
@@ -75,7 +75,7 @@ def test_what_a_camera_does_not_take_is_told(monkeypatch):
     assert warning.startswith("camera 0 does not accept exposure and focus")
 
 
-def test_a_description_carries_them_and_without_any_the_camera_is_left_alone(monkeypatch):
+def test_controls_come_from_the_description(monkeypatch):
     drivers = [Driver("V4L2", EVERYTHING), Driver("V4L2", EVERYTHING)]
     monkeypatch.setattr(camera_source, "_open", lambda device, *_: (drivers[device], np.zeros((48, 64, 3), np.uint8)))
     open_source({"kind": "cameras", "devices": [0, 1], "controls": [{"exposure_s": 0.004, "gain": None}]}).close()
@@ -84,11 +84,11 @@ def test_a_description_carries_them_and_without_any_the_camera_is_left_alone(mon
 
 
 @pytest.mark.parametrize("spec", [{"exposure_s": 0.0}, {"exposure_s": 30}, {"exposure_s": "long"}])
-def test_nonsense_is_refused(spec):
+def test_impossible_controls_are_refused(spec):
     with pytest.raises(SettingsError, match="exposure_s must be a number above 0 s up to 1 s"):
         open_source({"kind": "cameras", "devices": [0, 1], "controls": [spec]})
 
 
-def test_nan_is_refused():
+def test_nan_exposure_is_refused():
     with pytest.raises(SettingsError):
         CameraControls(exposure_s=math.nan)

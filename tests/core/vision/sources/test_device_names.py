@@ -18,7 +18,7 @@ def put(listed: Path, device: int, name: bytes) -> None:
     (listed / f"video{device}" / "name").write_bytes(name)
 
 
-def test_linux_tells_the_names(listed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_names_of_devices_on_linux(listed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(device_names.sys, "platform", "linux")
     put(listed, 0, b"HD Webcam C525\n")
     put(listed, 2, b"Bad \xff\x07 name " + 100 * b"x")
@@ -30,7 +30,7 @@ def test_linux_tells_the_names(listed: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("system", ["win32", "darwin"])
-def test_elsewhere_a_camera_has_its_number(listed: Path, monkeypatch: pytest.MonkeyPatch, system: str) -> None:
+def test_cameras_are_numbered_on_other_systems(listed: Path, monkeypatch: pytest.MonkeyPatch, system: str) -> None:
     monkeypatch.setattr(device_names.sys, "platform", system)
     put(listed, 0, b"HD Webcam C525\n")
     assert device_name(0) == "Camera 0"

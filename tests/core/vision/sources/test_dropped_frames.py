@@ -52,13 +52,13 @@ LATE_S = [0.0, 0.004, -0.003, 0.002, 0.003, -0.004, 0.0, 0.002, 0.004, -0.003]
 TIMES_S = [number / 60 + late for number, late in zip(KEPT, LATE_S, strict=True)]
 
 
-def test_a_frame_that_is_late_is_not_a_frame_that_is_lost() -> None:
+def test_late_frame_is_not_a_lost_frame() -> None:
     assert [next_number(7, periods / 60, 1 / 60) for periods in (0.2, 1.0, 1.49, 1.6, 2.4, 2.6, 5.1)] == [
         8, 8, 8, 9, 9, 10, 12
     ]  # fmt: skip
 
 
-def test_cameras_number_their_frames_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_frames_are_numbered_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     played = PlayedCapture(TIMES_S)
     monkeypatch.setattr(camera_source, "_open", lambda *_: (played, PICTURE))
     monkeypatch.setattr(camera_source, "time", played)
@@ -68,7 +68,7 @@ def test_cameras_number_their_frames_by_the_clock(monkeypatch: pytest.MonkeyPatc
     assert numbers == KEPT
 
 
-def test_videos_number_their_frames_by_their_time_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_video_frames_are_numbered_by_time_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video_source, "_open", lambda _: PlayedCapture(TIMES_S))
     sets = list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
     assert [image_set.number for image_set in sets] == KEPT
@@ -89,7 +89,7 @@ class PlayedVideo(PlayedCapture):
         return 20 if key == cv2.CAP_PROP_FRAME_COUNT else super().get(key)  # estimated from the duration, as in .mkv
 
 
-def test_a_frame_that_one_video_lost_or_shows_twice_is_left_out_there_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frame_lost_or_repeated_in_one_video_is_unusable_there_only(monkeypatch: pytest.MonkeyPatch) -> None:
     left = [n for n in range(20) if n != 9]
     right = [n for n in range(20) if n not in (4, 5, 9)]
     monkeypatch.setattr(
@@ -109,7 +109,7 @@ def test_a_frame_that_one_video_lost_or_shows_twice_is_left_out_there_only(monke
     )
 
 
-def test_the_last_frame_may_be_lost_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_last_frame_may_be_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = list(range(20))
     monkeypatch.setattr(video_source, "_open", lambda path: PlayedVideo(whole[:19] if "left" in path else whole))
     assert [s.number for s in VideoSource([Path("left.mkv"), Path("right.mkv")])] == whole[:19]
@@ -118,7 +118,7 @@ def test_the_last_frame_may_be_lost_too(monkeypatch: pytest.MonkeyPatch) -> None
         list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
 
 
-def test_still_videos_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_still_videos_are_usable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video_source, "_open", lambda _: PlayedVideo(list(range(20)), doubled=(7, 8)))
     source = VideoSource([Path("left.mkv"), Path("right.mkv")])
     assert all(all(image_set.usable) for image_set in source)

@@ -75,7 +75,7 @@ def failing(kind: str) -> Callable[[int, float], Any]:
     [("froze", "froze"), ("black", "is black"), ("repeats", "repeats one"), ("size", "gives images of another size")],
 )
 @pytest.mark.parametrize("phase_s", [0.0, 0.004, 0.012])
-def test_a_failing_camera_is_told_done_without_and_used_again(kind: str, told: str, phase_s: float) -> None:
+def test_failing_camera_is_reported_skipped_and_used_again(kind: str, told: str, phase_s: float) -> None:
     sets = played(failing(kind), 3.0, (0.0, phase_s))
     moments = np.array([s.times_s[0] for s in sets])
     assert not any(s.notes for s, moment in zip(sets, moments, strict=True) if moment < FAILS_S)
@@ -94,7 +94,7 @@ def test_a_failing_camera_is_told_done_without_and_used_again(kind: str, told: s
     assert all(all(s.usable) and not s.notes for s in after)
 
 
-def test_an_image_that_comes_twice_is_not_used_twice_and_not_worth_a_word() -> None:
+def test_repeated_image_is_not_used_and_not_reported() -> None:
     last: dict[int, Any] = {}
 
     def image(camera: int, moment_s: float) -> Any:
@@ -107,7 +107,7 @@ def test_an_image_that_comes_twice_is_not_used_twice_and_not_worth_a_word() -> N
     assert not any(s.notes for s in sets)
 
 
-def test_a_dark_room_is_not_a_black_camera() -> None:
+def test_dark_scene_is_not_a_black_camera() -> None:
     def image(camera: int, moment_s: float) -> Any:
         return NOISE.integers(0, 12, SHAPE, dtype=np.uint8)
 
@@ -115,7 +115,7 @@ def test_a_dark_room_is_not_a_black_camera() -> None:
 
 
 @pytest.mark.parametrize(("rates", "told"), [((60.0, 240.0), True), ((120.0, 120.0), False), ((60.0, 60.0), False)])
-def test_a_camera_of_another_rate_is_told_but_not_a_wrong_rate_of_all(rates: tuple[float, float], told: bool) -> None:
+def test_camera_of_another_rate_is_reported_but_not_a_wrong_rate_of_all(rates: tuple[float, float], told: bool) -> None:
     pairing = ImagePairing([SHAPE, SHAPE], ["0", "1"], 1.0 / FPS, 0.0)
     sets = []
     for moment_s, camera in sorted((f / rate, at) for at, rate in enumerate(rates) for f in range(int(rate))):
@@ -128,7 +128,7 @@ def test_a_camera_of_another_rate_is_told_but_not_a_wrong_rate_of_all(rates: tup
     assert first is None or first.times_s[1] < NOTICED_S
 
 
-def test_cameras_of_slightly_different_rate_go_on_in_step() -> None:
+def test_cameras_of_slightly_different_rate_stay_paired() -> None:
     pairing = ImagePairing([SHAPE, SHAPE], ["0", "1"], 1.0 / FPS, 0.0)
     arrivals = sorted([(f / 60.0, 0) for f in range(1200)] + [(f / 59.5, 1) for f in range(1190)])
     sets = []
@@ -180,7 +180,7 @@ def devices(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Device]]:
         device.answers.set()
 
 
-def test_a_pulled_cable_and_a_hanging_driver_hold_up_no_other_camera(devices: list[Device]) -> None:
+def test_pulled_cable_and_hung_driver_do_not_delay_other_cameras(devices: list[Device]) -> None:
     source = CameraSource([0, 1])
     stages = [(devices[1].plugged, "the right camera is gone"), (devices[1].answers, "the right camera froze")]
     sets = iter(source)
@@ -201,7 +201,7 @@ def test_a_pulled_cable_and_a_hanging_driver_hold_up_no_other_camera(devices: li
     assert list(sets) == []
 
 
-def test_when_no_camera_is_left_the_end_is_told(devices: list[Device], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loss_of_all_cameras_is_an_error(devices: list[Device], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, all_lost_s=0.3))
     source = CameraSource([0, 1])
     sets = iter(source)
@@ -213,7 +213,7 @@ def test_when_no_camera_is_left_the_end_is_told(devices: list[Device], monkeypat
     source.close()
 
 
-def test_the_background_is_learned_from_complete_sets_only(devices: list[Device]) -> None:
+def test_samples_are_complete_image_sets(devices: list[Device]) -> None:
     source = CameraSource([0, 1])
     timer = threading.Timer(0.15, devices[1].plugged.clear)
     timer.start()

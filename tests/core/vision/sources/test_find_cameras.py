@@ -34,7 +34,7 @@ class PlayedDevice:
         self.released = True
 
 
-def test_cameras_are_found_with_the_size_of_their_images(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_found_cameras_have_their_image_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PlayedDevice, "opened", [])
     monkeypatch.setattr(cv2, "VideoCapture", PlayedDevice)
     monkeypatch.setattr(device_names.sys, "platform", "win32")

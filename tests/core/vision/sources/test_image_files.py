@@ -15,7 +15,7 @@ def write(folder: Path, *names: str) -> None:
         cv2.imwrite(str(folder / name), np.full((24, 32, 3), 10 * i, np.uint8))
 
 
-def test_numbers_order_files_not_their_text(tmp_path):
+def test_files_are_ordered_by_number(tmp_path):
     write(tmp_path, "10_a.png", "9_a.png", "100_a.png")
     (tmp_path / "notes.txt").write_text("no picture")
     assert [path.name for path in list_images(tmp_path)] == ["9_a.png", "10_a.png", "100_a.png"]
@@ -33,7 +33,7 @@ def test_numbers_order_files_not_their_text(tmp_path):
         (["9__14-57-01~73_1.jpg", "10__14-57-01~76_1.jpg"], ["9__14-57-01~73_2.jpg", "10__14-57-01~76_2.jpg"]),
     ],
 )
-def test_pictures_of_one_moment_are_paired_by_their_common_number(left, right):
+def test_pictures_are_paired_by_their_common_number(left, right):
     pairs, leftover = pair_by_number([[Path(name) for name in left], [Path(name) for name in reversed(right)]])
     assert [(number, [path.name for path in paths]) for number, paths in pairs] == [
         (9, [left[0], right[0]]),
@@ -57,7 +57,7 @@ def test_names_without_numbers_are_paired_in_order_or_refused():
         pair_by_number([[Path("a.png"), Path("b.png")], [Path("c.png")]])
 
 
-def test_source_yields_pairs_with_numbers_and_times_from_names(tmp_path):
+def test_source_takes_numbers_and_times_from_names(tmp_path):
     write(tmp_path, "7__10-00-59~90_1.png", "8__10-01-00~00_1.png", "9__10-01-00~10_1.png")
     write(tmp_path, "7__10-00-59~90_2.png", "8__10-01-00~00_2.png", "9__10-01-00~10_2.png", "11__10-01-00~30_2.png")
     source = ImageFileSource([f"{tmp_path}/*_1.png", f"{tmp_path}/*_2.png"])
@@ -69,14 +69,14 @@ def test_source_yields_pairs_with_numbers_and_times_from_names(tmp_path):
     assert [images[0][0, 0, 0] for images in source.samples(2)] == [0, 20]
 
 
-def test_without_times_in_the_names_the_rate_counts_lost_numbers(tmp_path):
+def test_missing_numbers_count_as_time_without_times_in_names(tmp_path):
     write(tmp_path / "l", "1.png", "2.png", "5.png")
     write(tmp_path / "r", "1.png", "2.png", "5.png")
     sets = list(ImageFileSource([tmp_path / "l", tmp_path / "r"], fps=50.0))
     np.testing.assert_allclose([s.times_s[1] for s in sets], [0.0, 0.02, 0.08])
 
 
-def test_an_unreadable_picture_is_named(tmp_path):
+def test_unreadable_picture_is_named(tmp_path):
     write(tmp_path / "l", "1.png", "2.png")
     write(tmp_path / "r", "1.png", "2.png")
     (tmp_path / "r" / "2.png").write_bytes(b"\x89PNG broken")
@@ -86,7 +86,7 @@ def test_an_unreadable_picture_is_named(tmp_path):
         read_image(tmp_path / "none.png")
 
 
-def test_image_sets_hold_one_time_per_image_and_colour_images_only():
+def test_image_sets_need_colour_images_with_a_time_each():
     picture = np.zeros((4, 6, 3), np.uint8)
     with pytest.raises(CaptureError, match="2 images with 1 times"):
         ImageSet(0, (0.0,), (picture, picture))
@@ -94,7 +94,7 @@ def test_image_sets_hold_one_time_per_image_and_colour_images_only():
         ImageSet(0, (0.0,), (picture[..., 0],))
 
 
-def test_a_moment_that_one_of_three_cameras_missed_keeps_its_number():
+def test_moment_missing_in_one_of_three_cameras_keeps_its_number():
     seen = ((1, 2, 3), (2, 3, 4), (1, 3, 4))
     lists = [[Path(f"{side}_{n:02d}.png") for n in numbers] for side, numbers in zip("abc", seen, strict=True)]
     tables = by_number(lists)

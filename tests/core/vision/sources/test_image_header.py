@@ -35,7 +35,7 @@ KINDS = {ending: encoded(ending) for ending in IMAGE_SUFFIXES if ending != ".pgm
 
 
 @pytest.mark.parametrize("data", KINDS.values(), ids=KINDS)
-def test_the_size_is_that_of_the_image(data: bytes, tmp_path: Path) -> None:
+def test_size_from_the_header_equals_the_images(data: bytes, tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(data)
     assert read_image(tmp_path / "a.png").shape == (50, 37, 3)
     assert image_size(data) == (37, 50)
@@ -68,7 +68,7 @@ CASES = {
 
 
 @pytest.mark.parametrize(("data", "message"), CASES.values(), ids=CASES)
-def test_a_small_file_that_declares_much_takes_no_memory(data: bytes, message: str, tmp_path: Path) -> None:
+def test_small_file_with_huge_declared_size_takes_no_memory(data: bytes, message: str, tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(data)
     program = (
         "import resource, sys; from pathlib import Path\n"
@@ -84,7 +84,7 @@ def test_a_small_file_that_declares_much_takes_no_memory(data: bytes, message: s
         assert int(taken_kb) < 16 << 10
 
 
-def test_pictures_of_real_cameras_pass() -> None:
+def test_pictures_of_real_cameras_are_accepted() -> None:
     check_image_size((5472, 3648), 0, "a dark one of 20 million pixels")
     check_image_size((7680, 4320), 10_000_000, "one of 8K")
     with pytest.raises(CaptureError, match="16384 x 16384"):

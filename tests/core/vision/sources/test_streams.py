@@ -40,9 +40,7 @@ def until(sets: Iterator[ImageSet], condition: Callable[[ImageSet], bool]) -> Im
     return next(s for _, s in zip(range(3000), sets, strict=False) if condition(s))
 
 
-def test_a_stream_that_stalls_for_ever_is_told_and_done_without(
-    servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stalled_stream_is_reported_and_skipped(servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_stalls_ms=300))
     source = open_source({"kind": "videos", "paths": [server.address for server in servers], "fps": FPS})
     sets = iter(source)
@@ -60,7 +58,7 @@ def test_a_stream_that_stalls_for_ever_is_told_and_done_without(
     assert [server.opened > 1 for server in servers] == [False, True]
 
 
-def test_a_stream_that_was_cut_is_opened_again(servers: list[MjpegServer]) -> None:
+def test_cut_stream_is_reopened(servers: list[MjpegServer]) -> None:
     source = open_image_source(*(server.address for server in servers), fps=FPS)
     sets = iter(source)
     try:
@@ -73,7 +71,7 @@ def test_a_stream_that_was_cut_is_opened_again(servers: list[MjpegServer]) -> No
         source.close()
 
 
-def test_a_short_stall_leaves_the_connection(servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_stall_keeps_the_connection(servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_stalls_ms=60000))
     source = CameraSource([server.address for server in servers], fps=FPS)
     sets = iter(source)
@@ -88,16 +86,14 @@ def test_a_short_stall_leaves_the_connection(servers: list[MjpegServer], monkeyp
     assert [server.opened for server in servers] == [1, 1]
 
 
-def test_a_stream_that_does_not_answer_is_not_waited_for(
-    servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stream_without_answer_fails_quickly(servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_source, "SOURCES", replace(SOURCES, stream_opens_ms=200))
     servers[0].begin("stream")
     with pytest.raises(CaptureError, match=r"camera http://127.*does not open.*check the address"):
         open_image_source(servers[0].address)
 
 
-def test_the_login_of_a_camera_is_in_no_message(
+def test_messages_do_not_contain_logins(
     servers: list[MjpegServer], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Messages come into takes, and takes are given to others."""
@@ -111,7 +107,7 @@ def test_the_login_of_a_camera_is_in_no_message(
         assert "anna" not in str(caught.value) and "s3cr" not in str(caught.value)
 
 
-def test_a_film_behind_an_address_is_no_camera(servers: list[MjpegServer]) -> None:
+def test_address_of_a_film_is_not_a_camera(servers: list[MjpegServer]) -> None:
     kinds = {
         "http://studio/left.mjpg": True,
         "rtsp://studio/1?film=a.mp4": True,
@@ -124,7 +120,7 @@ def test_a_film_behind_an_address_is_no_camera(servers: list[MjpegServer]) -> No
         open_source({"kind": "videos", "paths": [servers[0].address, "left.mp4"]})
 
 
-def test_an_encoder_that_repeats_rows_tears_no_image() -> None:
+def test_rows_repeated_by_an_encoder_are_not_torn_images() -> None:
     def notes(compressed: tuple[bool, ...]) -> set[str]:
         pairing = ImagePairing([(480, 64, 3)], ["0"], 1.0 / FPS, 0.0, compressed)
         last, found = np.zeros((480, 64, 3), np.uint8), set()

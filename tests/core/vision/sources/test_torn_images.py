@@ -34,7 +34,7 @@ def torn(number: int, image: Image, last: Image) -> Image:
     return np.concatenate((image[:edge], last[edge:])) if BEGIN <= number < END else image
 
 
-def test_images_torn_at_changing_heights_are_told_within_a_quarter_of_a_second_and_only_then() -> None:
+def test_torn_images_are_reported_within_a_quarter_of_a_second() -> None:
     numbers = told(torn)
     assert BEGIN < numbers[0] <= BEGIN + 0.25 * FPS
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
@@ -72,5 +72,5 @@ def every_second_once_more(number: int, image: Image, last: Image) -> Image:
     [dark_below, still_below, sometimes_still_below, torn_once, every_second_once_more],
     ids=lambda film: film.__name__,
 )
-def test_other_pictures_that_stay_partly_the_same_are_not_called_torn(film: Film) -> None:
+def test_partly_unchanged_images_are_not_reported_as_torn(film: Film) -> None:
     assert told(film) == []

@@ -54,7 +54,7 @@ def test_missing_and_broken_videos_are_named(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no pipes among its files")
 @pytest.mark.parametrize(("name", "text"), [("x.mp4", "ffconcat version 1.0\nfile p.mp4\n"), ("concat:p.mp4", None)])
-def test_a_file_that_leads_to_a_pipe_is_not_waited_for(tmp_path, name, text):
+def test_pipe_is_refused_without_waiting(tmp_path, name, text):
     os.mkfifo(tmp_path / "p.mp4")
     if text is None:  # a good video, under a name that means another file to the reader
         (tmp_path / name).write_bytes(video(tmp_path / "a.avi", 3).read_bytes())
@@ -81,7 +81,7 @@ LISTS = {
 
 
 @pytest.mark.parametrize("name", LISTS)
-def test_what_does_not_begin_like_a_video_never_gets_to_the_reader(tmp_path, monkeypatch, name):
+def test_files_that_do_not_begin_like_a_video_are_refused(tmp_path, monkeypatch, name):
     video(tmp_path / "left.avi", 3)
     (tmp_path / name).write_bytes(LISTS[name])
     monkeypatch.setattr(cv2, "VideoCapture", None)
@@ -109,7 +109,7 @@ def test_videos_of_all_containers_are_read(tmp_path, monkeypatch, name, code):
     assert len(list(VideoSource([name, tmp_path / name]))) == 5
 
 
-def test_a_source_that_is_closed_ends(tmp_path):
+def test_closed_source_ends(tmp_path):
     source = VideoSource([video(tmp_path / "left.avi", 5)])
     seen = []
     for images in source:
@@ -118,14 +118,14 @@ def test_a_source_that_is_closed_ends(tmp_path):
     assert seen == [0]
 
 
-def test_a_camera_that_does_not_open_is_told(capfd):
+def test_camera_that_does_not_open_is_an_error(capfd):
     with pytest.raises(CaptureError, match="camera 97 does not open"):
         CameraSource([97, 98])
     with pytest.raises(CaptureError, match="more than once"):
         CameraSource([0, 0])
 
 
-def test_the_kind_of_source_is_told_from_its_text(tmp_path):
+def test_kind_of_source_is_recognised_by_its_text(tmp_path):
     clips = [str(video(tmp_path / name, 3)) for name in ("left.avi", "right.avi")]
     assert isinstance(open_image_source(*clips), VideoSource)
     for name in ("l", "r"):
@@ -152,14 +152,14 @@ def test_sources_are_opened_from_their_description(tmp_path):
         open_source({"kind": "videos", "paths": clips, "fps": 0})
 
 
-def test_the_simulated_performer_is_a_source_too():
+def test_simulated_performer_is_a_source():
     source = open_source({"kind": "simulated", "behaviour": "walk", "seconds": 3.0})
     first = next(iter(source))
     assert len(first.images) == 2 and first.images[0].shape == (480, 640, 3)
     source.close()
 
 
-def test_a_small_video_of_huge_images_is_refused_before_one_is_decoded(tmp_path, monkeypatch):
+def test_small_video_of_huge_images_is_refused_before_decoding(tmp_path, monkeypatch):
     path = video(tmp_path / "a.avi", 3)
     check_image_size((64, 48), path.stat().st_size, "a")
     monkeypatch.setattr(files, "SLACK_BYTES", 9000 - 4 * path.stat().st_size)
