@@ -33,11 +33,9 @@ from ..system.files import atomic_path
 from ..system.progress import Progress, no_progress
 from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
-from ..vision.tracked_take import image_take
 from ..vision.pipeline import MarkerPipeline
-from ..vision.tracked_take import labelled_rms_px
 from ..vision.sources.source_kinds import open_image_source
-from ..vision.tracked_take import synchronise_frames
+from ..vision.tracked_take import image_take, labelled_rms_px, synchronise_frames
 
 Facts = dict[str, Any]
 

@@ -101,13 +101,12 @@ def _table(camera: Camera) -> _CameraTable:
 def load_rig(path: str | Path) -> CameraRig:
     """Return the rig of a calibration file: anipose, caliscope or Qualisys.
 
-    Files of other programs are brought to metres and to a world with y up. In anipose's layout a file without
-    `metadata.length_unit` is of another program: there anipose writes the unit of its board, millimetres, and a
-    baseline above 10 shows it.
+    Those of other programs are converted to metres and to a world with y up. In anipose's layout they lack
+    `metadata.length_unit`: lengths are in the unit of the board, millimetres where a baseline exceeds 10.
 
     Raises:
-        FormatError: the file cannot be read, or is no TOML.
-        CalibrationError: no cameras, incomplete ones, fisheye lenses, or a unit other than "m" and "mm".
+        FormatError: The file cannot be read.
+        CalibrationError: Cameras are missing or incomplete, or lenses are fisheyes.
     """
     raw = read_bytes(path)
     if raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
@@ -133,20 +132,12 @@ RigTables: TypeAlias = Annotated[CameraRig, Via(Table, rig_from, partial(rig_tab
 
 
 def save_ignored(path: str | Path, places: ArrayLike) -> None:
-    """Write the ignored places into a calibration in anipose's layout.
-
-    Args:
-        places: as of `CameraRig.ignored`.
-
-    Raises:
-        FormatError: the file cannot be read, or is no TOML.
-        CalibrationError: it has another layout.
-    """
+    """Write places (N, 3), as in `CameraRig.ignored`, into a calibration in anipose's layout."""
     tables = read_toml(path)
     keys = _camera_keys(tables)
     if not keys or not all(isinstance(tables[key], dict) for key in keys):
         raise CalibrationError(
-            "is a calibration of another program, which notes no places to ignore",
+            "is a calibration of another program, which cannot contain ignored places",
             where=str(path),
             advice="calibrate here, or cover the reflections",
         )

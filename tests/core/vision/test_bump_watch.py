@@ -1,8 +1,8 @@
-from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from futures import at_once
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_frame import MarkerFrame
@@ -11,12 +11,6 @@ from perfanim.core.vision.pipeline import MarkerPipeline
 
 RATE = 30.0
 NOISE_PX = 0.3  # what unsynchronised cameras leave over
-
-
-def at_once(work, *arguments) -> Future:
-    done: Future = Future()
-    done.set_result(work(*arguments))
-    return done
 
 
 def turned(rig: CameraRig, degrees: tuple[float, float, float]) -> CameraRig:

@@ -3,13 +3,12 @@
 The corners are where the true cameras see them, with noise; finding them in images is tested elsewhere.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
+from futures import at_once
 from perfanim.core.errors import CalibrationError
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, BoardPose, board_poses
@@ -75,15 +74,6 @@ def scene(rig: CameraRig, monkeypatch: pytest.MonkeyPatch) -> Scene:
     monkeypatch.setattr(board_session, "glimpse_board", made.find)
     monkeypatch.setattr(board_session, "find_board", made.find)
     return made
-
-
-def at_once(function: Callable[..., Any], *arguments: Any) -> "Future[Any]":
-    done: Future[Any] = Future()
-    try:
-        done.set_result(function(*arguments))
-    except CalibrationError as error:
-        done.set_exception(error)
-    return done
 
 
 def new_session(limit: int = 40, every_s: float | None = None) -> BoardSession:

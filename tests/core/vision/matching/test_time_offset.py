@@ -1,9 +1,8 @@
 """Cameras that are not synchronised: the offset found from the motion, and everything brought to one time."""
 
-from concurrent.futures import Future
-
 import numpy as np
 import pytest
+from futures import at_once
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.vision.live_frames import TimeOffsetWatch
 from perfanim.core.vision.matching.time_alignment import TimeAligner
@@ -149,12 +148,6 @@ def test_time_advances_when_an_offset_changes(rig):
         assert [len(blobs) for blobs in moved] == [1, 1]
     assert min(np.diff(times)) > 0.0
     assert times[-1] == pytest.approx(19 / FPS - 0.05)
-
-
-def at_once(function, *arguments) -> "Future":
-    done: Future = Future()
-    done.set_result(function(*arguments))
-    return done
 
 
 def test_live_offset_is_used_within_ten_seconds(rig):
