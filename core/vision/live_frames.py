@@ -22,12 +22,12 @@ Start = Callable[..., "Future[tuple[TimeOffset, ...]]"]
 class LiveSettings:
     """How the cameras of a live capture are followed."""
 
-    whole_every: int = 4  # images that are searched as a whole: 50 ms at 60 Hz until a marker from elsewhere is found
-    first_s: float = 4.0  # until the first estimate of time offsets,
-    every_s: float = 5.0  # and to the next,
-    remembered_s: float = 10.0  # from images of this time,
-    least_apart_s: float = 0.012  # of fast cameras not more than so many
-    largest_s: float = 0.1  # largest offset: how long images are on their way, as stamps are from one clock
+    whole_every: int = 4  # one in so many images is searched as a whole: 50 ms at 60 Hz until a new marker is found
+    first_s: float = 4.0  # time until the first estimate of time offsets
+    every_s: float = 5.0  # time between estimates
+    remembered_s: float = 10.0  # age of the oldest images in an estimate
+    least_apart_s: float = 0.012  # smallest distance in time of these images
+    largest_s: float = 0.1  # largest offset; stamps are from one clock, so it is how long images are on their way
     change_s: float = 0.012  # largest change of a certain offset
 
 

@@ -15,23 +15,23 @@ from .calibration_board import Board, BoardView
 class GuidanceSettings:
     """How a person is guided through a live calibration; lengths in images are shares of their width."""
 
-    look_every_s: float = 0.12  # between searches for the board
-    still_s: float = 0.5  # a board that did not move for this time is still
-    still: float = 2.0 / 640.0  # what a hand trembles within that time; it smears no corner
-    least_looks: int = 3  # within that time
+    look_every_s: float = 0.12  # time between searches for the board
+    still_s: float = 0.5  # time without motion after which a board is still
+    still: float = 2.0 / 640.0  # largest motion of a still board: the hand's tremor, which smears no corner
+    least_looks: int = 3  # fewest observations in that time
     focal: float = 0.9  # focal length of a usual lens, exact enough for tilts
-    new_place: float = 0.1  # a new view has another place,
-    new_size: float = 1.2  # another size, as a ratio,
-    new_tilt_deg: float = 12.0  # or another tilt
-    tilted_deg: float = 20.0
-    tilted_views: float = 0.5  # share of the views that should be tilted as much
-    large: float = 0.25  # root of the board's area; a smaller one is asked to come nearer
+    new_place: float = 0.1  # distance that makes a new view
+    new_size: float = 1.2  # ratio of sizes that makes a new view
+    new_tilt_deg: float = 12.0  # difference of tilts that makes a new view
+    tilted_deg: float = 20.0  # tilt of a clearly tilted view
+    tilted_views: float = 0.5  # wanted share of clearly tilted views
+    large: float = 0.25  # root of the board's area that is near enough
     asked_before: float = 0.3  # coverage added to a region for each view that was taken while it was wanted
-    reachable_share: float = 0.3  # least share of a region's cells within reach for guidance to ask for it
-    enough_covered: float = 0.45  # share of the image part that all cameras can see together
+    reachable_share: float = 0.3  # smallest share of a region's cells within reach that guidance asks for
+    enough_covered: float = 0.45  # wanted coverage of the image part that all cameras can see together
     enough_views: int = 10
-    calibrate_every: int = 2  # new views
-    unseen_s: float = 4.0  # without the board, until boards of other sizes are searched for
+    calibrate_every: int = 2  # new views between calibrations
+    unseen_s: float = 4.0  # time without the board after which boards of other sizes are searched for
 
 
 GUIDANCE = GuidanceSettings()

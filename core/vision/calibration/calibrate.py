@@ -43,8 +43,8 @@ class VerdictSettings:
     good_coverage: float = 0.25  # share of an image in which the board has been
     good_coverage_in_the_middle: float = 0.5  # the same of a board that stayed off all sides
     good_distance: float = 0.002  # relative standard deviation of the distances between cameras
-    good_tilt_deg: float = 15.0  # of the most tilted board
-    good_delay_s: float = 0.02  # between cameras
+    good_tilt_deg: float = 15.0  # tilt of the most tilted board
+    good_delay_s: float = 0.02  # delay between cameras
     smeared: float = 4.0 / 640.0  # width of edges
     smeared_one_way: float = 1.5  # ratio of edge widths from which motion smears them; below, they are out of focus
 

@@ -25,8 +25,8 @@ class VideoSettings:
     """How the frames of a video are chosen."""
 
     searched: int = 240  # moments in which the board is searched for
-    used: int = 60  # moments that are used, in which it moves least
-    least_tracked: int = 6  # corners that optical flow must follow
+    used: int = 60  # moments that are used: those with least motion
+    least_tracked: int = 6  # fewest corners that optical flow must follow
 
 
 _VIDEO = VideoSettings()

@@ -18,10 +18,10 @@ class FloorSettings:
     """When markers are taken for the floor."""
 
     fewest: int = 3  # points that determine a plane
-    still_s: float = 1.0
-    least_moments: int = 5  # in that time
-    still_m: float = 0.01  # noise of a point far from the cameras, less than anybody's step
-    least_width_m: float = 0.2  # across the longest line through the markers
+    still_s: float = 1.0  # time for which they must lie still
+    least_moments: int = 5  # fewest observations in that time
+    still_m: float = 0.01  # largest motion: noise of a point far from the cameras, less than anybody's step
+    least_width_m: float = 0.2  # smallest extent across the longest line through the markers
 
 
 FLOOR = FloorSettings()

@@ -24,8 +24,8 @@ class DetectionSettings:
     # that comes from elsewhere is found so many images later.
     whole_every: int = 1
     small_image: int = 640 * 480
-    reach: float = 0.08  # share of the longer side; 2 m away, a marker at 10 m/s goes so far in a sixtieth of a second
-    lowest_threshold: float = 12.0  # of the automatic ones
+    reach: float = 0.08  # search range around the last markers, of the longer side: 10 m/s in 2 m distance in a sixtieth of a second
+    lowest_threshold: float = 12.0  # smallest automatic threshold
     sigmas: float = 6.0  # least difference of a pixel from the background, in its standard deviations
     smallest_px: float = 0.8  # radius of a marker
     largest_px: float = 12.0
@@ -33,11 +33,11 @@ class DetectionSettings:
     relative_brightness: float = 0.35  # of the usual marker; a dimmer blob is not a marker (automatic threshold)
     relative_radius: float = 0.4  # the same of its radius, against small glints of clothing
     dimmest: float = 0.5  # share of the last image's limit, below which blobs are not even measured
-    memory: float = 0.9  # of the usual brightness, per image
-    usual_markers: int = 8  # of which the median brightness is the usual one
-    most_blobs: int = 100  # the brightest
-    spot_px: int = 11  # wider than a marker on a performer who is seen whole in 640x480 pixels
-    spot_contrast: float = 40.0  # least contrast against the body, which is lit and creased
+    memory: float = 0.9  # share of the usual brightness that is kept per image
+    usual_markers: int = 8  # number of the brightest markers whose median is the usual one
+    most_blobs: int = 100  # largest number of blobs, the brightest
+    spot_px: int = 11  # side of a spot's surroundings, wider than a marker on a performer seen whole in 640x480 pixels
+    spot_contrast: float = 40.0  # smallest contrast of a spot against the body, which is lit and creased
     spot_brightness: float = 0.85  # of the usual spot; reflectors are brighter than skin and cloth
     ignored_share: float = 0.01  # radius of an ignored place, of the image's width; reflections flicker and move
 

@@ -9,35 +9,35 @@ class SourceSettings:
 
     # reading
     warm_up_reads: int = 5  # tries for a first image
-    held: int = 12  # images of a camera that wait; then the oldest are lost
-    poll_s: float = 0.02  # at least so often, as a camera that gives nothing wakes nobody
-    retry_s: float = 0.01  # after a failed read
-    gone_s: float = 0.1  # of failed reads, then the device is opened again,
-    reopen_s: float = 0.5  # and again
-    all_lost_s: float = 10.0  # without any image, then the source gives up
-    never_usable_s: float = 5.0  # without a usable image of one camera, while samples are taken
+    held: int = 12  # waiting images of a camera; the oldest are dropped
+    poll_s: float = 0.02  # longest sleep of the reading loop
+    retry_s: float = 0.01  # pause after a failed read
+    gone_s: float = 0.1  # duration of failed reads after which a device is reopened
+    reopen_s: float = 0.5  # pause between attempts to reopen it
+    all_lost_s: float = 10.0  # time without any image after which the source gives up
+    never_usable_s: float = 5.0  # time without a usable image of one camera after which sampling gives up
     join_s: float = 0.5  # longest wait for a camera at the end
-    same_clock_s: float = 1.0  # largest age of a driver's time stamp that is of this computer's clock
-    stream_opens_ms: int = 5000  # longest wait for a network camera,
-    stream_stalls_ms: int = 1000  # and for its next image, then it is connected again
+    same_clock_s: float = 1.0  # largest age of a time stamp on this computer's clock
+    stream_opens_ms: int = 5000  # longest wait for a network camera
+    stream_stalls_ms: int = 1000  # longest wait for its next image before it is reconnected
     exposure_step: float = 1.5  # largest ratio to an accepted exposure; drivers know steps of 2
-    control_step: float = 1.0  # the same difference of gain and focus, in the camera's own numbers
+    control_step: float = 1.0  # largest difference to an accepted gain or focus, in the camera's own numbers
     # image sets
-    together: float = 0.75  # periods; images further apart belong to different moments
-    late: float = 0.25  # periods after a set that was completed without it, in which an image is dropped
-    patience: float = 2.0  # periods for which the other cameras' images are awaited
+    together: float = 0.75  # largest distance in time within an image set, periods
+    late: float = 0.25  # time after an incomplete set in which the missing image is dropped, periods
+    patience: float = 2.0  # longest wait for the other cameras' images, periods
     # faults, reported within a quarter of a second on the panel
-    silent_s: float = 0.12
-    silent_periods: float = 2.5
-    stale_s: float = 0.1  # duration of another fault
-    too_often: float = 0.6  # periods between the images of a camera that runs at another rate
-    black_level: int = 24  # grey levels, above the noise of a covered sensor
-    contrast: int = 2  # a camera was not black before if it was this many times brighter
-    compared_rows: int = 16  # one in so many rows of pixels is compared
-    fresh_images: int = 60  # in a row without equal rows show a sensor's noise
-    torn_rows: int = 4  # neighbouring compared rows that equal the last image's
-    tears: int = 2  # torn images,
-    tears_s: float = 0.5  # and the time within which they are reported
+    silent_s: float = 0.12  # time without an image that is a fault
+    silent_periods: float = 2.5  # the same in periods; the longer counts
+    stale_s: float = 0.1  # duration from which other faults are reported
+    too_often: float = 0.6  # interval between images below which the rate is wrong, periods
+    black_level: int = 24  # brightest grey level of a black image, above the noise of a covered sensor
+    contrast: int = 2  # brightness that shows that a camera can see, as a multiple of the black level
+    compared_rows: int = 16  # distance of the rows of pixels that are compared
+    fresh_images: int = 60  # images in a row without equal rows that show a sensor's noise
+    torn_rows: int = 4  # neighbouring rows equal to the last image's that make an image torn
+    tears: int = 2  # torn images that are reported
+    tears_s: float = 0.5  # time within which they must occur
 
 
 SOURCES = SourceSettings()
