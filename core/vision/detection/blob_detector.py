@@ -24,7 +24,7 @@ class DetectionSettings:
     # that comes from elsewhere is found so many images later.
     whole_every: int = 1
     small_image: int = 640 * 480
-    reach: float = 0.08  # search range around the last markers, of the longer side: 10 m/s in 2 m distance in a sixtieth of a second
+    reach: float = 0.08  # search range around the last markers, of the longer side: 10 m/s seen from 2 m at 60 Hz
     lowest_threshold: float = 12.0  # smallest automatic threshold
     sigmas: float = 6.0  # least difference of a pixel from the background, in its standard deviations
     smallest_px: float = 0.8  # radius of a marker
