@@ -1,7 +1,6 @@
-"""The worker's side of the loopback connection.
+"""The worker's end of the connection to Blender.
 
-An unlimited queue and a thread send, so that a slow Blender never makes a camera lose frames; another thread receives.
-These threads live in the worker process, never in Blender.
+One thread sends from an unlimited queue, so that a slow Blender never makes a camera lose frames; another receives.
 """
 
 import faulthandler
@@ -21,34 +20,37 @@ from ..system.schema import table_of
 from ..system.slowness import Slowness
 from .job_status import JobStatus
 from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json, encode_preview
+from .timing import TIMES
 
-HEARTBEAT_S = 0.5
-_PARENT_GONE_GRACE_S = 3.0
-_FREED_S = 5.0  # in which a process that was replaced gives cameras or port back
-_RETRY_S = 0.1
 _Source = TypeVar("_Source")
-_BLOCKED_S = 20.0  # without any Python executed: longer than anybody waits for a sign of life
 
 
-class Stopped(Exception):  # noqa: N818 - no error: the end was requested
-    """A stop was requested before the work was done: there is no result."""
+class Stopped(Exception):  # noqa: N818 - not an error
+    """A stop was requested before the work was done; there is no result."""
 
 
 def open_when_free(open_source: Callable[[], _Source], takes_place: bool, stop: threading.Event) -> _Source:
     """Open cameras or a port; retry while a replaced process may still hold them."""
-    limit_s = time.monotonic() + (_FREED_S if takes_place else 0.0)
+    limit_s = time.monotonic() + (TIMES.freed_s if takes_place else 0.0)
     while True:
         try:
             return open_source()
         except CaptureError:
-            if time.monotonic() > limit_s or stop.wait(_RETRY_S):
+            if time.monotonic() > limit_s or stop.wait(TIMES.retry_s):
                 raise
 
 
 class Channel:
     """Connection to Blender.
 
-    `send_*` never waits; a STOP message sets `stop_requested`, and so does the end of Blender.
+    Sending never waits. A STOP message sets `stop_requested`, and so does the end of Blender.
+
+    Attributes:
+        disconnected: Set once Blender has closed the connection or died.
+        frames: Frames or poses sent.
+        acknowledged: Frames or poses that Blender has processed.
+        progress_s: `time.monotonic()` of the job's last progress; None if the job reports none.
+        final: Content of the END message.
     """
 
     def __init__(self, port: int, token: str) -> None:
@@ -58,23 +60,23 @@ class Channel:
         self._queue: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._requests: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self.stop_requested = threading.Event()
-        self.disconnected = threading.Event()  # Blender has closed the connection, or died: nobody reads any more
-        self._state_changed = threading.Condition()  # of `acknowledged` or `stop_requested`
+        self.disconnected = threading.Event()
+        self._state_changed = threading.Condition()  # guards `acknowledged` and `stop_requested`
         self.activity = "starting"
         self.slowness = Slowness()
         self.frames = 0
-        self.acknowledged = 0  # frames that the receiver has dealt with
-        self._filter_settings: dict[str, Any] | None = None  # of the last FILTER message
-        self.final: dict[str, Any] = {}  # goes into END
-        self._grace_s = _PARENT_GONE_GRACE_S  # of its start: tests end before its thread does
-        self.progress_s: float | None = None  # `time.monotonic()` of the job's last progress, where it reports any
+        self.acknowledged = 0
+        self.final: dict[str, Any] = {}
+        self.progress_s: float | None = None
+        self._filter_settings: dict[str, Any] | None = None
+        self._times = TIMES  # at the start: tests end before the threads do
         self._socket.sendall(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()
         threading.Thread(target=self._receive_loop, name="receive", daemon=True).start()
 
     def wait_request(self) -> dict[str, Any]:
-        """Return the job's request; wait for it."""
+        """Wait for the job's request."""
         return self._requests.get().json()
 
     def newest_request(self) -> dict[str, Any]:
@@ -86,14 +88,13 @@ class Channel:
 
     @property
     def has_request(self) -> bool:
-        """Whether a further request waits."""
+        """Whether a further request is waiting."""
         return not self._requests.empty()
 
     def wait_for_ack(self, in_flight: int, limit_s: float | None = None) -> None:
-        """Wait until at most `in_flight` frames are on their way.
+        """Wait until at most `in_flight` frames are not acknowledged, a stop is requested, or `limit_s` has passed.
 
-        Ends early at a stop request and after `limit_s`. Sleeps until a message comes: polling every millisecond takes
-        a tenth of what Blender has for drawing.
+        Sleeps until a message comes: polling every millisecond would take a tenth of the time that Blender needs.
         """
         with self._state_changed:
             self._state_changed.wait_for(
@@ -101,37 +102,33 @@ class Channel:
             )
 
     def take_filter_settings(self) -> dict[str, Any] | None:
-        """Return the settings of a FILTER message once; None when there are no new ones."""
+        """Return the settings of a new FILTER message, None without one."""
         settings, self._filter_settings = self._filter_settings, None
         return settings
 
     def send_frame(self, stamp_s: float, frame: MarkerFrame) -> None:
-        """Send a marker frame; `stamp_s` as of `protocol.encode_frame`."""
+        """Send a marker frame; `stamp_s` is `time.perf_counter()` at the arrival of its images."""
         self.frames += 1
         self._queue.put(encode_frame(stamp_s, frame))
 
     def send_pose(self, record: bytes) -> None:
-        """Send a solved pose, packed by `pose_codec`."""
+        """Send a pose packed by `pose_codec`."""
         self.frames += 1
         self._queue.put(encode(MessageKind.POSE, record))
 
     def send_preview(self, picture: Image) -> None:
-        """Send a picture (height, width, 3), RGB, to show."""
+        """Send a picture (height, width, 3), RGB."""
         self._queue.put(encode_preview(picture))
 
     def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
-        """Send the present activity, and the `fraction` done where it is known.
-
-        Args:
-            details: Further fields of `JobStatus`.
-        """
+        """Send the current activity and the fraction that is done, if known; `details` are fields of `JobStatus`."""
         self.activity = activity
-        queued = self._queue.qsize()  # messages that Blender has not taken, those in the socket's buffer excluded
+        queued = self._queue.qsize()
         status = JobStatus(activity, fraction, frames=self.frames, queued=queued, **details)
         self._queue.put(encode_json(MessageKind.STATUS, table_of(status)))
 
     def send_warning(self, text: str, standing: bool = False) -> None:
-        """Send a warning; a `standing` one holds until the next standing one, or until ""."""
+        """Send a warning; a `standing` one is replaced by the next standing one and withdrawn by ""."""
         self._queue.put(encode_json(MessageKind.WARNING, {"text": text, "standing": standing}))
 
     def send_result(self, summary: Mapping[str, Any]) -> None:
@@ -144,7 +141,7 @@ class Channel:
         self._queue.put(encode_json(MessageKind.ERROR, content))
 
     def close(self) -> None:
-        """Send END, wait until all is sent, close."""
+        """Send END, wait until everything is sent, and close the connection."""
         self._queue.put(encode_json(MessageKind.END, {"frames": self.frames, **self.final}))
         self._queue.put(None)
         self._sender.join()
@@ -153,23 +150,23 @@ class Channel:
     def _send_loop(self) -> None:
         beat_s = -math.inf
         while True:
-            is_due = time.monotonic() - beat_s > HEARTBEAT_S
+            is_due = time.monotonic() - beat_s > self._times.heartbeat_s
             if is_due:
-                # a library that never releases the interpreter would keep the process alive for ever
-                faulthandler.dump_traceback_later(_BLOCKED_S, exit=True)
+                # a library that never releases the interpreter would keep the process alive forever
+                faulthandler.dump_traceback_later(self._times.blocked_s, exit=True)
                 beat_s = time.monotonic()
             try:
-                data = self._queue.get(timeout=HEARTBEAT_S)
+                data = self._queue.get(timeout=self._times.heartbeat_s)
             except queue.Empty:
                 data, is_due = b"", True
             if data is None:
                 faulthandler.cancel_dump_traceback_later()
                 return
             if is_due:
-                data = self._heartbeat() + data  # END is the last
+                data = self._heartbeat() + data  # END stays the last message
             try:
                 self._socket.sendall(data)
-            except OSError:  # Blender is gone: nobody reads the queue
+            except OSError:  # Blender is gone
                 self._request_stop()
                 return
 
@@ -206,11 +203,11 @@ class Channel:
             try:
                 for message in decoder.feed(data):
                     self._receive(message)
-            except PerfanimError:  # no message can be found any more: as if Blender were gone
+            except PerfanimError:  # the stream is unreadable from here on
                 break
-        # A job that does not end by itself now must not stay as an orphan.
+        # a job that does not end by itself must not stay as an orphan
         self.disconnected.set()
         self._request_stop()
         self._requests.put(Message(MessageKind.REQUEST))
-        time.sleep(self._grace_s)
+        time.sleep(self._times.grace_s)
         os._exit(3)

@@ -13,8 +13,7 @@ from ..errors import CaptureError
 from ..system import helper_process
 from ..system.libraries import LIBRARIES
 from . import process
-
-_DYING_S = 1.0  # from a closed standard input to the end of a process
+from .timing import TIMES
 
 
 def library_paths() -> list[str]:
@@ -55,7 +54,7 @@ class ChildProcess:
         try:
             self._send_order(port, token, job)
         except OSError as error:  # it ended before it read its order
-            self.end(_DYING_S)
+            self.end(TIMES.dying_s)
             reason = f"ended at once with status {self.status}{self.last_line()}"
             self.release()
             raise _not_started(program, reason) from error
@@ -109,7 +108,7 @@ class ChildProcess:
         self._close_input()
         self._process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=_DYING_S)
+            self._process.wait(timeout=TIMES.dying_s)
         self.release()
 
     def release(self) -> None:

@@ -17,9 +17,9 @@ from .liveness import Liveness
 from .protocol import Message, MessageKind, encode, encode_json
 from .requests import Request
 from .restart_point import RestartPoint
+from .timing import TIMES
 
-MOST_RESTARTS, _RESTARTS_WITHIN_S = 3, 60.0
-_BOOTING_S = 0.1
+MOST_RESTARTS = 3
 
 
 class RestartPolicy:
@@ -35,7 +35,7 @@ class RestartPolicy:
     def allows_restart(self, works: bool) -> bool:
         """Return whether one more restart is not too many."""
         is_full = len(self._restarts_s) == MOST_RESTARTS
-        return not is_full or (works and time.monotonic() - self._restarts_s[0] >= _RESTARTS_WITHIN_S)
+        return not is_full or (works and time.monotonic() - self._restarts_s[0] >= TIMES.restarts_within_s)
 
 
 class WorkerClient:
@@ -92,7 +92,7 @@ class WorkerClient:
         """
         self._go_on_after(after)
         while not self._connection.is_authenticated:
-            self.wait(_BOOTING_S)
+            self.wait(TIMES.retry_s)
             self._early = self.poll()
 
     def poll(self) -> list[Message]:

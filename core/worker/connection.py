@@ -15,9 +15,9 @@ from typing import Any
 
 from ..errors import CaptureError
 from .protocol import MAGIC, Decoder, Message, MessageKind, encode_json
+from .timing import TIMES
 
-_CHUNK = 1 << 16  # as small as its shortest messages are many
-_SILENT_S = 1.0  # a worker greets at once; who says nothing for longer makes room for the next
+_CHUNK = 1 << 16  # bytes received at once
 _MOST_BYTES, _MOST_MESSAGES = 8 << 20, 1000  # of one call, about; the rest waits for the next
 
 
@@ -74,7 +74,7 @@ class WorkerConnection:
     def _accept(self) -> None:
         """Take the next program that has connected, unless another is about to greet."""
         now_s = time.monotonic()
-        if self._socket is not None and now_s - self._accepted_s < _SILENT_S:
+        if self._socket is not None and now_s - self._accepted_s < TIMES.greeting_s:
             return
         try:
             connection, _ = self._listener.accept()

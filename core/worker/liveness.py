@@ -5,13 +5,7 @@ from collections.abc import Callable, Sequence
 
 from ..errors import CaptureError
 from .protocol import Message, MessageKind
-
-START_LIMIT_S = 60.0
-SILENCE_LIMIT_S = 15.0
-# Once frames come, a process gives a sign of life every half second (`channel.HEARTBEAT_S`); on a busy machine it may
-# be as many times later as work takes longer, which the process itself measures.
-HUNG_S = 1.25
-_LOOKED_AWAY_S = 0.25  # between two polls that counts as silence at most: the poller itself may have been held up
+from .timing import TIMES
 
 
 class Liveness:
@@ -31,7 +25,7 @@ class Liveness:
     def update(self, messages: Sequence[Message]) -> None:
         """Note the messages of one poll."""
         now_s = self._clock()
-        self._silent_s = 0.0 if messages else self._silent_s + min(now_s - self._polled_s, _LOOKED_AWAY_S)
+        self._silent_s = 0.0 if messages else self._silent_s + min(now_s - self._polled_s, TIMES.poll_gap_s)
         self._polled_s = now_s
         for message in messages:
             if message.kind in (MessageKind.FRAME, MessageKind.POSE):
@@ -44,8 +38,8 @@ class Liveness:
 
     def check(self, connected: bool) -> None:
         """Raise CaptureError when the process hangs; its first frame may take longer."""
-        hung_s = min(HUNG_S * self.slowness, SILENCE_LIMIT_S)
-        limit_s = hung_s if self.frames else SILENCE_LIMIT_S if connected else START_LIMIT_S
+        hung_s = min(TIMES.hung_s * self.slowness, TIMES.silence_s)
+        limit_s = hung_s if self.frames else TIMES.silence_s if connected else TIMES.start_s
         if self._silent_s > limit_s:
             raise CaptureError(f"sent nothing for {self._silent_s:.1f} s", where="worker", advice="start again")
         if self.frames and self._stalled_s > hung_s:

@@ -11,12 +11,10 @@ from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...session.pose_filters import FilterSettings, PoseFilter
 from ..channel import Channel
 from ..restart_point import FrameOffset, RestartPoint, gap_text
+from ..timing import TIMES
 
 if TYPE_CHECKING:
     from ..vmc_sender import VmcSender
-
-_REPORT_EVERY_S = 0.5
-_ACK_LIMIT_S = 0.25
 
 
 class FrameRecorder:
@@ -73,7 +71,7 @@ class CameraReport:
         count = len(frame.camera_times_s)
         self._unusable_images += count - len(times_s)
         now_s = time.monotonic()
-        if now_s - self._reported_s < _REPORT_EVERY_S or count < 2:
+        if now_s - self._reported_s < TIMES.report_s or count < 2:
             return
         self._reported_s = now_s
         skew_s = times_s[-1] - times_s[0] if len(times_s) == count else None
@@ -126,7 +124,7 @@ class PoseOutput:
             return False
         channel, most = self._channel, self._poses_ahead
         if most is not None and channel.frames - channel.acknowledged >= most and not channel.stop_requested.is_set():
-            channel.wait_for_ack(most - 1, _ACK_LIMIT_S)
+            channel.wait_for_ack(most - 1, TIMES.ack_s)
             return False
         self._channel.send_pose(self._ready)
         self._ready = None

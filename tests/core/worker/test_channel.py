@@ -7,6 +7,7 @@ import pytest
 from perfanim.core.worker import channel as channel_module
 from perfanim.core.worker.channel import Channel
 from perfanim.core.worker.protocol import MAGIC, MessageKind, encode, encode_json
+from perfanim.core.worker.timing import Timing
 
 PATIENCE_S = 30.0
 
@@ -14,7 +15,8 @@ PATIENCE_S = 30.0
 @pytest.fixture
 def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Channel, socket.socket]]:
     """A channel, and the socket of its parent."""
-    monkeypatch.setattr(channel_module, "_PARENT_GONE_GRACE_S", 1e6)  # then it ends its process, which is that of tests
+    # then it ends its process, which is that of tests
+    monkeypatch.setattr(channel_module, "TIMES", Timing(grace_s=1e6))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         channel = Channel(listener.getsockname()[1], "token")
         parent, _ = listener.accept()
