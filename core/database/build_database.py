@@ -42,7 +42,6 @@ class _Collected:
     skeletons: list[Skeleton] = field(default_factory=list)
     skipped: list[dict[str, Any]] = field(default_factory=list)
     defects: list[dict[str, str]] = field(default_factory=list)
-    _index_of: dict[int, tuple[int, Skeleton]] = field(default_factory=dict)  # by identity, as many clips share one
 
     def add(self, read: ReadClip, file: MotionFile) -> None:
         clip = Clip(
@@ -74,11 +73,6 @@ class _Collected:
         self.root_positions_m.append(root_positions_m)
 
     def _skeleton_index(self, skeleton: Skeleton) -> int:
-        if id(skeleton) not in self._index_of:
-            self._index_of[id(skeleton)] = self._new_index(skeleton), skeleton
-        return self._index_of[id(skeleton)][0]
-
-    def _new_index(self, skeleton: Skeleton) -> int:
         for index, known in enumerate(self.skeletons):
             if same_bones(known.offsets_m, skeleton.offsets_m):
                 return index

@@ -109,8 +109,9 @@ def read_files(
 
 
 class _ReaderProcess:
+    _skeleton: Skeleton  # of the last clip
+
     def __init__(self) -> None:
-        self._skeletons: list[Skeleton] = []
         self._process = JsonProcess(serve)
         self.kill, self.close = self._process.kill, self._process.close
 
@@ -123,14 +124,16 @@ class _ReaderProcess:
 
     def _read(self, task: Sequence[Any]) -> ReadFile:
         header = json.loads(self._process.ask(json.dumps(task)))
-        self._skeletons += [skeleton_from_facts(row) for row in header["new_skeletons"]]
         clips = []
         for row in header["clips"]:
-            skeleton = self._skeletons[row["skeleton"]]
-            frames, joints = row["frames"], len(skeleton)
+            if row["skeleton"] is not None:
+                self._skeleton = skeleton_from_facts(row["skeleton"])
+            frames, joints = row["frames"], len(self._skeleton)
             rotations = np.frombuffer(self._process.read(frames * joints * 16), np.float32).reshape(frames, joints, 4)
             positions = np.frombuffer(self._process.read(frames * 12), np.float32).reshape(frames, 3)
-            clips.append(ReadClip(row["name"], row["first_frame"], row["source_fps"], skeleton, rotations, positions))
+            clips.append(
+                ReadClip(row["name"], row["first_frame"], row["source_fps"], self._skeleton, rotations, positions)
+            )
         return ReadFile(tuple(clips), tuple(header["defects"]), header["reason"], header["line"])
 
 
@@ -172,43 +175,25 @@ def _frames(first: int, last: int) -> str:
     return str(first) if first == last else f"{first}-{last}"
 
 
-class _Sender:
-    """Other end of a `_ReaderProcess`, which writes each skeleton only once."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._stream = stream
-        self._known: dict[bytes, int] = {}
-
-    def send(self, result: Any) -> None:
-        new: list[dict[str, Any]] = []
-        rows = [
-            {
-                "name": clip.name,
-                "first_frame": clip.first_frame,
-                "source_fps": clip.source_fps,
-                "frames": len(clip.rotations),
-                "skeleton": self._skeleton(clip.skeleton, new),
-            }
-            for clip in result.clips
-        ]
-        facts = {"clips": rows, "new_skeletons": new, "defects": result.defects}
-        header = json.dumps(facts | {"reason": result.reason, "line": result.line}).encode()
-        self._stream.write(header + b"\n")
-        for clip in result.clips:
-            self._stream.write(clip.rotations.data)
-            self._stream.write(clip.root_positions_m.data)
-        self._stream.flush()
-
-    def _skeleton(self, skeleton: Skeleton, new: list[dict[str, Any]]) -> int:
-        key = skeleton.offsets_m.tobytes() + skeleton.tips_m.tobytes()
-        if key not in self._known:
-            self._known[key] = len(self._known)
-            new.append(skeleton_facts(skeleton))
-        return self._known[key]
-
-
 def serve() -> None:
     """Read the files named on standard input and write the results to standard output."""
-    sender = _Sender(sys.stdout.buffer)
+    sent: Skeleton | None = None
     for line in sys.stdin:
-        sender.send(read_file(*json.loads(line)))
+        sent = _send(read_file(*json.loads(line)), sent, sys.stdout.buffer)
+
+
+def _send(result: ReadFile, sent: Skeleton | None, stream: IO[bytes]) -> Skeleton | None:
+    """Write a result for the `_ReaderProcess`, without a skeleton that was just sent; return the last skeleton."""
+    rows: list[dict[str, Any]] = []
+    for clip in result.clips:
+        facts = {"name": clip.name, "first_frame": clip.first_frame, "source_fps": clip.source_fps}
+        skeleton = None if clip.skeleton is sent else skeleton_facts(clip.skeleton)
+        rows.append(facts | {"frames": len(clip.rotations), "skeleton": skeleton})
+        sent = clip.skeleton
+    header = {"clips": rows, "defects": result.defects, "reason": result.reason, "line": result.line}
+    stream.write(json.dumps(header).encode() + b"\n")
+    for clip in result.clips:
+        stream.write(clip.rotations.data)
+        stream.write(clip.root_positions_m.data)
+    stream.flush()
+    return sent

@@ -5,10 +5,12 @@ those of one frame kept from an earlier clip. Short passages stay, and so do mar
 velocities. Frames are compared with the nearest few by principal components; a duplicate missed that way stays.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import binary_erosion, binary_opening
 from scipy.spatial import cKDTree
 
 from ..body.joint_angle_frames import angle_frame
@@ -48,6 +50,7 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
     duplicate = np.zeros(len(poses), dtype=np.bool_)
     stride = max(1, round(fps / SETTINGS.compared_per_s))
     ahead, margin = round(SETTINGS.ahead_s * fps), round(SETTINGS.margin_s * fps)
+    shortest = max(1, math.ceil(SETTINGS.shortest_s * fps))
     kept = _Kept(poses, ahead, np.radians(distance_deg) * np.sqrt(2.0 * JOINT_ANGLES))
     for clip in clips:
         frames = np.arange(clip.start, clip.stop - ahead, stride)
@@ -57,7 +60,8 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
         known = np.zeros(clip.stop - clip.start, dtype=np.bool_)
         known[: len(frames) * stride] = np.repeat(kept.holds(features), stride)[: len(known)]
         known[len(frames) * stride :] = known[len(frames) * stride - 1]  # the end is the last frame's second pose
-        culled = _long_runs(_shrunk(known, margin), SETTINGS.shortest_s * fps)
+        culled = binary_erosion(known, np.ones(2 * margin + 1), border_value=1)
+        culled = binary_opening(culled, np.ones(shortest))  # drops shorter runs
         duplicate[clip.start : clip.stop] = culled
         kept.add(features[~culled[frames - clip.start]])
     return duplicate
@@ -109,23 +113,6 @@ class _Kept:
             features = np.concatenate((self._parts.pop()[1], features))
         tree = cKDTree(self._components(features)) if len(features) >= SETTINGS.tree else None
         self._parts.append((tree, features))
-
-
-def _shrunk(flags: Mask, by: int) -> Mask:
-    """Return the flags without those within `by` frames of an unset one."""
-    unset = np.concatenate(([0], np.cumsum(~flags)))
-    places = np.arange(len(flags))
-    first, stop = np.maximum(places - by, 0), np.minimum(places + by + 1, len(flags))
-    return np.asarray(unset[stop] == unset[first])
-
-
-def _long_runs(flags: Mask, shortest: float) -> Mask:
-    """Return the flags without runs that are shorter."""
-    result = flags.copy()
-    for start, stop in runs(flags):
-        if stop - start < shortest:
-            result[start:stop] = False
-    return result
 
 
 def clips_after_culling(clips: Sequence[Clip], culled: Mask, fps: float) -> list[Clip]:

@@ -9,6 +9,7 @@ import hashlib
 import json
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -93,10 +94,10 @@ class Database:
         return self._frames_by(lambda clip: f"{clip.source_fps:g}")
 
     def _frames_by(self, key: Callable[[Clip], str]) -> dict[str, int]:
-        counts: dict[str, int] = {}
+        counts = Counter[str]()
         for clip in self.clips:
-            counts[key(clip)] = counts.get(key(clip), 0) + clip.stop - clip.start
-        return counts
+            counts[key(clip)] += clip.stop - clip.start
+        return dict(counts)
 
     @cached_property
     def clip_of_frame(self) -> NDArray[np.int32]:
@@ -225,11 +226,7 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
 
 
 def open_database(path: str | Path) -> Database:
-    """Return the database of a file with memory-mapped arrays.
-
-    Raises:
-        DatabaseError: The file is missing, not a database, of another version, or cut off.
-    """
+    """Return the database of a file with memory-mapped arrays; DatabaseError if it is not one or is cut off."""
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
         header, arrays = _map_arrays(path, stream)

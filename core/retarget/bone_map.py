@@ -13,11 +13,11 @@ import numpy as np
 
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import CharacterError
-from ..geometry.arrays import Array
 from .armature_rest import ArmatureRest
 from .bone_name_parser import LIMB_WORDS
 from .joint_matching import match_names, match_trunk
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
+from .rest_alignment import up_and_left
 
 NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # these tell how the character stands
 EXPECTED = (
@@ -181,18 +181,9 @@ def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
                     found[side + joint] = bone
 
 
-def _axes(rest: ArmatureRest, found: Mapping[str, int]) -> tuple[Array, Array]:
-    """Return the directions up the trunk and to the left."""
-    hips, shoulders = (
-        0.5 * (rest.heads[found["l" + joint]] + rest.heads[found["r" + joint]]) for joint in ("femur", "humerus")
-    )
-    left = sum(rest.heads[found["l" + joint]] - rest.heads[found["r" + joint]] for joint in ("femur", "humerus"))
-    return shoulders - hips, np.asarray(left)
-
-
 def _swap_sides_if_backwards(rest: ArmatureRest, found: dict[str, int]) -> bool:
     """Swap the sides of rigs named from the viewer's side, whose feet would point backwards."""
-    up, left = _axes(rest, found)
+    up, left = up_and_left(rest.heads, found)
     front = np.cross(left, up)
     agreement = []
     for side in "lr":
@@ -212,7 +203,7 @@ def _swap_sides_if_backwards(rest: ArmatureRest, found: dict[str, int]) -> bool:
 
 
 def _check_biped(rest: ArmatureRest, found: Mapping[str, int]) -> None:
-    up, left = _axes(rest, found)
+    up, left = up_and_left(rest.heads, found)
     if float(np.linalg.norm(up)) < 1e-9 or float(np.linalg.norm(np.cross(left, up))) < 1e-9:
         raise CharacterError("shoulders and hips are at the same place", advice="check the chosen bones")
     ways = []
@@ -253,7 +244,7 @@ def _suspect_joints(rest: ArmatureRest, found: Mapping[str, int], uneven: float 
         if abs(sizes[0] - sizes[1]) > uneven * max(sizes):
             for side in "lr":
                 suspect.setdefault(side + upper, "left and right differ in length")
-    _, left = _axes(rest, found)
+    _, left = up_and_left(rest.heads, found)
     for joint in ("tibia", "foot", "radius", "hand"):
         if "l" + joint in found and "r" + joint in found:
             across = rest.heads[found["l" + joint]] - rest.heads[found["r" + joint]]

@@ -82,12 +82,7 @@ def read_presets(user_folder: Path | None = None) -> dict[str, dict[str, str]]:
 
 
 def load_bone_map(name_or_file: str) -> dict[str, str]:
-    """Return joint -> bone of a shipped preset or of a file.
-
-    Raises:
-        CharacterError: There is neither.
-        FormatError: The file is not a bone map.
-    """
+    """Return joint -> bone of a shipped preset or of a file; CharacterError if there is neither."""
     paths = preset_paths()
     if name_or_file in paths:
         return read_bone_map(paths[name_or_file])

@@ -17,7 +17,7 @@ from ..geometry.arrays import Array
 from .armature_rest import ArmatureRest
 from .bone_name_parser import parse_bone_name
 from .limb_detection import cosine
-from .rest_alignment import ABOVE, BONE_ENDS, bone_end, facing, limb_turns
+from .rest_alignment import ABOVE, BONE_ENDS, bone_end, facing, limb_turns, up_and_left
 
 _HAND_ABOVE = ("hand", "wrist", "radius")  # joints that fingers and thumb follow
 
@@ -51,9 +51,8 @@ def align_character(
     Raises:
         CharacterError: Left and right are unclear, or the legs have no length.
     """
-    left = sum(rest.heads[joints["l" + name]] - rest.heads[joints["r" + name]] for name in ("femur", "humerus"))
-    middles = [0.5 * (rest.heads[joints["l" + name]] + rest.heads[joints["r" + name]]) for name in ("femur", "humerus")]
-    frame = facing(np.asarray(left), middles[1] - middles[0])
+    up, left = up_and_left(rest.heads, joints)
+    frame = facing(left, up)
     scale = _leg_lengths(skeleton, rest, joints)
     heads = rest.heads @ frame / scale
     tails = rest.tails @ frame / scale

@@ -15,11 +15,7 @@ _NEEDED = ("root", "lfemur", "ltibia", "rfemur", "rtibia", "lhumerus", "lradius"
 
 
 def match_joints(source: SourceMotion) -> dict[str, int]:
-    """Return joint -> joint index in the file, for the joints that it has.
-
-    Raises:
-        SkeletonError: The hips or a thigh, shank, upper arm or forearm is missing.
-    """
+    """Return joint -> joint index in the file; SkeletonError if the hips or an arm or leg bone is missing."""
     if set(source.names) >= set(JOINT_NAMES):
         return {name: source.names.index(name) for name in JOINT_NAMES}
     try:
@@ -37,8 +33,7 @@ def _match(names: tuple[str, ...], parents: bytes, offsets_m: bytes) -> dict[str
     missing = [name for name in _NEEDED if name not in found]
     if missing:
         raise SkeletonError(
-            "no joint of the file is the " + ", ".join(missing),
-            advice="joints of the file: " + ", ".join(names[:30]),
+            "no joint of the file is the " + ", ".join(missing), advice="joints of the file: " + ", ".join(names[:30])
         )
     if not match_trunk(tree, found):
         raise SkeletonError("its arms and legs have no common parent joint")

@@ -5,7 +5,6 @@ pose.
 """
 
 from collections.abc import Iterable, Mapping
-from itertools import permutations, product
 
 import numpy as np
 
@@ -61,6 +60,12 @@ def limb_turns(
     return turns
 
 
+def up_and_left(heads: Array, joints: Mapping[str, int]) -> tuple[Array, Array]:
+    """Return the directions from hips to shoulders and to the left, as long as the body."""
+    thighs, arms = (heads[[joints["l" + name], joints["r" + name]]] for name in ("femur", "humerus"))
+    return arms.mean(axis=0) - thighs.mean(axis=0), thighs[0] - thighs[1] + arms[0] - arms[1]
+
+
 def facing(left: Array, up: Array, snap_rad: float = np.radians(25.0)) -> Array:
     """Return the rotation (3, 3) with columns left, up, forward of a body.
 
@@ -73,30 +78,16 @@ def facing(left: Array, up: Array, snap_rad: float = np.radians(25.0)) -> Array:
     """
     if np.linalg.norm(np.cross(left, up)) < 1e-6 * max(float(np.linalg.norm(up)), 1e-30):
         raise CharacterError("left and right of the rest pose are unclear", advice="check names and positions of bones")
-    nearest = np.zeros(3)
-    nearest[np.argmax(np.abs(up))] = np.sign(up[np.argmax(np.abs(up))])
-    if rot.angle_between(rot.between(up, nearest), rot.identity()) < snap_rad:
-        up = nearest
-    measured = _frame(left, up)
-    frames = _axis_aligned_rotations()
-    aligned = frames[int(np.argmax([float(np.sum(frame * measured)) for frame in frames]))]
-    turn = rot.angle_between(rot.from_matrix(aligned), rot.from_matrix(measured))
-    return aligned if turn < snap_rad else measured
-
-
-def _frame(left: Array, up: Array) -> Array:
-    """Return the rotation (3, 3) with columns left, up, forward; `up` is exact."""
+    up, cosine = up / np.linalg.norm(up), np.cos(snap_rad)
+    if np.max(np.abs(up)) > cosine:
+        up = _nearest_axes(up)
     forward = np.cross(left, up)
     forward = forward / np.linalg.norm(forward)
-    up = up / np.linalg.norm(up)
-    return np.stack((np.cross(up, forward), up, forward), axis=1)
+    measured = np.stack((np.cross(up, forward), up, forward), axis=1)
+    aligned = _nearest_axes(measured)
+    return aligned if np.sum(aligned * measured) > 1.0 + 2.0 * cosine else measured  # the trace tells the angle
 
 
-def _axis_aligned_rotations() -> list[Array]:
-    frames = []
-    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
-        frame = np.zeros((3, 3))
-        frame[np.arange(3), order] = signs
-        if np.linalg.det(frame) > 0.0:
-            frames.append(frame)
-    return frames
+def _nearest_axes(vectors: Array) -> Array:
+    """Return the coordinate axes within 37 degrees of unit vectors, 0 for those without one."""
+    return np.where(np.abs(vectors) > 0.8, np.sign(vectors), 0.0)

@@ -36,7 +36,8 @@ class Layout:
         frames: Frames that are stored completely.
         scale: Factor of integers; negative if the words are real numbers.
         start: First byte of the frames.
-        processor: Code of the header for byte order and real numbers.
+        order: Byte order for struct and NumPy.
+        is_dec: Real numbers are in the VAX format.
         metres: Metres per length unit of the file.
     """
 
@@ -47,18 +48,9 @@ class Layout:
     scale: float
     start: int
     fps: float
-    processor: int
+    order: str
+    is_dec: bool
     metres: float
-
-    @property
-    def order(self) -> str:
-        """Byte order for struct and NumPy."""
-        return ">" if self.processor == _MIPS else "<"
-
-    @property
-    def is_dec(self) -> bool:
-        """Whether real numbers are in the VAX format."""
-        return self.processor == _DEC
 
     @property
     def width(self) -> int:
@@ -166,7 +158,8 @@ class _C3dParser:
             raise FormatError("stores no frames", where=self.where, advice="the file is cut off or damaged")
         unit = str(_point(parameters, "UNITS", "mm") or "mm")
         metres = metres_of(unit, self.where)
-        return Layout(points, analog, frames, self._word(4), scale, start, fps, self.processor, metres)
+        is_dec = self.processor == _DEC
+        return Layout(points, analog, frames, self._word(4), scale, start, fps, self.order, is_dec, metres)
 
     def _frame_count(self, parameters: Parameters, stored: int) -> int:
         declared = max(self._word(5) - self._word(4) + 1, 0)

@@ -17,11 +17,7 @@ _CHARACTERS, _WORD, _REAL = -1, 2, 4
 
 
 def write_c3d(take: MarkerTake, path: Path | str) -> None:
-    """Write a take as C3D; missing frames and markers have the residual -1.
-
-    Raises:
-        FormatError: The take has more than 255 markers, or the folder cannot be written.
-    """
+    """Write a take of at most 255 markers as C3D; missing frames and markers have the residual -1."""
     if len(take.names) > _MOST_NAMES:
         raise FormatError(
             f"{len(take.names)} markers do not fit", where=str(path), advice=f"C3D holds {_MOST_NAMES}; write .csv"

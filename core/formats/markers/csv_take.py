@@ -25,11 +25,7 @@ _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 
 
 def read_csv(path: Path | str) -> MarkerTake:
-    """Return the take of a CSV file in metres; see the module for the layouts.
-
-    Raises:
-        FormatError: The file is not a marker take or is damaged; names file and line.
-    """
+    """Return the take of a CSV file in metres, see the module for the layouts; FormatError names file and line."""
     where = str(path)
     text = read_bytes(path).decode("utf-8-sig", errors="replace")
     if "\x00" in text:

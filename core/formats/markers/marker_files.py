@@ -1,7 +1,6 @@
 """Reading and writing of marker takes in all formats, in metres."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import FormatError
@@ -15,25 +14,17 @@ from .qualisys_tsv import read_tsv
 from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
 
-
-@dataclass(frozen=True)
-class _Format:
-    """Reader of a format, and of the frame count in its header if there is one."""
-
-    read: Callable[[Path], MarkerTake]
-    count: Callable[[Path], int] | None = None
-
-
-# file name ending -> format
-_FORMATS = {
-    ".c3d": _Format(read_c3d, c3d.declared_frames),
-    ".trc": _Format(read_trc, trc.declared_frames),
-    ".csv": _Format(read_csv),
-    ".tsv": _Format(read_tsv, qualisys_tsv.declared_frames),
-    ".take.npz": _Format(load_take),
-    ENDING: _Format(read_recorded_take),
+# file name ending -> reader, and reader of the frame count in the header
+_READERS: dict[str, Callable[[Path], MarkerTake]] = {
+    ".c3d": read_c3d,
+    ".trc": read_trc,
+    ".csv": read_csv,
+    ".tsv": read_tsv,
+    ".take.npz": load_take,
+    ENDING: read_recorded_take,
 }
-READABLE = tuple(_FORMATS)
+_COUNTERS = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames, ".tsv": qualisys_tsv.declared_frames}
+READABLE = tuple(_READERS)
 WRITABLE = (".take.npz", ".c3d", ".csv", ".trc")
 
 
@@ -49,21 +40,21 @@ def read_take(path: Path | str) -> MarkerTake:
         FormatError: The file is of another kind, damaged, or without markers.
         TakeError: A .take.npz has another version, or a recorded take has no poses.
     """
-    known = _format_of(path)
-    if known is None:
+    read = _READERS.get(_ending_of(path))
+    if read is None:
         raise FormatError("is not a marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
-    return known.read(Path(path))
+    return read(Path(path))
 
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in the header of a file, 0 if there is none."""
-    known = _format_of(path)
-    return known.count(Path(path)) if known and known.count else 0
+    count = _COUNTERS.get(_ending_of(path))
+    return count(path) if count else 0
 
 
-def _format_of(path: Path | str) -> _Format | None:
+def _ending_of(path: Path | str) -> str:
     ending = Path(path).suffix.lower()
-    return _FORMATS.get(".take.npz" if ending == ".npz" else ending)
+    return ".take.npz" if ending == ".npz" else ending
 
 
 def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
@@ -73,11 +64,7 @@ def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
 
 
 def write_take(take: MarkerTake, path: Path | str) -> None:
-    """Write a take; the file name's ending, of `WRITABLE`, tells the format.
-
-    Raises:
-        FormatError: The ending is another one, or the file cannot be written.
-    """
+    """Write a take; the file name's ending, of `WRITABLE`, tells the format."""
     check_ending(path)
     ending = next(ending for ending in WRITABLE if Path(path).name.lower().endswith(ending))
     {".take.npz": save_take, ".c3d": write_c3d, ".csv": write_csv, ".trc": write_trc}[ending](take, path)

@@ -15,11 +15,7 @@ from ..take_file.take_reader import TakeFile, read_take_file
 
 
 def read_recorded_take(path: Path | str) -> MarkerTake:
-    """Return the markers of a recorded take as they were labelled live.
-
-    Raises:
-        TakeError: The file is not a take, nothing of it is left, or no pose was solved.
-    """
+    """Return the markers of a recorded take as they were labelled live; TakeError if no pose was solved."""
     return marker_take(read_take_file(path))
 
 

@@ -45,11 +45,7 @@ class AmcValues:
 
 
 def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
-    """Return the numbers in the bytes of an AMC file.
-
-    Raises:
-        FormatError: The file is not AMC, is damaged, or belongs to another skeleton; names file and line.
-    """
+    """Return the numbers in the bytes of an AMC file; FormatError names file and line."""
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     start = _first_frame(content, where)

@@ -25,11 +25,7 @@ _CONVENTION = (
 
 
 def write_angles_csv(motion: Motion, path: Path | str) -> None:
-    """Write a motion's joint angles; see the module for the convention.
-
-    Raises:
-        FormatError: The file cannot be written.
-    """
+    """Write a motion's joint angles; see the module for the convention."""
     names = motion.skeleton.names
     header = ["frame", "time_s", *(f"{names[0]}_{axis}_m" for axis in "xyz")]
     header += [f"{name}_{axis}_deg" for name in names for axis in _ORDER.lower()]

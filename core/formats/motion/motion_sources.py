@@ -178,14 +178,12 @@ class SkeletonNames:
     """Names of ASF files, found by the names of their AMC files."""
 
     def __init__(self, names: Iterable[str]) -> None:
-        self._anywhere: dict[str, str] = {}  # stem -> first name
-        self._folders: dict[PurePosixPath, dict[str, str]] = {}  # folder -> stem -> first name
+        self._first: dict[tuple[PurePosixPath | None, str], str] = {}  # folder (None: any) and stem -> first name
         self._only: dict[PurePosixPath, str | None] = {}  # folder -> its only name, None for several
         for name in names:
             pure = PurePosixPath(name)
-            stem = pure.stem.lower()
-            self._anywhere.setdefault(stem, name)
-            self._folders.setdefault(pure.parent, {}).setdefault(stem, name)
+            for folder in (pure.parent, None):
+                self._first.setdefault((folder, pure.stem.lower()), name)
             self._only[pure.parent] = None if pure.parent in self._only else name
 
     def of(self, motion: str) -> str | None:
@@ -196,11 +194,8 @@ class SkeletonNames:
         """
         pure = PurePosixPath(motion)
         stems = (pure.stem.lower(), pure.stem.rsplit("_", 1)[0].lower())
-        for table in (self._folders.get(pure.parent, {}), self._anywhere):
-            for stem in stems:
-                if stem in table:
-                    return table[stem]
-        return self._only.get(pure.parent)
+        found = (self._first.get((folder, stem)) for folder in (pure.parent, None) for stem in stems)
+        return next(filter(None, found), self._only.get(pure.parent))
 
 
 def _descriptions(path: Path) -> dict[str, str]:

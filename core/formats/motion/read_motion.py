@@ -69,11 +69,7 @@ class MotionParts:
 
 
 def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") -> MotionParts:
-    """Return the motion of a file in parts without gaps.
-
-    Raises:
-        FormatError, SkeletonError: As `read_motion`, except that frames without numbers split the motion.
-    """
+    """Return the motion of a file in parts without gaps; other errors are those of `read_motion`."""
     suffix = path.suffix.lower()
     if suffix == ".amc":
         return _read_amc(path, skeleton, name or path.stem)

@@ -18,11 +18,7 @@ from .whole_take import take_facts, write_chunks
 
 
 def append_notes(path: Path | str, notes: TakeNotes) -> None:
-    """Append notes to a take, which replace its present ones.
-
-    Raises:
-        TakeError: The take has no end mark, is being recorded, or cannot be written.
-    """
+    """Append notes, which replace the present ones; TakeError if the take has no end mark or is being recorded."""
     with writing(path, "free some space, or check the folder", TakeError), Path(path).open("r+b", buffering=0) as file:
         if not lock(file.fileno()):
             raise TakeError("is being recorded", where=str(path), advice="wait for the end of the capture")

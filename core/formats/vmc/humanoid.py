@@ -66,11 +66,7 @@ class BonePoses:
 
 
 class Humanoid:
-    """Standard skeleton as a humanoid with the same bone lengths, without fingers and thumbs.
-
-    Raises:
-        SkeletonError: Standard joints are missing.
-    """
+    """Standard skeleton as a humanoid with the same bone lengths, without fingers and thumbs."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton

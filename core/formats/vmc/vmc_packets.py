@@ -99,11 +99,7 @@ def _message(address: str, *values: str | float) -> bytes:
 
 
 def read_packet(packet: bytes) -> list[Placement | Clock]:
-    """Return the transforms and times of a packet, in its order.
-
-    Raises:
-        FormatError: The packet is not OSC, or one of these messages violates the protocol.
-    """
+    """Return the transforms and times of a packet in its order; FormatError if it violates the protocol."""
     found = (_read_message(message) for message in _messages(packet))
     return [message for message in found if message is not None]
 

@@ -64,11 +64,7 @@ class Recording:
         return motion_of_bones(_at_rate(poses, times_s, fps), name, fps), len(frames)
 
     def markers(self, name: str) -> MarkerTake:
-        """Return head set, controllers and trackers as markers, with the points of `tracker_points` if they turn.
-
-        Raises:
-            TakeError: Fewer than two frames with any of them arrived.
-        """
+        """Return head set, controllers and trackers as markers, with the points of `tracker_points` if they turn."""
         seen = [
             key for key in dict.fromkeys(key for frame in self._all() for key in frame.placed) if key[0] in TRACKERS
         ]

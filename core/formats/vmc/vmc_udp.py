@@ -22,12 +22,7 @@ _SO_RXQ_OVFL = 40  # Linux reports dropped packets with each packet; Python lack
 
 
 def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
-    """Send a motion in real time, one bundle per frame; return the bytes sent.
-
-    Raises:
-        CaptureError: The host is unknown, or the network does not accept packets.
-        SkeletonError: Standard joints are missing.
-    """
+    """Send a motion in real time, one bundle per frame; return the bytes sent."""
     sent = 0
     with Sender(motion.skeleton, host, port) as sender:
         begun_s = time.perf_counter()
@@ -42,12 +37,7 @@ def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
 
 
 class Sender(AbstractContextManager["Sender"]):
-    """Sender of one body's poses to another program.
-
-    Raises:
-        CaptureError: The host is unknown.
-        SkeletonError: Standard joints are missing.
-    """
+    """Sender of one body's poses to another program; CaptureError if the host is unknown."""
 
     def __init__(self, skeleton: Skeleton, host: str, port: int) -> None:
         self.where = f"{host}:{port}"
