@@ -166,14 +166,14 @@ def test_the_left_camera_alone_captures_where_no_right_one_is_chosen(states: Any
     # a calibration of one camera leaves a right source out
     save_rig(CameraRig(default_rig().cameras[:1]), tmp_path / "one.toml")
     chosen.right_video, chosen.calibration = str(video), str(tmp_path / "one.toml")
-    assert setup.cameras(chosen)["source"]["paths"] == [str(video)]
-    assert names_of(setup.cameras(chosen)["rig"]) == ["left"]
+    assert setup.cameras(chosen).source.paths == (str(video),)
+    assert names_of(setup.cameras(chosen).rig) == ["left"]
     chosen.source, chosen.left_device, chosen.right_device = "CAMERAS", 3, -1
     chosen.calibration = str(tmp_path / "two.toml")
-    assert setup.cameras(chosen)["source"]["devices"] == [3]
+    assert setup.cameras(chosen).source.devices == (3,)
     chosen.right_device = 1
-    assert setup.cameras(chosen)["source"]["devices"] == [3, 1]
-    assert names_of(setup.cameras(chosen)["rig"]) == ["left", "right"]
+    assert setup.cameras(chosen).source.devices == (3, 1)
+    assert names_of(setup.cameras(chosen).rig) == ["left", "right"]
     assert states.cameras(chosen).ready
     chosen.further_devices = "0 2"
     assert "calibrated for 2 cameras, but 4 are chosen" in states.cameras(chosen).problem
