@@ -236,7 +236,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
         ("<calibration><cameras/></calibration>", "holds no cameras"),
         ('<calibration><cameras><camera serial="A1"/></cameras></calibration>', "camera A1: <fov_video> is incomplete"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><calibration/>', "not a Qualisys calibration"),
-        ("cameras = 5", "holds no tables"),
+        ("cameras = 5", "has no camera tables"),
         ("[cameras.1]\nignore = true", "holds no cameras"),
         ('[cameras.1]\nrotation = "null"\ntranslation = "null"', "camera 1 has no rotation"),
         ("[cameras.1]\nrotation = [0, 0, 0]\ntranslation = [0, 0, 0]", "lacks 'size', two whole"),
