@@ -15,35 +15,52 @@ from ..geometry.gated_assignment import assign
 from ..geometry.triangulation import triangulate
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 
-_GATE_M = 0.08  # plus what the marker moves in a frame
-_GATE_SPEED_SHARE = 0.6  # of the predicted movement, by which the gate grows
-_GATE_UNKNOWN_M_S = 6.0  # of a marker with a movement not known yet
-_GATE_LOST_M_S = 2.0  # growth of the gate with the time that a marker has been lost
-_GATE_MAX_M = 0.35
-_GATE_TORSO_MAX_M = 0.12
-# A limb's marker that was hidden may be further from where it is thought to be: it takes a point that is no other
-# marker's choice, once this has been there for some frames; points that two cameras match wrongly come and go.
-_REACH_M, _LONE_FRAMES, _LONE_M = 1.0, 3, 0.1
-_PIXEL_SIGMA = 0.5
-_MEETING_PX = 3.0  # reprojection error above which two rays do not belong to one marker
-_MEMORY_S = 0.1  # a velocity older than this is not used
-_BRIEFLY_S = 0.05  # a torso's marker hidden for no longer is as well known as one that is seen
-_STEADY_M = 0.06  # from where it was going, within which a marker is surely followed if no other comes as near
+
+@dataclass(frozen=True)
+class LabellerSettings:
+    """Settings of `Labeller`, tuned on takes with crossing limbs and returning markers (tuning log).
+
+    A marker is looked for within a gate around its predicted place. A limb's marker that was hidden may be further
+    away: it takes a point that no other marker can have and that has stayed for some frames. False matches of two
+    cameras come and go.
+    """
+
+    gate_m: float = 0.08  # gate of a marker at rest
+    gate_speed_share: float = 0.6  # growth of the gate, as a share of the predicted movement
+    gate_unknown_m_s: float = 6.0  # growth for a marker with unknown velocity
+    gate_hidden_m_s: float = 2.0  # growth with the time that the marker has been hidden
+    limb_gate_m: float = 0.35  # largest gate of a marker on a limb
+    torso_gate_m: float = 0.12  # largest gate of a marker on the torso
+    lone_reach_m: float = 1.0  # distance within which a hidden marker takes a point that only it can have
+    lone_frames: int = 3  # frames for which such a point must have stayed
+    lone_move_m: float = 0.1  # movement in one frame within which it has stayed
+    pixel_sigma: float = 0.5  # standard deviation of blob centres
+    meeting_px: float = 3.0  # reprojection error above which rays do not belong to one marker
+    memory_s: float = 0.1  # age up to which a velocity is used
+    briefly_s: float = 0.05  # time for which a hidden torso marker is known as well as a visible one
+    steady_m: float = 0.06  # distance from the extrapolated place within which a marker is tracked confidently
+
+
+_S = LabellerSettings()
 
 
 @dataclass
-class _Seen:
-    """Where and how fast (NaN: unknown) each marker was when last located.
+class _Tracks:
+    """State of each marker when it was last located.
 
     Args:
-        is_steady: (M,) whether it was where it was going.
-        is_confident: (M,) whether it was followed without a doubt since all were known.
-        lone_m, lone_frames: (M, 3), (M,) the point without a name that only this marker can be, and for how long.
+        positions_m: Positions (M, 3).
+        velocities_m_s: Velocities (M, 3), NaN where unknown.
+        hidden_s: Time (M,) for which it has been hidden.
+        is_steady: (M,) It was close to its extrapolated place.
+        is_confident: (M,) It has been tracked confidently since the last `Labeller.confirm`.
+        lone_m: Unlabelled points (M, 3) that only this marker can have, NaN without one.
+        lone_frames: Frames (M,) for which that point has stayed.
     """
 
     positions_m: Array
     velocities_m_s: Array
-    lost_s: Array
+    hidden_s: Array
     is_steady: Mask
     is_confident: Mask
     lone_m: Array
@@ -55,20 +72,18 @@ class LabelledBlobs:
     """Blobs of each marker, and the points that they give.
 
     Args:
-        blobs: (M, C) blob index, -1 where the camera does not show the marker.
-        normalised: (M, C, 2) undistorted normalised coordinates, NaN where not.
-        points_m: (M, 3) position of markers that two or more cameras show, else NaN.
-        covariances_m2: (M, 3, 3) its uncertainty.
+        blobs: Blob indices (M, C), -1 where the camera does not show the marker.
+        normalised: Their undistorted normalised coordinates (M, C, 2), NaN where there is no blob.
+        points_m: Positions (M, 3) of markers that two or more cameras show, NaN for others.
     """
 
     blobs: IntArray
     normalised: Array
     points_m: Array
-    covariances_m2: Array
 
     @property
     def single_cameras(self) -> IntArray:
-        """(M,) the one camera that shows the marker, -1 where none or where it is located."""
+        """(M,) the one camera that shows the marker, -1 where none does or it is located."""
         shown = self.blobs >= 0
         alone = np.any(shown, axis=1) & ~np.isfinite(self.points_m[:, 0])
         return np.where(alone, np.argmax(shown, axis=1), -1)
@@ -76,12 +91,13 @@ class LabelledBlobs:
 
 @dataclass(frozen=True)
 class Priority:
-    """Order of the markers (M,) when points or blobs are given to them.
+    """Order in which markers choose their points or blobs.
 
     Args:
-        tracked: seen in the last frame: they come first.
-        torso: those of them on the torso.
-        returning: of the torso, hidden briefly: they come first, too, where none of these may be.
+        tracked: (M,) Markers located in the last frame; they choose first.
+        torso: (M,) Those of them on the torso.
+        returning: (M,) Torso markers that were hidden briefly. They choose first, too, but no point that may belong to
+            a tracked torso marker.
     """
 
     tracked: Mask
@@ -93,96 +109,105 @@ class Labeller:
     """Labels the points of successive frames of one capture.
 
     Args:
-        names: marker names, in the order of the marker set; labels are indices into them.
-        torso: (M,) which of them lie on the torso: where it is known, so are they, even when hidden for long.
+        torso: (M,) Markers on the torso. Where the torso is known they are known, too, even when hidden for long.
     """
 
-    def __init__(self, names: Sequence[str], torso: Mask | None = None) -> None:
-        self.names = tuple(names)
-        self._torso = np.zeros(len(self.names), dtype=bool) if torso is None else np.asarray(torso)
-        count = len(self.names)
-        unknown = np.full((count, 3), np.nan)
-        never, none = np.zeros(count, dtype=bool), np.zeros(count, dtype=np.int64)
-        lost_s = np.full(count, np.inf)
-        self._seen = _Seen(unknown, unknown.copy(), lost_s, never, never.copy(), unknown.copy(), none)
+    def __init__(self, torso: Mask) -> None:
+        self._torso, count = np.asarray(torso), len(torso)
+        unknown, never = np.full((count, 3), np.nan), np.zeros(count, dtype=bool)
+        self._tracks = _Tracks(
+            positions_m=unknown,
+            velocities_m_s=unknown.copy(),
+            hidden_s=np.full(count, np.inf),
+            is_steady=never,
+            is_confident=never.copy(),
+            lone_m=unknown.copy(),
+            lone_frames=np.zeros(count, dtype=np.int64),
+        )
 
     def begin(self, points_m: Array, labels: IntArray, is_confident: Mask | None = None) -> None:
-        """Start from labels (N,) of points (N, 3), -1 for none; `is_confident` (M,): no marker."""
-        self._remember(points_m, labels, 0.0)
-        self._seen.is_confident = np.zeros(len(self.names), dtype=bool) if is_confident is None else is_confident.copy()
+        """Start from labels (N,) of points (N, 3).
+
+        Args:
+            is_confident: (M,) Markers that count as tracked confidently; none by default.
+        """
+        self._update(points_m, labels, 0.0)
+        self._tracks.is_confident = np.zeros_like(self._torso) if is_confident is None else is_confident.copy()
 
     @property
     def is_confident(self) -> Mask:
-        """(M,) markers followed without a doubt since the last `confirm`."""
-        return self._seen.is_confident.copy()
+        """(M,) markers that have been tracked confidently since the last `confirm`."""
+        return self._tracks.is_confident.copy()
 
     def confirm(self, markers: Mask) -> None:
-        """Take the last frame's labels of these markers (M,) for certain."""
-        self._seen.is_confident |= markers & (self._seen.lost_s == 0.0)
+        """Treat the last frame's labels of these markers (M,) as certain."""
+        self._tracks.is_confident |= markers & (self._tracks.hidden_s == 0.0)
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
         """Return labels (N,) by one assignment of points to the predicted markers.
 
         Args:
-            points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
-            predicted_m: (M, 3) markers of the last synthesized pose.
-            elapsed_s: time since that pose.
+            points_m: Points (N, 3).
+            covariances_m2: Their covariances (N, 3, 3).
+            predicted_m: Markers (M, 3) of the last pose.
+            elapsed_s: Time since that pose.
         """
         labels = np.full(len(points_m), -1, dtype=np.int64)
-        tracked = self._seen.lost_s == 0.0
-        returning = self._torso & ~tracked & (self._seen.lost_s <= _BRIEFLY_S)
+        hidden_s = self._tracks.hidden_s
+        tracked = hidden_s == 0.0
+        returning = self._torso & ~tracked & (hidden_s <= _S.briefly_s)
         priority = Priority(tracked, self._torso & tracked, returning)
         expected, gates = self.expected(predicted_m, elapsed_s)
         rows, columns = assign_points(points_m, covariances_m2, expected, gates, priority)
         labels[rows] = columns
         rows, columns = self._lone_points(points_m, np.flatnonzero(labels < 0), expected, columns)
         labels[rows] = columns
-        self._remember(points_m, labels, elapsed_s)
+        self._update(points_m, labels, elapsed_s)
         return labels
 
     def follow(self, points_m: Array, elapsed_s: float) -> IntArray:
-        """Return labels (N,) by where the markers were last, without a body."""
-        known = np.flatnonzero(np.isfinite(self._seen.positions_m[:, 0]))
-        expected, gates = self.expected(self._seen.positions_m, elapsed_s)
+        """Return labels (N,) from the markers' last positions, without a body."""
+        known = np.flatnonzero(np.isfinite(self._tracks.positions_m[:, 0]))
+        expected, gates = self.expected(self._tracks.positions_m, elapsed_s)
         rows, columns = assign_points(points_m, np.zeros((len(points_m), 3, 3)), expected[known], gates[known])
         labels = np.full(len(points_m), -1, dtype=np.int64)
         labels[rows] = known[columns]
-        self._remember(points_m, labels, elapsed_s)
+        self._update(points_m, labels, elapsed_s)
         return labels
 
     def label_blobs(
         self, frame: MarkerFrame, cameras: Sequence[Camera], predicted_m: Array, elapsed_s: float
-    ) -> "LabelledBlobs":
+    ) -> LabelledBlobs:
         """Label the blobs in each image by the predicted markers, then join the cameras.
 
-        Two markers on one epipolar line can be matched crosswise between the cameras without contradiction; with the
-        body known where they are in each image leaves no doubt.
+        Two markers on one epipolar line can be matched crosswise between the cameras without contradiction. The known
+        body shows where each marker is in each image.
         """
         frame = undistort_blobs(frame, cameras)
         expected, gates = self.expected(predicted_m, elapsed_s)
-        tracked = self._seen.lost_s == 0.0
-        # in an image a marker is hidden by what has come before it, so the nearest blob is hardly its own
+        tracked = self._tracks.hidden_s == 0.0
+        # returning markers get no priority here: a hidden marker's nearest blob is often its occluder
         never = np.zeros_like(tracked)
         priority = Priority(tracked, never, never)
         count = len(expected)
         blobs = np.full((count, len(cameras)), -1, dtype=np.int64)
-        normalised = np.full((count, len(cameras), 2), np.nan)
-        strangeness = np.full((count, len(cameras)), np.inf)
+        distances = np.full((count, len(cameras)), np.inf)
         for index, camera in enumerate(cameras):
             rows, columns, shares = assign_blobs(frame.blobs[index], camera, expected, gates, priority)
             blobs[columns, index] = rows
-            strangeness[columns, index] = shares
-        gates[self._take_lone_points(frame, blobs, expected)] = _REACH_M
+            distances[columns, index] = shares
+        gates[self._take_lone_points(frame, blobs, expected)] = _S.lone_reach_m
+        normalised = np.full((count, len(cameras), 2), np.nan)
         for index in range(len(cameras)):
             shown = blobs[:, index] >= 0
             normalised[shown, index] = frame.normalised[index][blobs[shown, index]]
         known = _known_points(frame, blobs)
-        points, covariances = _join_cameras(cameras, blobs, normalised, strangeness, expected, gates, known)
-        self._remember(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
-        return LabelledBlobs(blobs, normalised, points, covariances)
+        points = _join_cameras(cameras, blobs, normalised, distances, expected, gates, known)
+        self._update(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
+        return LabelledBlobs(blobs, normalised, points)
 
     def _take_lone_points(self, frame: MarkerFrame, blobs: IntArray, expected_m: Array) -> IntArray:
-        """Give blobs (M, C) of lone points to hidden markers, in place; return these."""
+        """Give blobs (M, C) of lone points to hidden markers, in place; return these markers."""
         if len(frame.points_m) == 0 or frame.point_blobs.shape[1] != blobs.shape[1]:
             return np.empty(0, dtype=np.int64)
         shown = frame.point_blobs >= 0
@@ -195,78 +220,78 @@ class Labeller:
     def _lone_points(
         self, points_m: Array, points: IntArray, expected_m: Array, labelled: IntArray
     ) -> tuple[IntArray, IntArray]:
-        """Return (points, markers) that are each other's only choice for some frames.
+        """Return (points, markers) that have been each other's only choice for some frames.
 
         Args:
-            points: indices of the points (N, 3) without a name.
-            expected_m: (M, 3) where each marker should be.
-            labelled: markers that have a point.
+            points: Indices of the unlabelled points among all (N, 3).
+            expected_m: Expected markers (M, 3).
+            labelled: Indices of the markers that have a point.
         """
-        seen, is_free = self._seen, ~self._torso
+        tracks, is_free = self._tracks, ~self._torso
         is_free[labelled] = False
         free = np.flatnonzero(is_free)
         if len(points) == 0 or len(free) == 0:
-            seen.lone_frames[:] = 0
+            tracks.lone_frames[:] = 0
             return points[:0], free[:0]
-        near = np.linalg.norm(points_m[points][:, None] - expected_m[free], axis=-1) < _REACH_M
+        near = np.linalg.norm(points_m[points][:, None] - expected_m[free], axis=-1) < _S.lone_reach_m
         near &= near.sum(axis=0) == 1
         rows, columns = np.nonzero(near & (near.sum(axis=1, keepdims=True) == 1))
-        hidden = (seen.lost_s[free[columns]] >= _MEMORY_S) | (seen.lone_frames[free[columns]] > 0)
+        hidden = (tracks.hidden_s[free[columns]] >= _S.memory_s) | (tracks.lone_frames[free[columns]] > 0)
         points, markers = points[rows[hidden]], free[columns[hidden]]
-        stays = np.linalg.norm(points_m[points] - seen.lone_m[markers], axis=-1) < _LONE_M
-        frames = np.where(stays, seen.lone_frames[markers] + 1, 1)
-        seen.lone_m[:], seen.lone_frames[:] = np.nan, 0
-        seen.lone_m[markers], seen.lone_frames[markers] = points_m[points], frames
-        stayed = frames > _LONE_FRAMES
+        stays = np.linalg.norm(points_m[points] - tracks.lone_m[markers], axis=-1) < _S.lone_move_m
+        frames = np.where(stays, tracks.lone_frames[markers] + 1, 1)
+        tracks.lone_m[:], tracks.lone_frames[:] = np.nan, 0
+        tracks.lone_m[markers], tracks.lone_frames[markers] = points_m[points], frames
+        stayed = frames > _S.lone_frames
         return points[stayed], markers[stayed]
 
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return expected markers (M, 3) and their gates (M,), metres; see `label`.
 
-        A marker that is lost goes on as it moved, for a short while; the pose may have left it at once.
+        A marker hidden for a short while is extrapolated, because the pose may lose it at once.
         """
-        is_known = np.isfinite(self._seen.velocities_m_s[:, 0])
-        fresh = is_known & (self._seen.lost_s < _MEMORY_S)
-        movement = np.where(fresh[:, None], self._seen.velocities_m_s * elapsed_s, 0.0)
-        lost = np.where(np.isfinite(self._seen.lost_s), self._seen.lost_s, 1.0)
-        gates = _GATE_M + _GATE_SPEED_SHARE * np.linalg.norm(movement, axis=1) + _GATE_LOST_M_S * lost
-        gates += np.where(is_known, 0.0, _GATE_UNKNOWN_M_S * elapsed_s)
-        lost_briefly = fresh & (self._seen.lost_s > 0.0) & self._seen.is_steady
-        way = self._seen.positions_m + self._seen.velocities_m_s * self._seen.lost_s[:, None]
-        predicted_m = np.where(lost_briefly[:, None], way, predicted_m)
-        return predicted_m + movement, np.minimum(gates, np.where(self._torso, _GATE_TORSO_MAX_M, _GATE_MAX_M))
+        tracks = self._tracks
+        is_known = np.isfinite(tracks.velocities_m_s[:, 0])
+        fresh = is_known & (tracks.hidden_s < _S.memory_s)
+        movement = np.where(fresh[:, None], tracks.velocities_m_s * elapsed_s, 0.0)
+        hidden_s = np.where(np.isfinite(tracks.hidden_s), tracks.hidden_s, 1.0)
+        gates = _S.gate_m + _S.gate_speed_share * np.linalg.norm(movement, axis=1) + _S.gate_hidden_m_s * hidden_s
+        gates += np.where(is_known, 0.0, _S.gate_unknown_m_s * elapsed_s)
+        hidden_briefly = fresh & (tracks.hidden_s > 0.0) & tracks.is_steady
+        extrapolated = tracks.positions_m + tracks.velocities_m_s * tracks.hidden_s[:, None]
+        predicted_m = np.where(hidden_briefly[:, None], extrapolated, predicted_m)
+        return predicted_m + movement, np.minimum(gates, np.where(self._torso, _S.torso_gate_m, _S.limb_gate_m))
 
-    def _remember(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
-        seen = self._seen
-        located = labels >= 0
-        markers, points = labels[located], points_m[located]
+    def _update(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
+        tracks = self._tracks
+        markers, points = labels[labels >= 0], points_m[labels >= 0]
         self._update_confidence(points_m, labels, elapsed_s)
         if elapsed_s > 0.0:
-            known = seen.lost_s[markers] < _MEMORY_S
-            velocity = (points - seen.positions_m[markers]) / (elapsed_s + seen.lost_s[markers][:, None])
-            seen.velocities_m_s[markers] = np.where(known[:, None], velocity, np.nan)
-        seen.lost_s += elapsed_s
-        seen.lost_s[markers] = 0.0
-        seen.positions_m[markers] = points
+            known = tracks.hidden_s[markers] < _S.memory_s
+            velocity = (points - tracks.positions_m[markers]) / (elapsed_s + tracks.hidden_s[markers][:, None])
+            tracks.velocities_m_s[markers] = np.where(known[:, None], velocity, np.nan)
+        tracks.hidden_s += elapsed_s
+        tracks.hidden_s[markers] = 0.0
+        tracks.positions_m[markers] = points
 
     def _update_confidence(self, points_m: Array, labels: IntArray, elapsed_s: float) -> None:
-        """Take markers for unsure that jumped, met others, or were lost."""
-        seen, points = self._seen, np.flatnonzero(labels >= 0)
+        """Withdraw the confidence in markers that jumped, met others or were hidden."""
+        tracks, points = self._tracks, np.flatnonzero(labels >= 0)
         markers = labels[points]
-        gone_s = seen.lost_s + elapsed_s
-        moving_s = np.where(gone_s < _MEMORY_S, gone_s, 0.0)
-        expected = seen.positions_m + np.nan_to_num(seen.velocities_m_s) * moving_s[:, None]
+        hidden_s = tracks.hidden_s + elapsed_s
+        moving_s = np.where(hidden_s < _S.memory_s, hidden_s, 0.0)
+        expected = tracks.positions_m + np.nan_to_num(tracks.velocities_m_s) * moving_s[:, None]
         away = np.linalg.norm(points_m[:, None] - expected[None], axis=-1)
         away[np.isnan(away)] = np.inf
         own = away[points, markers]
         away[points, markers] = np.inf
         others = np.minimum(away.min(axis=1, initial=np.inf)[points], away.min(axis=0, initial=np.inf)[markers])
-        steady = own < _STEADY_M
-        seen.is_steady[markers] = steady
-        seen.is_confident[markers] &= steady & (others > own + _STEADY_M)
-        seen.is_confident &= gone_s < _MEMORY_S
+        steady = own < _S.steady_m
+        tracks.is_steady[markers] = steady
+        tracks.is_confident[markers] &= steady & (others > own + _S.steady_m)
+        tracks.is_confident &= hidden_s < _S.memory_s
         if 2 * np.sum(steady) <= len(steady):  # a cut, or a body that was hidden
-            seen.is_confident[:] = False
+            tracks.is_confident[:] = False
 
 
 def assign_points(
@@ -275,10 +300,11 @@ def assign_points(
     """Return (points, markers) that belong together.
 
     Args:
-        points_m, covariances_m2: (N, 3) and (N, 3, 3) located points.
-        expected_m: (M, 3) where each marker should be.
-        gates_m: (M,) how far off it may be.
-        priority: which markers come first; default all.
+        points_m: Points (N, 3).
+        covariances_m2: Their covariances (N, 3, 3).
+        expected_m: Expected markers (M, 3).
+        gates_m: Largest distances (M,) from these.
+        priority: Order of the markers; all together by default.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
@@ -291,24 +317,22 @@ def assign_blobs(
     """Return matching (blobs, markers) of one image, and distances as shares of gates.
 
     Args:
-        blobs: (n, 5) as a `MarkerFrame` has them.
-        expected_m, gates_m, priority: as of `assign_points`.
+        blobs: Rows (n, 5) of a `MarkerFrame`; the other arguments are those of `assign_points`.
     """
     pixels = blobs[:, :2].astype(np.float64)
     depth = np.maximum(camera.to_camera(expected_m)[:, 2], 0.1)
     with np.errstate(invalid="ignore"):
         distances = np.linalg.norm(pixels[:, None] - camera.project(expected_m)[None], axis=-1)
     limits = gates_m * camera.focal_px / depth
-    rows, columns = _assign_by_priority(
-        (np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2, priority
-    )
+    costs = (np.where(np.isnan(distances), np.inf, distances) / limits[None]) ** 2
+    rows, columns = _assign_by_priority(costs, priority)
     return rows, columns, distances[rows, columns] / limits[columns]
 
 
 def _assign_by_priority(costs: Array, priority: Priority | None) -> tuple[IntArray, IntArray]:
-    """Return rows and columns assigned: first those that come first.
+    """Return assigned rows and columns.
 
-    Together they would leave as few as possible over: a lost marker, allowed anywhere near, would push others aside.
+    Tracked markers come first: in a joint assignment a hidden marker's wide gate would take their points.
     """
     if priority is None or priority.tracked.all():
         return assign(costs)
@@ -319,15 +343,14 @@ def _assign_by_priority(costs: Array, priority: Priority | None) -> tuple[IntArr
         own = np.where(is_taken[:, None] & priority.returning[first], np.inf, own)
     rows, columns = assign(own)
     columns = first[columns]
-    is_left, is_other = np.ones(len(costs), dtype=bool), np.ones(costs.shape[1], dtype=bool)
-    is_left[rows], is_other[columns] = False, False
-    left, others = np.flatnonzero(is_left), np.flatnonzero(is_other)
+    left = np.setdiff1d(np.arange(costs.shape[0]), rows)
+    others = np.setdiff1d(np.arange(costs.shape[1]), columns)
     further_rows, further_columns = assign(costs[np.ix_(left, others)])
     return np.concatenate((rows, left[further_rows])), np.concatenate((columns, others[further_columns]))
 
 
 def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:
-    """Return the frame's points (M, 3) of the same blobs (M, C), else NaN."""
+    """Return the frame's points (M, 3) that have the same blobs (M, C), NaN for none."""
     result = np.full((len(blobs), 3), np.nan)
     if len(frame.points_m) and frame.point_blobs.shape[1] == blobs.shape[1]:
         markers, points = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
@@ -339,25 +362,26 @@ def _join_cameras(
     cameras: Sequence[Camera],
     blobs: IntArray,
     normalised: Array,
-    strangeness: Array,
+    distances: Array,
     expected: Array,
     gates: Array,
     known: Array,
-) -> tuple[Array, Array]:
-    """Triangulate; if the rays disagree, remove the less likely blob, in place."""
-    points, covariances = np.full((len(blobs), 3), np.nan), np.full((len(blobs), 3, 3), np.nan)
+) -> Array:
+    """Triangulate points (M, 3); where rays disagree, remove the less likely blob, in place."""
+    points = np.full((len(blobs), 3), np.nan)
     while True:
         seen = blobs >= 0
-        both = np.flatnonzero((seen.sum(axis=1) >= 2) & ~np.isfinite(points[:, 0]))
-        if len(both) == 0:
-            return points, covariances
-        weights = seen[both].astype(np.float64)
-        found, spread, errors = triangulate(cameras, normalised[both], weights, _PIXEL_SIGMA, known[both])
-        away = np.linalg.norm(found - expected[both], axis=1)
-        good = (errors.max(axis=1, where=seen[both], initial=0.0) < _MEETING_PX) & (away < gates[both])
-        points[both[good]], covariances[both[good]] = found[good], spread[good]
-        for marker in both[~good]:
-            stranger = int(np.argmax(np.where(seen[marker], strangeness[marker], -1.0)))
-            blobs[marker, stranger] = -1
-            normalised[marker, stranger] = np.nan
+        several = np.flatnonzero((seen.sum(axis=1) >= 2) & ~np.isfinite(points[:, 0]))
+        if len(several) == 0:
+            return points
+        weights = seen[several].astype(np.float64)
+        found, _, errors = triangulate(cameras, normalised[several], weights, _S.pixel_sigma, known[several])
+        away = np.linalg.norm(found - expected[several], axis=1)
+        good = errors.max(axis=1, where=seen[several], initial=0.0) < _S.meeting_px
+        good &= away < gates[several]
+        points[several[good]] = found[good]
+        for marker in several[~good]:
+            worst = int(np.argmax(np.where(seen[marker], distances[marker], -1.0)))
+            blobs[marker, worst] = -1
+            normalised[marker, worst] = np.nan
             known[marker] = np.nan

@@ -77,20 +77,18 @@ class FrameLabeller:
         searched: whether the last frame was labelled without a past, which is dear.
     """
 
-    def __init__(
-        self, names: tuple[str, ...], model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples
-    ) -> None:
-        self._names, self._torso, self._cameras = names, model.torso, cameras
+    def __init__(self, model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples) -> None:
+        self._torso, self._cameras = model.torso, cameras
         self._initial = InitialLabeller(examples.markers_m[::_EVERY], examples.ups[::_EVERY], model.torso)
         self.labellings = 0
         self.reset()
 
     def reset(self) -> None:
         """Forget the motion so far."""
-        self._labeller = Labeller(self._names, self._torso)
+        self._labeller = Labeller(self._torso)
         self._search: LabelSearch | None = None
         self.searched = False
-        self._check = LabelCheck(self._initial, self._names, self._torso)
+        self._check = LabelCheck(self._initial, self._torso)
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
         """Return the share of its confidence that a pose with these labels deserves."""
@@ -151,7 +149,7 @@ class FrameLabeller:
         """Return minus the logarithm of the likelihood of the labels of a frame's pose."""
         located = int(np.sum(np.isfinite(pose.observed_m[:, 0])))
         if located == 0:
-            return _NOTHING_COST * min(len(frame.points_m), len(self._names))
+            return _NOTHING_COST * min(len(frame.points_m), len(self._torso))
         cost = self._initial.cost(pose.observed_m, pose.markers_m, max(len(frame.points_m) - located, 0))
         return cost + 0.5 * located * (float(np.fmin(pose.marker_rms_m, _UNFIT_M)) / _FIT_M) ** 2
 
@@ -178,14 +176,14 @@ class FrameLabeller:
             return Observation.of_points(self._by_marker(frame.points_m, labels))
         found = self._labeller.label_blobs(frame, self._cameras, predicted_m, elapsed_s)
         single = found.single_cameras
-        image_points = found.normalised[np.arange(len(self._names)), single]
+        image_points = found.normalised[np.arange(len(self._torso)), single]
         image_points[single < 0] = np.nan
         return Observation(found.points_m, single, image_points, self._cameras)
 
     def _search_labels(self, frame: MarkerFrame, elapsed_s: float) -> IntArray:
         """Return labels (N,) without a past, -1 until they are found."""
         if self._search is None:
-            self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._names, self._torso))
+            self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
         else:
             self._search.follow(frame.points_m, elapsed_s)
         labels = np.full(len(frame.points_m), -1)
@@ -198,7 +196,7 @@ class FrameLabeller:
         return labels
 
     def _observe_known_labels(self, frame: MarkerFrame) -> Observation:
-        count = len(self._names)
+        count = len(self._torso)
         points = self._by_marker(frame.points_m, frame.labels)
         cameras = np.full(count, -1, dtype=np.int64)
         image_points = np.full((count, 2), np.nan)
@@ -210,7 +208,7 @@ class FrameLabeller:
 
     def _by_marker(self, points_m: Array, labels: IntArray) -> Array:
         """Return the points (M, 3) by marker, NaN where none is labelled so."""
-        result = np.full((len(self._names), 3), np.nan)
+        result = np.full((len(self._torso), 3), np.nan)
         result[labels[labels >= 0]] = points_m[labels >= 0]
         return result
 

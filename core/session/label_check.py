@@ -58,16 +58,16 @@ class LabelCheck:
     """Decides how sure the labels of a tracked body are, and when they are wrong.
 
     Args:
-        names, torso: as of a `Labeller`.
+        torso: (M,) Markers on the torso.
     """
 
-    def __init__(self, initial: InitialLabeller, names: tuple[str, ...], torso: Mask) -> None:
-        self._initial, self._names, self._torso = initial, names, torso
+    def __init__(self, initial: InitialLabeller, torso: Mask) -> None:
+        self._initial, self._torso = initial, torso
         self._search: LabelSearch | None = None
         self._present_m, self._present_cost = np.empty((0, 3)), 0.0
         self._is_sure: Mask = np.zeros(0, dtype=bool)
         self._confirmed, self._was_suspect, self._were_certain = 0.0, False, False
-        self._compared: Mask = np.ones(len(names), dtype=bool)
+        self._compared: Mask = np.ones(len(torso), dtype=bool)
         self._evidence: dict[Renaming, float] = {}
         self._contradicting: set[Renaming] = set()
         self._weighed_s, self._stepped_s = -np.inf, -np.inf
@@ -107,7 +107,7 @@ class LabelCheck:
         if self._search is not None:
             self._search.follow(frame.points_m, elapsed_s)
         elif self._is_due(frame, pose, suspect):
-            self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._names, self._torso))
+            self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
             self._present_m, self._is_sure = pose.observed_m, is_confident
             ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
             self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
@@ -141,7 +141,7 @@ class LabelCheck:
         waited_s = pose.time_s - self._checked_s
         if waited_s == 0.0 or (waited_s < self._wait_s and not turned):
             return False
-        if len(frame.points_m) < _ENOUGH * len(self._names):
+        if len(frame.points_m) < _ENOUGH * len(self._torso):
             return False
         self._checked_s = pose.time_s
         self._wait_s = min(2.0 * self._wait_s, _SUSPECT_S if suspect else _RARE_S)
@@ -152,7 +152,7 @@ class LabelCheck:
 
     def _judge(self, search: LabelSearch, suspect: bool, time_s: float) -> Alternative | None:
         """Return the likeliest labels but the present ones, if likely enough."""
-        present = tuple(range(len(self._names)))
+        present = tuple(range(len(self._torso)))
         found = [(self._renaming(labels, search.points_m), labels, cost) for labels, cost in search.labellings()]
         others = {
             renaming: (labels, self._present_cost - cost - _FOLLOWED * contradicts, contradicts)

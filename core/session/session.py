@@ -55,7 +55,7 @@ class Session:
         self._model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
         self.solver = PoseSolver(self._model, database, self.settings)
         examples = BodyExamples(self._model, database)
-        self.labeller = FrameLabeller(subject.marker_set.names, self._model, cameras, examples)
+        self.labeller = FrameLabeller(self._model, cameras, examples)
         poses_m = examples.start_poses_m, examples.markers_m
         self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
         self._quality = TrackingQuality(self._model.torso, self._has_one_camera)

@@ -50,7 +50,7 @@ def test_left_and_right_are_told_apart_when_facing_the_cameras():
 
 def test_no_points_at_all():
     template = markers_of(default_skeleton(), t_pose)
-    labeller = Labeller(SET.names, TORSO)
+    labeller = Labeller(TORSO)
     assert label_by_template(np.empty((0, 3)), template).shape == (0,)
     assert labeller.label(np.empty((0, 3)), np.empty((0, 3, 3)), template, 1 / 30).shape == (0,)
 
@@ -91,7 +91,7 @@ def test_markers_on_one_epipolar_line_are_not_confused(body):
         pixels = [camera.project(body) + rng.normal(scale=0.3, size=(9, 2)) for camera in cameras]
         orders = [rng.permutation(9) for _ in cameras]
         frame = frame_of(cameras, [seen[order] for seen, order in zip(pixels, orders, strict=True)])
-        labeller = Labeller(SET.names, TORSO)
+        labeller = Labeller(TORSO)
         found = labeller.label_blobs(frame, cameras, body + rng.normal(scale=0.015, size=(9, 3)), 1 / 30)
         for index, order in enumerate(orders):
             np.testing.assert_array_equal(order[found.blobs[:, index]], np.arange(9))
@@ -115,7 +115,7 @@ def test_hidden_markers_and_ghosts(body):
         ghosts = [ghosts_beside(rng, camera.project(body), 12.0) for camera in cameras]
         pixels = [np.concatenate((c.project(body[s]), g)) for c, s, g in zip(cameras, shown, ghosts, strict=True)]
         predicted = body + rng.normal(scale=0.01, size=(9, 3))
-        labeller = Labeller(SET.names, TORSO)
+        labeller = Labeller(TORSO)
         labeller.begin(body, label_by_template(body, markers_of(default_skeleton(), standing)))
         found = labeller.label_blobs(frame_of(cameras, pixels), cameras, predicted, 1 / 30)
         for index, rows in enumerate(shown):
@@ -137,14 +137,14 @@ def test_rays_that_do_not_meet_are_not_joined(body):
     cameras = level_cameras()
     pixels = [camera.project(body) for camera in cameras]
     pixels[1][4, 1] += 12.0  # a ghost beside the hidden hand, off the epipolar line
-    found = Labeller(SET.names, TORSO).label_blobs(frame_of(cameras, pixels), cameras, body, 1 / 30)
+    found = Labeller(TORSO).label_blobs(frame_of(cameras, pixels), cameras, body, 1 / 30)
     assert np.isnan(found.points_m[4]).all()
     assert found.single_cameras[4] == 0
     np.testing.assert_array_equal(found.blobs[4], [4, -1])
 
 
 def test_a_marker_comes_back_after_a_long_time(body):
-    labeller = Labeller(SET.names, TORSO)
+    labeller = Labeller(TORSO)
     labels = label_by_template(body, markers_of(default_skeleton(), standing))
     labeller.begin(body, labels)
     np.testing.assert_array_equal(labels, np.arange(9))
@@ -161,7 +161,7 @@ def test_a_marker_comes_back_after_a_long_time(body):
 
 
 def test_a_ghost_is_not_taken_for_a_hidden_marker_far_away(body):
-    labeller = Labeller(SET.names, TORSO)
+    labeller = Labeller(TORSO)
     labeller.begin(body, label_by_template(body, markers_of(default_skeleton(), standing)))
     points = body.copy()
     points[5] += np.array([0.0, 0.5, 0.0])

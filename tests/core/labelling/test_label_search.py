@@ -29,7 +29,7 @@ def found(*alternatives):
 
 
 def search_of(initial):
-    return LabelSearch(initial, POINTS_M, Labeller(("A", "B", "C")))
+    return LabelSearch(initial, POINTS_M, Labeller(np.zeros(3, dtype=bool)))
 
 
 def test_each_frame_does_its_share_of_the_work_and_the_last_one_tells_the_result():

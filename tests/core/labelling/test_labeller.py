@@ -19,6 +19,11 @@ def markers_of(marker_set: MarkerSet, height_m: float = 1.75) -> np.ndarray:
     return marker_positions(skeleton, joints, marker_set.offsets_m, t_pose(skeleton), np.zeros(3))
 
 
+def limbs(count: int) -> Labeller:
+    """A labeller of markers none of which is on the torso."""
+    return Labeller(np.zeros(count, dtype=bool))
+
+
 def spread(count: int) -> np.ndarray:
     return np.tile(NOISE_M**2 * np.eye(3), (count, 1, 1))
 
@@ -62,7 +67,7 @@ def test_markers_keep_their_labels_with_occlusion_and_ghosts():
     marker_set = load_marker_set("boxing")
     template = markers_of(marker_set)
     rng = np.random.default_rng(3)
-    labeller = Labeller(marker_set.names, marker_set.torso)
+    labeller = Labeller(marker_set.torso)
     start = moving(template, 0.0)
     labeller.begin(start, label_by_template(start, template))
     hidden = np.zeros(len(start), dtype=int)
@@ -106,7 +111,7 @@ def test_blobs_are_labelled_in_each_image_and_single_ones_stay_rays():
         rows[:, :2] = camera.project(points[shown])
         blobs.append(rows.astype(np.float32))
     frame = MarkerFrame(0, 0.0, blobs=tuple(blobs))
-    labelled = Labeller(marker_set.names).label_blobs(frame, cameras, points + 0.01, 1 / 60)
+    labelled = limbs(len(marker_set)).label_blobs(frame, cameras, points + 0.01, 1 / 60)
     np.testing.assert_array_equal(labelled.blobs[:, 0], np.arange(9))
     np.testing.assert_array_equal(labelled.blobs[:, 1], [-1, 7, 6, 5, 4, 3, 2, 1, 0])
     np.testing.assert_array_equal(labelled.single_cameras, [0] + [-1] * 8)
@@ -116,7 +121,7 @@ def test_blobs_are_labelled_in_each_image_and_single_ones_stay_rays():
 
 def followed(places_m: list[np.ndarray], elapsed_s: float = 1 / 60) -> np.ndarray:
     """Return which markers are sure after following places (M, 3) from labels that are certain."""
-    labeller = Labeller([f"marker {index}" for index in range(len(places_m[0]))])
+    labeller = limbs(len(places_m[0]))
     labels = np.arange(len(places_m[0]))
     labeller.begin(places_m[0], labels)
     labeller.confirm(np.ones(len(labels), dtype=bool))
@@ -130,7 +135,7 @@ def followed(places_m: list[np.ndarray], elapsed_s: float = 1 / 60) -> np.ndarra
 
 def test_only_markers_vouched_for_are_sure() -> None:
     places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
-    labeller = Labeller([f"marker {index}" for index in range(4)])
+    labeller = limbs(4)
     labeller.begin(places_m, np.array([0, 1, 2, -1]))
     labeller.confirm(np.array([True, False, True, True]))
     np.testing.assert_array_equal(labeller.is_confident, [True, False, True, False])  # the last is not seen
@@ -140,7 +145,7 @@ def test_markers_followed_without_a_doubt_are_sure() -> None:
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     steps = [start + np.array([0.02 * frame, 0.0, 0.0]) for frame in range(4)]  # 1.2 m/s
     assert followed(steps).all()
-    before = Labeller(["a", "b", "c", "d"])
+    before = limbs(4)
     before.begin(start, np.arange(4))
     assert not before.is_confident.any()  # nobody has vouched for them
 
@@ -172,7 +177,7 @@ def test_a_marker_hidden_for_a_frame_is_found_where_it_was_going() -> None:
     """The pose, which a hidden marker does not hold, has left it meanwhile."""
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     step = np.array([0.03, 0.0, 0.0])
-    labeller = Labeller(["a", "b", "c", "d"])
+    labeller = limbs(4)
     labeller.begin(start, np.arange(4))
     labeller.label(start + step, spread(4), start, 1 / 60)
     labeller.label((start + 2 * step)[:3], spread(3), start + step, 1 / 60)
@@ -188,7 +193,7 @@ def test_nothing_is_sure_after_a_frame_that_shows_other_points_only() -> None:
 
 def test_a_lost_marker_pushes_no_other_aside() -> None:
     body = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
-    labeller, step = Labeller(["a", "b", "c", "lost"]), np.array([5.0 / 60, 0.0, 0.0])
+    labeller, step = limbs(4), np.array([5.0 / 60, 0.0, 0.0])
     labeller.begin(body, np.arange(4))
     for _ in range(12):  # a fifth of a second, after which the lost one may be 0.35 m away
         before, body = body, body + step
@@ -207,7 +212,7 @@ def frames_until_named(away_m: list[list[float]], thought_m: np.ndarray, blobs: 
         away_m: places of the points that are there in all frames that follow.
         thought_m: (4, 3) where the markers should be.
     """
-    labeller, cameras = Labeller(["a", "b", "c", "d"], np.array([True, False, False, False])), two_cameras()
+    labeller, cameras = Labeller(np.array([True, False, False, False])), two_cameras()
     labeller.begin(thought_m, np.arange(4))
     for _ in range(12):
         labeller.label(thought_m[:2], spread(2), thought_m, 1 / 60)
@@ -245,7 +250,7 @@ def test_a_hidden_marker_takes_a_point_far_away_that_stays_and_is_nobody_elses(b
 def test_a_marker_hidden_for_a_frame_keeps_its_point_from_a_neighbour_that_is_hidden_now() -> None:
     """A hand beside the waist: its point is gone just when that of the waist is back."""
     places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.05, 0.5, 0.0]])
-    labeller = Labeller(["a", "b", "waist", "hand"], np.array([True, True, True, False]))
+    labeller = Labeller(np.array([True, True, True, False]))
     labeller.begin(places_m, np.arange(4))
     for _ in range(3):
         labeller.label(places_m, spread(4), places_m, 1 / 60)
@@ -262,7 +267,7 @@ def test_a_marker_never_seen_may_be_further_from_where_the_pose_has_it_than_one_
     moved[hand] += np.array([0.0, 0.0, 0.3])
     for known in (False, True):
         shown = np.flatnonzero(known | (np.arange(len(body)) != hand))
-        labeller = Labeller(marker_set.names, marker_set.torso)
+        labeller = Labeller(marker_set.torso)
         labeller.begin(body[shown], shown)
         labeller.label(body[shown], spread(len(shown)), body, 1 / 30)
         assert labeller.label(moved, spread(len(body)), body, 1 / 30)[hand] == (-1 if known else hand)

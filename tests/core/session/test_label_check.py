@@ -35,7 +35,7 @@ class OneAlternative:
 
 def alternative(gain: float, is_confident: np.ndarray) -> Alternative | None:
     """Return the labels that the first check finds better than the present ones."""
-    check: Any = LabelCheck(OneAlternative(gain), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(gain), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
     return check.step(frame, 1 / 60, pose, is_confident)  # type: ignore[no-any-return]
@@ -61,7 +61,7 @@ def test_much_likelier_labels_rename_even_these() -> None:
 
 @pytest.mark.parametrize(("found", "certain"), [((), False), ((np.arange(4),), True)])
 def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tuple[np.ndarray, ...], certain: bool):
-    check: Any = LabelCheck(OneAlternative(-30.0, *found), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(-30.0, *found), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
     assert check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool)) is None
@@ -72,7 +72,7 @@ def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tu
 @pytest.mark.parametrize("other", [EXCHANGED, np.array([0, 1, 3, 2])])
 def test_each_other_labelling_has_its_own_evidence(other: np.ndarray, refuted: bool):
     searches = OneAlternative(2.5)
-    check: Any = LabelCheck(searches, ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(searches, np.ones(4, dtype=bool))  # type: ignore[arg-type]
     found = []
     for number, labels in enumerate((EXCHANGED, other, EXCHANGED)):
         searches.labels = labels
@@ -105,7 +105,7 @@ class Search:
 
 def judged(search: Search, observed_m: np.ndarray, confidence: float = 0.9) -> tuple[Any, Alternative | None]:
     """Return a check and the labels that it finds for a pose with these markers."""
-    check: Any = LabelCheck(search, ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(search, np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     pose = SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=confidence, time_s=1.0)
     return check, check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool))
@@ -190,7 +190,7 @@ def test_a_marker_that_was_hidden_is_not_confirmed_by_a_check_before() -> None:
 @pytest.mark.parametrize(("apart_s", "needed"), [(0.1, 4), (0.3, 3), (1.0, 3)])
 def test_that_markers_were_followed_counts_once_against_other_labels(apart_s: float, needed: int) -> None:
     """Wrong labels that a weak check made certain are given up in the end; a pose that rests proves less."""
-    check: Any = LabelCheck(OneAlternative(7.5, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(7.5, np.arange(4)), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     times_s = [1.0 + 1.01 * apart_s * number for number in range(9)]
     # before they are proven an example must be clearly nearer to them
     proven = [each is not None and each.nearer == 1.0 for each in stepped(check, times_s, np.ones(4, dtype=bool))]
@@ -199,11 +199,11 @@ def test_that_markers_were_followed_counts_once_against_other_labels(apart_s: fl
 
 @pytest.mark.parametrize(("confidence", "sure"), [(0.9, True), (0.3, False)])
 def test_a_first_pose_that_is_doubtful_vouches_for_no_labels(confidence: float, sure: bool) -> None:
-    names, torso, order = ("a", "b", "c", "d"), np.ones(4, dtype=bool), np.arange(4)
+    torso, order = np.ones(4, dtype=bool), np.arange(4)
     labeller: Any = FrameLabeller.__new__(FrameLabeller)  # a database is not needed here
-    labeller._labeller = Labeller(names, torso)
+    labeller._labeller = Labeller(torso)
     labeller._labeller.begin(POINTS_M, order, np.zeros(4, dtype=bool))
-    labeller._check = LabelCheck(OneAlternative(-30.0), names, torso)  # type: ignore[arg-type]
+    labeller._check = LabelCheck(OneAlternative(-30.0), torso)  # type: ignore[arg-type]
     labeller._check.begin(1.0, InitialLabels(order, 20.0, POINTS_M, ((EXCHANGED, 50.0),)))
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     assert labeller.confidence(frame, POINTS_M) == 1.0  # the search was certain
@@ -226,7 +226,7 @@ def test_a_check_takes_its_time_while_nothing_speaks_against_the_labels(gain: fl
             return (yield from super().search(points_m))
 
     nowhere = np.zeros(4, dtype=bool)
-    check: Any = LabelCheck(OneAlternative(gain, np.arange(4)), ("a", "b", "c", "d"), np.ones(4, dtype=bool))  # type: ignore[arg-type]
+    check: Any = LabelCheck(OneAlternative(gain, np.arange(4)), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     stepped(check, [1.0], nowhere)
     check._initial, observed_m = Slow(gain, np.arange(4)), POINTS_M.copy()
     observed_m[:hidden] = np.nan
