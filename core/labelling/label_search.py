@@ -1,26 +1,26 @@
-"""Labels without a past, searched while frames go on."""
+"""Search for labels without history, spread over frames."""
 
 from ..geometry.arrays import Array, IntArray
 from .initial_labelling import InitialLabeller, InitialLabels
 from .labeller import Labeller
 
-# array elements that one frame handles
+# array elements handled in one frame
 WORK = 1_000_000  # about 2.5 ms
 WORK_UNHURRIED = 200_000  # while nothing speaks against the labels
-WORK_ALONE = 5_500_000  # without a body to follow
+WORK_ALONE = 5_500_000  # without a tracked body
 
 
 class LabelSearch:
-    """Search for labels of one frame's points, a piece of it in each further frame.
+    """Search for labels of one frame's points, in pieces over the frames that follow.
 
-    What it finds is carried to the last frame by following the points.
+    The labels found are carried to the last frame by following the points.
 
     Args:
-        points_m: (N, 3) points of the frame that it begins with.
-        follower: new labeller, which follows the labels found.
+        points_m: Points (N, 3) of the frame that is searched.
+        follower: New labeller, which follows the labels found.
 
     Attributes:
-        found: result for the first frame's points; None if they look like no body.
+        found: Labels of that frame's points; None if they look like no body.
     """
 
     def __init__(self, initial: InitialLabeller, points_m: Array, follower: Labeller) -> None:
@@ -35,7 +35,7 @@ class LabelSearch:
         self._later.append((points_m, elapsed_s))
 
     def advance(self, work: float) -> bool:
-        """Do a frame's share of the work; return whether nothing is left."""
+        """Do a frame's share of the work; return whether the search is done."""
         while not self._is_done and work > 0.0:
             try:
                 work -= next(self._search)

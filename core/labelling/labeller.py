@@ -46,40 +46,24 @@ _S = LabellerSettings()
 
 @dataclass
 class _Tracks:
-    """State of each marker when it was last located.
+    """State of M markers when they were last located."""
 
-    Args:
-        positions_m: Positions (M, 3).
-        velocities_m_s: Velocities (M, 3), NaN where unknown.
-        hidden_s: Time (M,) for which it has been hidden.
-        is_steady: (M,) It was close to its extrapolated place.
-        is_confident: (M,) It has been tracked confidently since the last `Labeller.confirm`.
-        lone_m: Unlabelled points (M, 3) that only this marker can have, NaN without one.
-        lone_frames: Frames (M,) for which that point has stayed.
-    """
-
-    positions_m: Array
-    velocities_m_s: Array
-    hidden_s: Array
-    is_steady: Mask
-    is_confident: Mask
-    lone_m: Array
-    lone_frames: IntArray
+    positions_m: Array  # (M, 3)
+    velocities_m_s: Array  # (M, 3), NaN where unknown
+    hidden_s: Array  # time for which the marker has been hidden
+    is_steady: Mask  # it was close to its extrapolated place
+    is_confident: Mask  # it has been tracked confidently since the last `Labeller.confirm`
+    lone_m: Array  # (M, 3) unlabelled points that only this marker can have, NaN without one
+    lone_frames: IntArray  # frames for which that point has stayed
 
 
 @dataclass(frozen=True)
 class LabelledBlobs:
-    """Blobs of each marker, and the points that they give.
+    """Blobs of M markers in C cameras, and the points that they give."""
 
-    Args:
-        blobs: Blob indices (M, C), -1 where the camera does not show the marker.
-        normalised: Their undistorted normalised coordinates (M, C, 2), NaN where there is no blob.
-        points_m: Positions (M, 3) of markers that two or more cameras show, NaN for others.
-    """
-
-    blobs: IntArray
-    normalised: Array
-    points_m: Array
+    blobs: IntArray  # (M, C) indices, -1 where the camera does not show the marker
+    normalised: Array  # (M, C, 2) undistorted normalised coordinates, NaN where there is no blob
+    points_m: Array  # (M, 3) positions of markers that two or more cameras show, NaN for others
 
     @property
     def single_cameras(self) -> IntArray:
@@ -91,18 +75,11 @@ class LabelledBlobs:
 
 @dataclass(frozen=True)
 class Priority:
-    """Order in which markers choose their points or blobs.
+    """Order in which M markers choose their points or blobs."""
 
-    Args:
-        tracked: (M,) Markers located in the last frame; they choose first.
-        torso: (M,) Those of them on the torso.
-        returning: (M,) Torso markers that were hidden briefly. They choose first, too, but no point that may belong to
-            a tracked torso marker.
-    """
-
-    tracked: Mask
-    torso: Mask
-    returning: Mask
+    tracked: Mask  # located in the last frame: they choose first
+    torso: Mask  # tracked markers on the torso
+    returning: Mask  # torso markers hidden briefly: they choose first, too, but no point that may be of `torso`
 
 
 class Labeller:
@@ -201,7 +178,10 @@ class Labeller:
         for index in range(len(cameras)):
             shown = blobs[:, index] >= 0
             normalised[shown, index] = frame.normalised[index][blobs[shown, index]]
-        known = _known_points(frame, blobs)
+        known = np.full((count, 3), np.nan)  # points of the same blobs
+        if len(frame.points_m) and frame.point_blobs.shape[1] == len(cameras):
+            markers, same = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
+            known[markers] = frame.points_m[same]
         points = _join_cameras(cameras, blobs, normalised, distances, expected, gates, known)
         self._update(points, np.where(np.isfinite(points[:, 0]), np.arange(count), -1), elapsed_s)
         return LabelledBlobs(blobs, normalised, points)
@@ -347,15 +327,6 @@ def _assign_by_priority(costs: Array, priority: Priority | None) -> tuple[IntArr
     others = np.setdiff1d(np.arange(costs.shape[1]), columns)
     further_rows, further_columns = assign(costs[np.ix_(left, others)])
     return np.concatenate((rows, left[further_rows])), np.concatenate((columns, others[further_columns]))
-
-
-def _known_points(frame: MarkerFrame, blobs: IntArray) -> Array:
-    """Return the frame's points (M, 3) that have the same blobs (M, C), NaN for none."""
-    result = np.full((len(blobs), 3), np.nan)
-    if len(frame.points_m) and frame.point_blobs.shape[1] == blobs.shape[1]:
-        markers, points = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
-        result[markers] = frame.points_m[points]
-    return result
 
 
 def _join_cameras(

@@ -1,7 +1,4 @@
-"""Fit of a prop to the images: its blobs and its pose by all of them.
-
-The place is that of the least distances in the images, of markers that one camera sees alone as well as of the others.
-"""
+"""Fit of a prop's pose to its blobs in all images, with those that a single camera sees."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,23 +13,31 @@ from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop
 
-_STEPS = 6
-_SMALL_STEP = 1e-5
-_LEAST_DEPTH_M = 0.1
-_CENTRE_PX = 0.3  # errors up to this are those of centres and calibration
-_DAMPING = 1e-6  # far below the information of one blob; holds directions without data
+
+@dataclass(frozen=True)
+class PropFitSettings:
+    """Settings of `PropImages.fit`."""
+
+    steps: int = 6  # Gauss-Newton steps
+    small_step: float = 1e-5  # step (rad, m) that ends the fit
+    least_depth_m: float = 0.1
+    centre_px: float = 0.3  # scale of the robust weights: errors of blob centres and calibration
+    damping: float = 1e-6  # far below the information of one blob; holds directions without data
+
+
+_S = PropFitSettings()
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A prop in the world: x_world = turn x_prop + shift, seen at a time."""
+    """A prop in the world: x_world = turn x_prop + shift, at a time."""
 
     turn: Array
     shift: Array
     time_s: float
 
     def markers(self, prop: Prop) -> Array:
-        """Return where the prop's markers (M, 3) are."""
+        """Return the prop's markers (M, 3) in the world."""
         return transform(self.turn, self.shift, prop.positions_m)
 
 
@@ -52,7 +57,7 @@ class PropImages:
         """Return the mutually nearest blob (M, C) of each marker; -1 for none.
 
         Args:
-            limits_px: beyond which a blob is none of its; one for all, or (C, 1).
+            limits_px: Largest distance, one for all or (C, 1).
         """
         world = transform(placed.turn, placed.shift, self._markers)
         result = np.full((len(world), len(self._cameras)), -1, dtype=np.int64)
@@ -68,15 +73,15 @@ class PropImages:
         return result
 
     def pixels_of(self, placed: Placed, metres: float) -> Array:
-        """Return how many pixels (C, 1) a distance is in each image at the prop's place."""
+        """Return the length (C, 1) in pixels of a distance at the prop's depth."""
         middle = placed.turn @ self._markers.mean(axis=0) + placed.shift
-        depth = np.maximum((self._rotations @ middle + self._shifts)[:, 2], _LEAST_DEPTH_M)
+        depth = np.maximum((self._rotations @ middle + self._shifts)[:, 2], _S.least_depth_m)
         return np.asarray(metres * self._focal_px / depth)[:, None]
 
     def fit(self, placed: Placed, blobs: IntArray) -> tuple[Placed, Array]:
-        """Return the pose that explains the blobs (M, C) best, and errors (M, C), pixels.
+        """Return the pose that explains the blobs (M, C) best, and their errors (M, C), pixels.
 
-        Blobs that are far off count little (Cauchy's weights), so that a few wrong ones do not move the prop.
+        Cauchy's weights let a few wrong blobs count little.
         """
         seen = blobs >= 0
         observed = np.zeros((*blobs.shape, 2))
@@ -87,7 +92,7 @@ class PropImages:
         def projected(turn: Array, shift: Array) -> tuple[Array, Array, Array]:
             arms = self._markers @ turn.T
             local = np.einsum("cij,mj->mci", self._rotations, arms + shift) + self._shifts
-            depth = np.maximum(local[..., 2], _LEAST_DEPTH_M)[..., None]
+            depth = np.maximum(local[..., 2], _S.least_depth_m)[..., None]
             return arms, depth, local[..., :2] / depth
 
         def linearise(pose: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -97,14 +102,14 @@ class PropImages:
             by_point = slope / depth[..., None] * self._focal_px[:, None, None]
             by_turn = rot.cross(arms[:, None, None], by_point)
             jacobian = np.concatenate((by_turn, by_point), axis=-1)[seen]
-            weights = 1.0 / np.hypot(1.0, np.linalg.norm(residual, axis=-1, keepdims=True) / _CENTRE_PX)
+            weights = 1.0 / np.hypot(1.0, np.linalg.norm(residual, axis=-1, keepdims=True) / _S.centre_px)
             rows = ((weights * residual).ravel(), (weights[..., None] * jacobian).reshape(-1, 6))
-            return np.append(rows[0], np.zeros(6)), np.concatenate((rows[1], np.sqrt(_DAMPING) * np.eye(6)))
+            return np.append(rows[0], np.zeros(6)), np.concatenate((rows[1], np.sqrt(_S.damping) * np.eye(6)))
 
         def move(pose: tuple[Array, Array], step: Array) -> tuple[Array, Array]:
             return rot.to_matrix(rot.from_rotation_vector(-step[:3])) @ pose[0], pose[1] - step[3:]
 
-        pose, _, _ = gauss_newton((placed.turn, placed.shift), linearise, _STEPS, smallest=_SMALL_STEP, move=move)
+        pose, _, _ = gauss_newton((placed.turn, placed.shift), linearise, _S.steps, smallest=_S.small_step, move=move)
         errors = np.linalg.norm((projected(*pose)[2] - observed) * self._focal_px[:, None], axis=-1)
         return Placed(*pose, placed.time_s), np.where(seen, errors, np.inf)
 

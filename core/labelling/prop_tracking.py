@@ -6,6 +6,7 @@ the blobs of each camera, single ones too. A tracked prop starts at its expected
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,80 +18,85 @@ from ..geometry.point_patterns import match_rigid_pattern, place_pattern, planar
 from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
-from ..markers.prop import LEAST_PLANARITY_M, Prop
+from ..markers.prop import FEWEST_MARKERS, LEAST_PLANARITY_M, Prop
 from .prop_image_fit import Placed, PropImages
 
-_FEWEST = 3  # markers that place a prop
-_SPAN_M = 0.006  # distances between located markers may be off by this,
-_SPAN_SIGMAS = 0.5  # and by this share of what the cameras' geometry says (it is said for poor centres)
-_FIT_M = 0.010  # RMS distance beyond which points are not the prop
-_MISSED_M = 0.03  # what it counts that a marker has no point
-_TRIED = 6  # matches to lay it on points that are looked at
-_ELSEWHERE_M = 0.03  # two places that put a marker further apart than this are different
-_CLEARLY_M2 = 0.005**2  # of mean square: where no images tell, the best place must be better by this than another
-_GATE_M = 0.10  # where a followed prop's markers are looked for: so far from the prediction,
-_GATE_SPEED_SHARE = 0.5  # and this share of the predicted movement,
-_GATE_LOST_M_S = 2.0  # and more the longer nothing was seen
-_HELD_S = 0.25  # after which a prop that is not seen is lost, and found by its distances alone
-_CLAIM_S = 0.10  # in which a prop that too little shows still claims what lies where its markers should be
-_CLAIM_M = 0.03
-_CONFIRMED_S = 0.10  # in which a find must last that chance may have made: by three markers, or
-_SURE_BLOBS = 7  # by fewer blobs than this
-_NEAR_PX = 4.0  # a blob this near to where a prop puts a marker may be the marker
-_EXPECTED_PX = 20.0  # the same where the prop is expected
-_FIT_PX = 1.5  # a blob further off than this from the prop in its best place is another's
-_FEWEST_BLOBS = 5  # blobs that place it: a pose has six numbers, so these have four to spare
-_LEAST_SCORE = 4.75  # so few must be within a third of a pixel
-_WELL = 0.85  # of its blobs: a place that explains so much of enough of them is right
-_CLEARLY = 0.7  # of a blob: by this much a place must explain more than any other
+
+@dataclass(frozen=True)
+class PropSettings:
+    """Settings of `PropTracker`, tuned on a simulated sword among a performer's markers.
+
+    A pose has six numbers, so five blobs (ten numbers) leave four to spare. A blob scores 1 - (its error / `fit_px`)^2.
+    """
+
+    span_m: float = 0.006  # tolerance of distances between located markers
+    span_sigmas: float = 0.5  # additional tolerance in standard deviations of the points, which are pessimistic
+    fit_m: float = 0.010  # RMS distance from which points are not the prop
+    missed_m: float = 0.03  # distance that a marker without a point counts as
+    tried: int = 6  # matches of points from which poses are fitted to the images
+    elsewhere_m: float = 0.03  # distance of a marker from which two poses are different
+    clearly_m2: float = 0.005**2  # mean square distance by which the best pose must beat others without images
+    gate_m: float = 0.10  # distance within which a tracked prop's markers are looked for
+    gate_speed_share: float = 0.5  # growth of this gate, as a share of the predicted movement
+    gate_hidden_m_s: float = 2.0  # its growth with the time that the prop has been hidden
+    held_s: float = 0.25  # time after which a hidden prop is lost
+    claim_s: float = 0.10  # time for which a poorly visible prop keeps the blobs at its predicted markers
+    claim_m: float = 0.03  # distance of these blobs
+    confirmed_s: float = 0.10  # time for which a find that may be chance (three markers, few blobs) must last
+    sure_blobs: int = 7  # blobs from which a find is no chance
+    near_px: float = 4.0  # distance of a blob from a marker of a candidate pose
+    expected_px: float = 20.0  # the same for the expected pose
+    fit_px: float = 1.5  # error from which a blob is not the prop's
+    fewest_blobs: int = 5  # blobs that place the prop
+    least_score: float = 4.75  # score of a pose; five blobs reach it within a third of a pixel
+    well_explained: float = 0.85  # score per blob from which an expected pose is right
+    clearly: float = 0.7  # score by which a pose must beat any other
+
+
+_S = PropSettings()
 
 
 @dataclass(frozen=True)
 class PropDetection:
-    """Detection of a prop in one frame.
-
-    Args:
-        rest: the frame without what belongs to the prop.
-    """
+    """Detection of a prop in one frame."""
 
     pose: PropPose
-    rest: MarkerFrame
+    rest: MarkerFrame  # the frame without what belongs to the prop
 
 
-@dataclass(frozen=True)
-class _PoseCandidate:
-    """Pose of a prop on points: point (M,) of each marker, -1 for none, and its error."""
+class _PoseCandidate(NamedTuple):
+    """Pose of a prop on points."""
 
     placed: Placed
-    points: IntArray
+    points: IntArray  # (M,) point of each marker, -1 for none
     rms_m: float
     cost_m2: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Pose of a prop in the images: blobs (M, C), and their number less their errors."""
+    """Pose of a prop in the images."""
 
     placed: Placed
-    blobs: IntArray
+    blobs: IntArray  # (M, C), -1 for none
     score: float
 
     @property
     def seen(self) -> int:
-        """How many markers some camera shows."""
+        """Number of markers that some camera shows."""
         return int(np.sum(np.any(self.blobs >= 0, axis=1)))
 
     @property
     def blob_count(self) -> int:
-        """How many blobs are the prop's."""
+        """Number of the prop's blobs."""
         return int(np.sum(self.blobs >= 0))
 
 
 class PropTracker:
-    """Follows one prop through the frames of one capture.
+    """Tracks one prop through the frames of one capture.
 
     Args:
-        cameras: that the frames' blobs refer to, if they have any.
+        cameras: Cameras of the frames' blobs; none for frames of points alone.
     """
 
     def __init__(self, prop: Prop, cameras: Sequence[Camera] = ()) -> None:
@@ -99,11 +105,11 @@ class PropTracker:
         self._last: Placed | None = None
         self._before: Placed | None = None
         self._pose = PropPose(rot.identity(), np.zeros(3))
-        self._unconfirmed_since_s: float | None = None  # since when it has been where it may be by chance
+        self._unconfirmed_since_s: float | None = None  # time of a find that may be chance
 
     def step(self, frame: MarkerFrame) -> PropDetection:
         """Return the prop's pose in the next frame, and the frame without its markers."""
-        if self._last is not None and not 0.0 <= frame.time_s - self._last.time_s <= _HELD_S:
+        if self._last is not None and not 0.0 <= frame.time_s - self._last.time_s <= _S.held_s:
             self._forget()
         expected = self._predict(frame.time_s)
         if self._cameras and len(frame.blobs) == len(self._cameras):
@@ -112,41 +118,38 @@ class PropTracker:
 
     def _by_points(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
         candidates = self._candidates(frame, expected)
-        if not candidates or any(
-            other.cost_m2 - candidates[0].cost_m2 < _CLEARLY_M2
-            and self._is_elsewhere(other.placed, candidates[0].placed)
-            for other in candidates[1:]
-        ):
+        if not candidates:
             return self._miss(frame)
-        taken = np.zeros(len(frame.points_m), dtype=bool)
-        own = candidates[0].points[candidates[0].points >= 0]
-        taken[own] = True
-        return self._accept(
-            candidates[0].placed, candidates[0].rms_m, len(own), len(own) > _FEWEST, without_points(frame, taken)
-        )
+        best, *others = candidates
+        close = (other for other in others if other.cost_m2 - best.cost_m2 < _S.clearly_m2)
+        if any(self._is_elsewhere(other.placed, best.placed) for other in close):
+            return self._miss(frame)
+        own = best.points[best.points >= 0]
+        rest = without_points(frame, np.isin(np.arange(len(frame.points_m)), own))
+        return self._accept(best.placed, best.rms_m, len(own), len(own) > FEWEST_MARKERS, rest)
 
     def _by_images(self, frame: MarkerFrame, expected: Placed | None) -> PropDetection:
         images = PropImages(self._cameras, frame, self.prop)
         found = self._find_places(frame, images, expected)
-        if not found or any(found[0].score - other.score < _CLEARLY for other in found[1:]):
+        if not found or any(found[0].score - other.score < _S.clearly for other in found[1:]):
             return self._claim_blobs(frame, images, expected)
         best = found[0]
-        sure = best.seen > _FEWEST and best.blob_count >= _SURE_BLOBS
+        sure = best.seen > FEWEST_MARKERS and best.blob_count >= _S.sure_blobs
         rest = _without_own(frame, best.blobs)
         return self._accept(best.placed, images.off_m(best.placed, best.blobs), best.seen, sure, rest)
 
     def _find_places(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> list[_Fit]:
-        """Return the different places that the images show the prop in, the best first."""
+        """Return the different poses in which the images show the prop, best first."""
         found: list[_Fit] = []
         if expected is not None:
-            fit = self._fit(images, expected, _EXPECTED_PX)
-            if fit is not None and fit.blob_count >= _SURE_BLOBS and fit.score > _WELL * fit.blob_count:
+            fit = self._fit(images, expected, _S.expected_px)
+            if fit is not None and fit.blob_count >= _S.sure_blobs and fit.score > _S.well_explained * fit.blob_count:
                 return [fit]
             found = [fit] if fit is not None else []
         for candidate in self._candidates(frame, expected):
             if any(not self._is_elsewhere(candidate.placed, known.placed) for known in found):
                 continue
-            fit = self._fit(images, candidate.placed, _NEAR_PX)
+            fit = self._fit(images, candidate.placed, _S.near_px)
             if fit is not None:
                 same = [known for known in found if not self._is_elsewhere(fit.placed, known.placed)]
                 if all(known.score < fit.score for known in same):
@@ -156,63 +159,63 @@ class PropTracker:
     def _fit(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
         """Fit the prop to the images near a start; None when they do not show it."""
         placed, errors_px = start, np.empty(0)
-        for limit in (limit_px, _NEAR_PX):
+        for limit in (limit_px, _S.near_px):
             blobs = images.nearest(placed, limit)
             if not self._is_placed_by(blobs):
                 return None
             placed, errors_px = images.fit(placed, blobs)
-        blobs = np.where(errors_px < _FIT_PX, blobs, -1)
-        score = float(np.sum(1.0 - (errors_px[blobs >= 0] / _FIT_PX) ** 2))
-        return _Fit(placed, blobs, score) if score >= _LEAST_SCORE and self._is_placed_by(blobs) else None
+        blobs = np.where(errors_px < _S.fit_px, blobs, -1)
+        score = float(np.sum(1.0 - (errors_px[blobs >= 0] / _S.fit_px) ** 2))
+        return _Fit(placed, blobs, score) if score >= _S.least_score and self._is_placed_by(blobs) else None
 
     def _is_placed_by(self, blobs: IntArray) -> bool:
-        """Return whether blobs (M, C) suffice to place the prop."""
-        return bool(np.sum(blobs >= 0) >= _FEWEST_BLOBS) and self._is_spread(np.any(blobs >= 0, axis=1))
+        """Return whether blobs (M, C) place the prop."""
+        return bool(np.sum(blobs >= 0) >= _S.fewest_blobs) and self._is_spread(np.any(blobs >= 0, axis=1))
 
     def _is_spread(self, seen: Mask) -> bool:
-        """Return whether markers (M,) place the prop: three at least, not on a line."""
-        return int(seen.sum()) >= _FEWEST and planarity_m(self.prop.positions_m[seen]) >= LEAST_PLANARITY_M
+        """Return whether markers (M,) place the prop: at least three, not on a line."""
+        return int(seen.sum()) >= FEWEST_MARKERS and planarity_m(self.prop.positions_m[seen]) >= LEAST_PLANARITY_M
 
     def _is_elsewhere(self, one: Placed, other: Placed) -> bool:
-        return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _ELSEWHERE_M)
+        return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _S.elsewhere_m)
 
     def _candidates(self, frame: MarkerFrame, expected: Placed | None) -> list[_PoseCandidate]:
-        """Return the best poses of the prop on points, near the expected one first."""
+        """Return the best poses of the prop on points, preferably near the expected one."""
         points = frame.points_m
-        if len(points) < _FEWEST:
+        if len(points) < FEWEST_MARKERS:
             return []
         sigmas = np.sqrt(np.trace(frame.covariances_m2, axis1=1, axis2=2) / 3.0)
-        tolerances = _SPAN_M + _SPAN_SIGMAS * (sigmas[:, None] + sigmas[None])
+        tolerances = _S.span_m + _S.span_sigmas * (sigmas[:, None] + sigmas[None])
         if expected is not None and self._last is not None:
             markers = expected.markers(self.prop)
             moved = np.linalg.norm(markers - self._last.markers(self.prop), axis=1)
-            gates = _GATE_M + _GATE_SPEED_SHARE * moved + _GATE_LOST_M_S * (expected.time_s - self._last.time_s)
+            gates = _S.gate_m + _S.gate_speed_share * moved + _S.gate_hidden_m_s * (expected.time_s - self._last.time_s)
             allowed = np.linalg.norm(points[:, None] - markers[None], axis=-1) < gates
-            near = self._best_fits(
-                points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST, allowed), frame
-            )
+            near = self._best_fits(frame, tolerances, allowed)
             if near:
                 return near
-        found = self._best_fits(points, match_rigid_pattern(points, self.prop.spans_m, tolerances, _FEWEST), frame)
-        # three points elsewhere may be so by chance, while the prop is only hidden
-        return [candidate for candidate in found if expected is None or np.sum(candidate.points >= 0) > _FEWEST]
+        found = self._best_fits(frame, tolerances)
+        # three points elsewhere may be chance while the prop is hidden
+        return [candidate for candidate in found if expected is None or np.sum(candidate.points >= 0) > FEWEST_MARKERS]
 
-    def _best_fits(self, points_m: Array, matches: IntArray, frame: MarkerFrame) -> list[_PoseCandidate]:
-        """Return the best few of the matches (H, M), the best first."""
+    def _best_fits(self, frame: MarkerFrame, tolerances: Array, allowed: Mask | None = None) -> list[_PoseCandidate]:
+        """Return the best few poses on matching points, best first; `allowed` (N, M) limits the matches."""
+        points_m = frame.points_m
+        matches = match_rigid_pattern(points_m, self.prop.spans_m, tolerances, FEWEST_MARKERS, allowed)
         found: list[_PoseCandidate] = []
         for points in matches:
             known = points >= 0
-            missed = float((~known).sum()) * _MISSED_M**2 / len(points)
-            if len(found) >= _TRIED and missed > found[_TRIED - 1].cost_m2:
+            missed = float((~known).sum()) * _S.missed_m**2 / len(points)
+            if len(found) >= _S.tried and missed > found[_S.tried - 1].cost_m2:
                 break  # matches with fewer points follow
             if not self._is_spread(known):
                 continue
             turn, shift, rms_m = place_pattern(self.prop.positions_m[known], points_m[points[known]])
-            if rms_m < _FIT_M:
+            if rms_m < _S.fit_m:
                 cost_m2 = float(known.mean()) * rms_m**2 + missed
                 found.append(_PoseCandidate(Placed(turn, shift, frame.time_s), points, rms_m, cost_m2))
                 found.sort(key=lambda candidate: candidate.cost_m2)
-        return found[:_TRIED]
+        return found[: _S.tried]
 
     def _predict(self, time_s: float) -> Placed | None:
         """Return the expected pose, at constant velocity from the last two frames."""
@@ -224,7 +227,7 @@ class PropTracker:
         share = (time_s - last.time_s) / (last.time_s - before.time_s)
         step = rot.to_rotation_vector(rot.from_matrix(last.turn @ before.turn.T))
         turn = rot.to_matrix(rot.from_rotation_vector(share * step)) @ last.turn
-        # the middle of the markers moves steadily, the origin of a swung prop need not
+        # the middle of the markers moves steadily, the origin of a swung prop may not
         middle = self.prop.positions_m.mean(axis=0)
         now = transform(last.turn, last.shift, middle)
         then = transform(before.turn, before.shift, middle)
@@ -234,7 +237,7 @@ class PropTracker:
         if self._last is None:
             self._unconfirmed_since_s = placed.time_s
         if self._unconfirmed_since_s is not None and (
-            sure or placed.time_s - self._unconfirmed_since_s >= _CONFIRMED_S
+            sure or placed.time_s - self._unconfirmed_since_s >= _S.confirmed_s
         ):
             self._unconfirmed_since_s = None
         self._before, self._last = self._last, placed
@@ -246,22 +249,22 @@ class PropTracker:
         return PropDetection(self._pose, rest)
 
     def _claim_blobs(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> PropDetection:
-        """Return an unseen prop that for a moment keeps the blobs near its markers.
+        """Miss the prop, but let it keep the blobs near its markers for a moment.
 
         Otherwise a performer with a hidden hand would get the sword's hilt.
         """
         rest = frame
-        if expected is not None and self._last is not None and frame.time_s - self._last.time_s <= _CLAIM_S:
-            rest = _without_own(frame, images.nearest(expected, images.pixels_of(expected, _CLAIM_M)))
+        if expected is not None and self._last is not None and frame.time_s - self._last.time_s <= _S.claim_s:
+            rest = _without_own(frame, images.nearest(expected, images.pixels_of(expected, _S.claim_m)))
         return self._miss(rest)
 
     def _miss(self, rest: MarkerFrame) -> PropDetection:
-        if self._unconfirmed_since_s is not None:  # it was chance
+        if self._unconfirmed_since_s is not None:  # the find was chance
             self._forget()
         return PropDetection(self.last_pose(), rest)
 
     def last_pose(self) -> PropPose:
-        """Return where the prop was last, as not found."""
+        """Return the prop's last pose, as not found."""
         return PropPose(self._pose.rotation, self._pose.position_m)
 
     def _forget(self) -> None:
@@ -269,5 +272,5 @@ class PropTracker:
 
 
 def _without_own(frame: MarkerFrame, blobs: IntArray) -> MarkerFrame:
-    """Return the frame without the blobs (M, C), -1 for none."""
+    """Return the frame without the blobs (M, C)."""
     return without_blobs(frame, [column[column >= 0] for column in blobs.T])

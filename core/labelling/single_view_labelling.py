@@ -1,12 +1,12 @@
-"""Labels of blobs of a single camera, frame after frame.
+"""Labels of the blobs of a single camera, frame after frame.
 
-A marker that was just seen is where its movement in the image takes it; one that was hidden for a while is somewhere
-about where the last synthesized pose has it, the less surely the longer. One assignment of all blobs to all markers
-weighs how far a blob is from where a marker should be against how sure that is: else a marker that nobody has seen for
-long, and that may be anywhere, takes the blobs of its neighbours.
+A marker that was just seen is extrapolated in the image. One that was hidden is near the last pose's marker, the less
+certainly the longer. One assignment of all blobs to all markers weighs the distance of a blob from a marker against
+this uncertainty; otherwise a marker hidden for long, which may be anywhere, takes its neighbours' blobs.
 """
 
 from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,52 +14,62 @@ from ..geometry.arrays import Array, IntArray, Mask
 from ..geometry.camera import Camera
 from ..geometry.gated_assignment import assign
 
-_MEMORY_S = 0.1  # a movement in the image older than this is of no use
-# standard deviations across the ray at the marker's distance
-_IMAGE_M = 0.006  # of a marker that moves on as it did
-_IMAGE_M_S2 = 30.0  # and what it may accelerate
-_BODY_M = 0.05  # of the pose's markers
-_BODY_M_S = 0.5  # growth with the time that a marker has been hidden
-_BODY_MOST_M, _TORSO_MOST_M = 0.20, 0.06
-# costs are minus twice the logarithm of a likelihood
-_UNLIKELY = 20.0  # above this a blob is not the marker's
-_SURE = 4.0  # below this no other name is thought of
-_ALTERNATIVE_COST = 12.0  # by which another assignment may be worse than the best and still be the right one
-_NEAREST_M = 0.1  # to the camera
+
+@dataclass(frozen=True)
+class SingleViewSettings:
+    """Settings of `SingleViewLabeller`.
+
+    Deviations are across the ray at the marker's distance; costs are minus twice the logarithm of a likelihood.
+    """
+
+    memory_s: float = 0.1  # age up to which a movement in the image is used
+    image_m: float = 0.006  # standard deviation of an extrapolated marker
+    image_m_s2: float = 30.0  # acceleration that it may have
+    body_m: float = 0.05  # standard deviation of the pose's markers
+    body_m_s: float = 0.5  # growth with the time that a marker has been hidden
+    body_most_m: float = 0.20  # largest such deviation of a marker on a limb
+    torso_most_m: float = 0.06  # the same on the torso
+    unlikely: float = 20.0  # cost above which a blob is not the marker's
+    certain: float = 4.0  # cost up to which no alternative label is tried
+    alternative: float = 12.0  # cost above the best up to which an assignment is an alternative
+    nearest_m: float = 0.1  # least distance from the camera
+
+
+_S = SingleViewSettings()
 
 
 class SingleViewLabeller:
     """Labels the blobs of successive frames of one camera.
 
     Args:
-        torso: (M,) which markers lie on the torso: where it is known, so are they, even when hidden for long.
+        torso: (M,) Markers on the torso. Where the torso is known they are known, too, even when hidden for long.
     """
 
     def __init__(self, camera: Camera, torso: Mask) -> None:
         self._camera = camera
-        self._most_m = np.where(torso, _TORSO_MOST_M, _BODY_MOST_M)
+        self._most_m = np.where(torso, _S.torso_most_m, _S.body_most_m)
         self._points = np.full((len(torso), 2), np.nan)
         self._velocities = np.zeros((len(torso), 2))
         self._lost_s = np.full(len(torso), np.inf)
 
     def proposals(self, points: Array, predicted_m: Array, elapsed_s: float) -> list[tuple[float, IntArray]]:
-        """Return cost and labels (N,), -1 for none, of the best assignment and its alternatives.
+        """Return costs and labels (N,) of the best assignment and its alternatives.
 
         Args:
-            points: (N, 2) undistorted normalised coordinates of the blobs.
-            predicted_m: (M, 3) markers of the last synthesized pose.
+            points: Undistorted normalised coordinates (N, 2) of the blobs.
+            predicted_m: Markers (M, 3) of the last pose.
         """
         costs = self._costs(points, predicted_m, elapsed_s)
-        best = _name_blobs(costs)
+        best = _assign(costs)
         found = [best]
         for blob in np.flatnonzero(best[1] >= 0):
             marker = best[1][blob]
-            if costs[blob, marker] <= _SURE:
+            if costs[blob, marker] <= _S.certain:
                 continue
             others = costs.copy()
-            others[blob, marker] = _UNLIKELY
-            alternative = _name_blobs(others)
-            if alternative[0] < best[0] + _ALTERNATIVE_COST and not any(
+            others[blob, marker] = _S.unlikely
+            alternative = _assign(others)
+            if alternative[0] < best[0] + _S.alternative and not any(
                 np.array_equal(alternative[1], labels) for _, labels in found
             ):
                 found.append(alternative)
@@ -70,7 +80,7 @@ class SingleViewLabeller:
         named = labels >= 0
         markers, seen = labels[named], points[named]
         since_s = self._lost_s[markers] + elapsed_s
-        known = (since_s < _MEMORY_S) & (since_s > 0.0)
+        known = (since_s < _S.memory_s) & (since_s > 0.0)
         step = (seen - self._points[markers]) / np.where(known, since_s, 1.0)[:, None]
         result = copy(self)
         result._points, result._velocities = self._points.copy(), self._velocities.copy()
@@ -80,27 +90,27 @@ class SingleViewLabeller:
         return result
 
     def _costs(self, points: Array, predicted_m: Array, elapsed_s: float) -> Array:
-        """Return the costs (N, M) of each blob for each marker, at most `_UNLIKELY`."""
+        """Return the costs (N, M) of each blob for each marker."""
         local = self._camera.to_camera(predicted_m)
-        depth = np.maximum(local[:, 2], _NEAREST_M)
+        depth = np.maximum(local[:, 2], _S.nearest_m)
         by_body = local[:, :2] / depth[:, None]
         since_s = self._lost_s + elapsed_s
-        fresh = since_s < _MEMORY_S
+        fresh = since_s < _S.memory_s
         moved_s = np.where(fresh, since_s, 0.0)
         by_image = np.where(fresh[:, None], self._points + self._velocities * moved_s[:, None], by_body)
-        body_m = np.minimum(_BODY_M + _BODY_M_S * since_s, self._most_m)
-        image_m = np.where(fresh, _IMAGE_M + 0.5 * _IMAGE_M_S2 * moved_s**2, np.inf)
+        body_m = np.minimum(_S.body_m + _S.body_m_s * since_s, self._most_m)
+        image_m = np.where(fresh, _S.image_m + 0.5 * _S.image_m_s2 * moved_s**2, np.inf)
         from_body = np.sum((points[:, None] - by_body) ** 2, axis=-1) * depth**2
         from_image = np.sum((points[:, None] - by_image) ** 2, axis=-1) * depth**2
         variance = 1.0 / (1.0 / image_m**2 + 1.0 / body_m**2)
-        # the density of a marker that may be anywhere is low everywhere
-        costs = from_body / body_m**2 + from_image / image_m**2 + 2.0 * np.log(variance / _IMAGE_M**2)
-        return np.asarray(np.minimum(costs, _UNLIKELY))
+        # the last term is the normalisation: the density of a marker that may be anywhere is low everywhere
+        costs = from_body / body_m**2 + from_image / image_m**2 + 2.0 * np.log(variance / _S.image_m**2)
+        return np.asarray(np.minimum(costs, _S.unlikely))
 
 
-def _name_blobs(costs: Array) -> tuple[float, IntArray]:
-    """Return the least cost of naming blobs, and the labels (N,)."""
-    rows, columns = assign(costs, _UNLIKELY)
+def _assign(costs: Array) -> tuple[float, IntArray]:
+    """Return the least cost of labels, and these (N,)."""
+    rows, columns = assign(costs, _S.unlikely)
     labels = np.full(len(costs), -1, dtype=np.int64)
     labels[rows] = columns
-    return float(costs[rows, columns].sum() + _UNLIKELY * np.sum(labels < 0)), labels
+    return float(costs[rows, columns].sum() + _S.unlikely * np.sum(labels < 0)), labels

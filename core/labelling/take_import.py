@@ -22,7 +22,7 @@ from .trajectory_naming import misfit_of_names_m, name_trajectories
 UPS = ("auto", "feet", "y", "z")
 
 _UP = np.array([0.0, 1.0, 0.0])
-_TURNS = {  # from a world with this axis up to one with y up
+_TURNS = {  # rotation from a world with this axis up to one with y up
     "y": np.eye(3),
     "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
     "-y": np.diag([1.0, -1.0, -1.0]),
@@ -35,39 +35,32 @@ _TURNS = {  # from a world with this axis up to one with y up
 def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
-    Names agree as `match_labels` says. Where none agrees, the markers of a take with as many markers as the set are
-    named by their places on a standing body. A take of one camera is returned unchanged: it is labelled when it is
-    solved, and its calibration has the world.
+    Labels are matched by `match_labels`. Where they do not name the torso, the markers of a take with as many markers
+    as the set are named by their places on a standing body. A take of one camera is returned unchanged: it is labelled
+    when it is solved, and its calibration holds the world.
 
     Args:
-        marker_set: worn, with usual offsets.
-        up: of `UPS`: the axis of the file that points up; "auto" for the one that performers stand along; "feet" for
-            the floor on which the feet stand, which becomes y = 0.
+        marker_set: Marker set with usual offsets.
+        up: One of `UPS`: the axis of the file that points up; "auto" for the one along which performers stand; "feet"
+            for the floor under the feet, which becomes y = 0.
 
     Raises:
-        TakeError: the markers are not the set's, or too few are seen at once to find the vertical.
-        MarkerSetError: the set has no usual offsets, which both need.
+        TakeError: The markers are not the set's, or too few are seen at once to find the vertical.
+        MarkerSetError: The set has no usual offsets.
     """
     if is_unnamed(take):
         return take
-    named = _by_name(take, marker_set)
-    if named is None:
+    match = match_labels(take.names, marker_set)
+    if not match.has_torso:
         named = _by_place(take, marker_set, [up] if up in _TURNS else list(_TURNS))
-    elif up in _TURNS:
-        named = _turn(named, _TURNS[up])
     else:
-        named = _turn(named, _TURNS[_axis_up(named, marker_set)])
+        named = match.rename(take)
+        named = _turn(named, _TURNS[up if up in _TURNS else _axis_up(named, marker_set)])
     return _on_floor(named, marker_set.subset(named.names)) if up == "feet" else named
 
 
-def _by_name(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake | None:
-    """Return the take under the set's names; None when the torso's are missing."""
-    match = match_labels(take.names, marker_set)
-    return match.rename(take) if match.has_torso else None
-
-
 def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> MarkerTake:
-    """Return the upright take, named by the markers' places."""
+    """Return the take with y up, named by the markers' places."""
     if len(take.names) != len(marker_set):
         raise TakeError(
             f"its markers are called {join_names(take.names)}, those of the set {marker_set.name} "
@@ -83,7 +76,7 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
         except TakeError as error:
             problem = problem or error
             continue
-        if len(axes) == 1 or _axis_up(named, marker_set) == "y":  # lying bodies are recognised, too
+        if len(axes) == 1 or _axis_up(named, marker_set) == "y":  # lying bodies are recognised, too, but not upright
             found.append(named)
     if found:  # a body that lies or is upside down has some of another's places
         return min(found, key=lambda named: misfit_of_names_m(named, marker_set))
@@ -92,7 +85,7 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
 
 
 def _axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
-    """Return the name of the axis that is nearest to the performer's mean way up."""
+    """Return the name of the axis nearest to the performer's mean vertical."""
     skeleton = default_skeleton()
     try:
         up = upright_rotation(take, marker_set.subset(take.names), skeleton, standing(skeleton))[:, 1]
@@ -114,17 +107,13 @@ def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 
 
 def _turn(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
-    """Return a take in a moved world (p to turn p + shift), its cameras too."""
-    moved = np.zeros(3) if shift_m is None else shift_m
+    """Return a take in a moved world (p to turn p + shift), with its cameras."""
+    shift_m = np.zeros(3) if shift_m is None else shift_m
     single = take.single
     if single is not None:
-        cameras = [
-            replace(
-                camera,
-                rotation=camera.rotation @ turn.T,
-                translation_m=camera.translation_m - camera.rotation @ turn.T @ moved,
-            )
-            for camera in single.rig.cameras
-        ]
+        cameras = []
+        for camera in single.rig.cameras:
+            rotation = camera.rotation @ turn.T
+            cameras.append(replace(camera, rotation=rotation, translation_m=camera.translation_m - rotation @ shift_m))
         single = replace(single, rig=CameraRig(tuple(cameras), single.rig.metadata))
-    return replace(take, positions_m=transform(turn, moved, take.positions_m), single=single)
+    return replace(take, positions_m=transform(turn, shift_m, take.positions_m), single=single)

@@ -1,9 +1,10 @@
-"""Labels of points in a calibration pose, by a similarity of a template.
+"""Labels of points in a calibration pose, by a similarity transform of a template.
 
 Pairs of points taken for distant template markers give rough placements; the best are refined.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,28 +12,53 @@ from ..geometry.arrays import Array, IntArray
 from ..geometry.gated_assignment import assign
 from ..geometry.rigid_transform import kabsch
 
-_GATE_M = 0.30  # a marker further from where the calibration pose has it is not that marker
-_ROUNDS = 8
-_SCALES = (0.8, 1.25)  # bodies differ in size from the template
-_PAIR_TOLERANCE = 0.3  # relative: pairs of points that may be a given pair of template markers
-_PAIRS = 6  # of template markers, the most distant
-_HYPOTHESES = 60  # best rough placements that are refined
-_TURN_PENALTY_M = 0.02  # per radian away from facing the cameras: decides between near-symmetric placements
-_FEWEST_FOUND = 0.6  # share of the markers that must be found to start
+
+@dataclass(frozen=True)
+class TemplateSettings:
+    """Settings of `label_by_template`, tuned on calibration poses of people of many sizes."""
+
+    gate_m: float = 0.30  # largest distance of a point from its template marker
+    scales: tuple[float, float] = (0.8, 1.25)  # size of bodies relative to the template
+    pair_tolerance: float = 0.3  # relative difference between the distances of a pair of points and of its markers
+    pairs: int = 6  # pairs of template markers tried, the most distant ones
+    refined: int = 60  # rough placements that are refined
+    rounds: int = 8  # assignments of one refinement
+    turn_penalty_m: float = 0.02  # per radian away from facing the cameras; chooses between near-symmetric placements
+    fewest_found: float = 0.6  # share of the markers that must be found
+
+
+_S = TemplateSettings()
+
+
+class Similarity(NamedTuple):
+    """p_world = scale * turn @ p_template + shift."""
+
+    turn: Array
+    shift: Array
+    scale: float
+
+    def apply(self, points: Array) -> Array:
+        """Return the points (N, 3) in the world."""
+        return np.asarray(self.scale * points @ self.turn.T + self.shift)
+
+
+def similarity(source: Array, target: Array, scales: tuple[float, float] = (0.0, np.inf)) -> Similarity:
+    """Return the least-squares similarity transform (Umeyama 1991) with its scale within bounds."""
+    turn, _ = kabsch(source, target)
+    turned = (source - source.mean(axis=0)) @ turn.T
+    scale = float(np.clip(np.sum(turned * target) / np.sum(turned * turned), *scales))
+    return Similarity(turn, target.mean(axis=0) - scale * turn @ source.mean(axis=0), scale)
 
 
 def label_by_template(points_m: Array, template_m: Array) -> IntArray:
-    """Return labels (N,) of points in a pose like the template's, at any place.
+    """Return labels (N,) of points in a pose like the template's; all -1 when too few fit.
 
     Args:
-        points_m: (N, 3) points in a world with y roughly up; with ghosts, and some markers missing.
-        template_m: (M, 3) markers in a calibration pose, facing +z.
-
-    Returns:
-        All -1 when too few points fit.
+        points_m: Points (N, 3) in a world with y roughly up, with ghosts and hidden markers.
+        template_m: Markers (M, 3) in a calibration pose, facing +z.
     """
     labels = np.full(len(points_m), -1, dtype=np.int64)
-    needed = max(3, int(np.ceil(_FEWEST_FOUND * len(template_m))))
+    needed = max(3, int(np.ceil(_S.fewest_found * len(template_m))))
     if len(points_m) < needed:
         return labels
     best_cost = np.inf
@@ -45,65 +71,42 @@ def label_by_template(points_m: Array, template_m: Array) -> IntArray:
     return labels
 
 
-@dataclass(frozen=True)
-class _Placement:
-    """p_world = scale * turn @ p_template + shift."""
-
-    turn: Array
-    shift: Array
-    scale: float
-
-    def apply(self, points: Array) -> Array:
-        return np.asarray(self.scale * points @ self.turn.T + self.shift)
-
-
-def _rough_placements(points: Array, template: Array) -> list[_Placement]:
+def _rough_placements(points: Array, template: Array) -> list[Similarity]:
     """Return the best placements from pairs of points for distant template markers."""
     pairs = np.transpose(np.triu_indices(len(template), 1))
     spans = np.linalg.norm(template[pairs[:, 0]] - template[pairs[:, 1]], axis=-1)
     placements, costs = [], []
-    for pair in np.argsort(-spans)[:_PAIRS]:
+    for pair in np.argsort(-spans)[: _S.pairs]:
         for i, j in np.ndindex(len(points), len(points)):
             scale = np.linalg.norm(points[i] - points[j]) / spans[pair]
-            if i == j or abs(scale - 1.0) > _PAIR_TOLERANCE:
+            if i == j or abs(scale - 1.0) > _S.pair_tolerance:
                 continue
-            placed = _from_pair(template[pairs[pair]], points[[i, j]], float(np.clip(scale, *_SCALES)))
+            placed = _from_pair(template[pairs[pair]], points[[i, j]], float(np.clip(scale, *_S.scales)))
             distances = np.linalg.norm(placed.apply(template)[:, None] - points[None], axis=-1).min(axis=1)
             placements.append(placed)
-            costs.append(np.sum(np.minimum(distances, _GATE_M) ** 2))
-    return [placements[k] for k in np.argsort(costs)[:_HYPOTHESES]]
+            costs.append(np.sum(np.minimum(distances, _S.gate_m) ** 2))
+    return [placements[k] for k in np.argsort(costs)[: _S.refined]]
 
 
-def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> _Placement:
+def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> Similarity:
     """Return the upright placement of a pair: heading and middle agree."""
     source, target = template_pair[1] - template_pair[0], point_pair[1] - point_pair[0]
     yaw = np.arctan2(target[0], target[2]) - np.arctan2(source[0], source[2])
     cosine, sine = np.cos(yaw), np.sin(yaw)
     turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    return _Placement(turn, point_pair.mean(axis=0) - scale * turn @ template_pair.mean(axis=0), scale)
+    return Similarity(turn, point_pair.mean(axis=0) - scale * turn @ template_pair.mean(axis=0), scale)
 
 
-def _refine(points: Array, template: Array, placed: _Placement) -> tuple[float, IntArray, IntArray]:
+def _refine(points: Array, template: Array, placed: Similarity) -> tuple[float, IntArray, IntArray]:
     """Return cost and (points, markers) after alternating assignment and placement."""
     rows = columns = np.empty(0, dtype=np.int64)
-    distances = np.empty((len(points), len(template)))
-    for _ in range(_ROUNDS):
+    for _ in range(_S.rounds):
         distances = np.linalg.norm(points[:, None] - placed.apply(template)[None], axis=-1)
-        new_rows, new_columns = assign((distances / _GATE_M) ** 2)
-        if len(new_rows) < 3 or (np.array_equal(new_rows, rows) and np.array_equal(new_columns, columns)):
-            rows, columns = new_rows, new_columns
+        before, (rows, columns) = (rows, columns), assign((distances / _S.gate_m) ** 2)
+        if len(rows) < 3 or (np.array_equal(rows, before[0]) and np.array_equal(columns, before[1])):
             break
-        rows, columns = new_rows, new_columns
-        placed = _similarity(template[columns], points[rows])
+        placed = similarity(template[columns], points[rows], _S.scales)
     missed = len(template) - len(rows)
     turned = np.arccos(np.clip(0.5 * (np.trace(placed.turn) - 1.0), -1.0, 1.0))
-    cost = np.sum(distances[rows, columns] ** 2) + missed * _GATE_M**2
-    return float(cost + (_TURN_PENALTY_M * turned) ** 2 * len(template)), rows, columns
-
-
-def _similarity(source: Array, target: Array) -> _Placement:
-    """Return the least-squares similarity (Umeyama 1991), the scale within bounds."""
-    turn, _ = kabsch(source, target)
-    p = (source - source.mean(axis=0)) @ turn.T
-    scale = float(np.clip(np.sum(p * target) / np.sum(p * p), *_SCALES))
-    return _Placement(turn, target.mean(axis=0) - scale * turn @ source.mean(axis=0), scale)
+    cost = np.sum(distances[rows, columns] ** 2) + missed * _S.gate_m**2
+    return float(cost + (_S.turn_penalty_m * turned) ** 2 * len(template)), rows, columns

@@ -1,38 +1,49 @@
-"""Choices of points for a torso, where markers keep their distances."""
+"""Choices of points for the torso markers, which keep their distances from each other."""
 
 from collections.abc import Generator, Mapping
+from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
 import numpy as np
 
 from ..geometry.arrays import Array, FloatArray, IntArray
 
-FEWEST = 3  # torso markers, from which the root can be placed
-MISSED_COST = 6.0  # of a torso marker without a point; minus the logarithm of a likelihood, as all costs
-_STRETCH = 0.1  # share by which distances may lie outside those of the examples,
-_STRETCH_M = 0.03  # and metres
-_RANGE = (0.5, 99.5)  # percentiles of the examples' distances
-_SIGMA_M = 0.05  # of the distances, at least
-_WAYS = 4000  # to choose the torso, at most
-_CHUNK = 200_000  # choices that are looked at in one piece of work
+FEWEST = 3  # torso markers that place the root
+
+
+@dataclass(frozen=True)
+class TorsoSettings:
+    """Settings of `TorsoCandidates`; costs are minus logarithms of likelihoods."""
+
+    missed_cost: float = 6.0  # cost of a torso marker without a point
+    percentiles: tuple[float, float] = (0.5, 99.5)  # range of the examples' distances that bounds a torso's
+    stretch: float = 0.1  # relative tolerance beyond these bounds
+    stretch_m: float = 0.03  # additional tolerance
+    sigma_m: float = 0.05  # least standard deviation of a distance
+    choices: int = 4000  # choices of points that are kept
+    chunk: int = 200_000  # choices compared in one piece of work
+
+
+TORSO = TorsoSettings()
 
 Found = TypeVar("Found")
-Search: TypeAlias = Generator[float, None, Found]  # in pieces; each yields the array elements handled
+Search: TypeAlias = Generator[float, None, Found]  # work in pieces; yields the array elements handled
 
 
 class TorsoCandidates:
     """Choices of points for the torso markers.
 
     Args:
-        examples_m: (S, T, 3) torso markers of poses.
+        examples_m: Torso markers (S, T, 3) of poses.
     """
 
     def __init__(self, examples_m: FloatArray) -> None:
         own = np.asarray(examples_m, dtype=np.float64)
         spans = np.linalg.norm(own[:, :, None] - own[:, None], axis=-1)
-        low, high = np.percentile(spans, _RANGE, axis=0)
-        self._least_m, self._most_m = low * (1.0 - _STRETCH) - _STRETCH_M, high * (1.0 + _STRETCH) + _STRETCH_M
-        self._mean_m, self._sigma_m = spans.mean(axis=0), np.maximum(spans.std(axis=0), _SIGMA_M)
+        low, high = np.percentile(spans, TORSO.percentiles, axis=0)
+        self._least_m = low * (1.0 - TORSO.stretch) - TORSO.stretch_m
+        self._most_m = high * (1.0 + TORSO.stretch) + TORSO.stretch_m
+        self._mean_m, self._sigma_m = spans.mean(axis=0), np.maximum(spans.std(axis=0), TORSO.sigma_m)
 
     def choose(self, points_m: Array) -> Search[IntArray]:
         """Return points (H, T) of the torso markers, -1 for none, likeliest first."""
@@ -42,8 +53,8 @@ class TorsoCandidates:
         for marker in range(len(self._mean_m)):
             missing = np.sum(chosen < 0, axis=1) < len(self._mean_m) - FEWEST
             found = [np.column_stack((chosen, np.full(len(chosen), -1)))[missing]]
-            found_costs = [cost[missing] + np.float32(MISSED_COST)]
-            size = max(_CHUNK // max(points, 1), 1)
+            found_costs = [cost[missing] + np.float32(TORSO.missed_cost)]
+            size = max(TORSO.chunk // max(points, 1), 1)
             for first in range(0, len(chosen), size):
                 part = chosen[first : first + size]
                 table = np.repeat(cost[first : first + size, None], points, axis=1)
@@ -54,13 +65,13 @@ class TorsoCandidates:
                 found_costs.append(table[parent, point])
                 yield float(table.size * (marker + 1))
             chosen, cost = np.concatenate(found), np.concatenate(found_costs)
-            if len(chosen) > _WAYS:
-                kept = np.argpartition(cost, _WAYS)[:_WAYS]
+            if len(chosen) > TORSO.choices:
+                kept = np.argpartition(cost, TORSO.choices)[: TORSO.choices]
                 chosen, cost = chosen[kept], cost[kept]
         return chosen[np.argsort(cost, kind="stable")]
 
     def _span_costs(self, points_m: Array) -> Search[Mapping[tuple[int, int], FloatArray]]:
-        """Return the costs (N + 1, N) of markers at two points; last row: at one."""
+        """Return by pair of markers the costs (N + 1, N) of two points; the last row is for a hidden first marker."""
         points = len(points_m)
         norms = np.einsum("nc,nc->n", points_m, points_m)
         squares = norms[:, None] + norms - 2.0 * (points_m @ points_m.T)

@@ -21,9 +21,9 @@ from ..markers.marker_take import MarkerTake
 class LinkSettings:
     """Settings of `track_markers`, tuned on simulated and filmed takes; costs are squared standard deviations."""
 
-    gate_m: float = 0.05  # distance between expected position and point, at most,
-    fastest_m_s: float = 3.0  # which grows by this speed with the time between frames,
-    widest_gate_m: float = 0.35  # up to this
+    gate_m: float = 0.05  # largest distance between the expected position of a marker at rest and its point
+    fastest_m_s: float = 3.0  # growth of this gate with the time between frames; also the fastest walk
+    widest_gate_m: float = 0.35
     young_gate: float = 0.6  # share of the gate for a tracklet that may be a ghost
     ghost_frames: int = 3  # length up to which it may be one
     bridge_frames: int = 2  # frames that a tracklet can miss
@@ -33,10 +33,10 @@ class LinkSettings:
     depth_trust: float = 0.2  # share of the velocity along the line of sight that is used
     fair_share: float = 0.25  # share of the frames that must show the usual number of markers
     structure_sigma_m: float = 0.012  # standard deviation of rigid distances
-    continuity_m: float = 0.06  # standard deviation of a marker's movement across a gap, and its growth
-    continuity_m_s: float = 1.5
+    continuity_m: float = 0.06  # standard deviation of a marker's movement across a gap
+    continuity_m_s: float = 1.5  # its growth with the length of the gap
     cost_cap: float = 16.0  # largest cost of one distance
-    cost_limit: float = 10.0  # mean cost from which a tracklet is none of a marker's
+    cost_limit: float = 10.0  # cost from which a tracklet is another marker's
     young_cost_limit: float = 4.0  # the same for one that may be a ghost
     long_frames: int = 10  # length from which tracklets are joined in the order of time
     overlap_frames: int = 2  # frames that two tracklets of one marker may share

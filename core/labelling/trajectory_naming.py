@@ -1,6 +1,6 @@
 """Names of tracked trajectories, voted on by standing bodies over the take."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -10,24 +10,31 @@ from ..body.skeleton import marker_positions
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry.arrays import Array, IntArray
-from ..geometry.rigid_transform import kabsch
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
-from .template_labelling import label_by_template
+from .template_labelling import label_by_template, similarity
 
-_SAMPLES = 25
-_FEWEST_VOTES = 0.3  # share of the sampled frames in which most markers must have been recognised
+
+@dataclass(frozen=True)
+class NamingSettings:
+    """Settings of `name_trajectories`."""
+
+    samples: int = 25  # frames that vote
+    fewest_votes: float = 0.3  # share of these in which most markers must have been recognised
+
+
+_S = NamingSettings()
 
 
 def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     """Return the take in the order and under the names of the marker set.
 
-    In frames spread over the take the points are placed over the markers of a standing body and of one in the T pose
-    (with the set's usual offsets); every frame that fits votes.
+    In frames spread over the take the points are labelled by a standing body and by one in the T pose, with the set's
+    usual offsets; every frame that fits votes.
 
     Raises:
-        TakeError: the take has another number of markers than the set, or does not look like it.
-        MarkerSetError: the set has no offsets to tell its markers apart.
+        TakeError: The take has another number of markers than the set, or does not look like it.
+        MarkerSetError: The set has no offsets to tell its markers apart.
     """
     count = len(marker_set)
     if len(take.names) != count:
@@ -37,7 +44,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     for row in take.positions_m[chosen]:
         _vote(votes, row, templates)
     rows, columns = linear_sum_assignment(-votes)
-    if np.median(votes[rows, columns]) < _FEWEST_VOTES * len(chosen):
+    if np.median(votes[rows, columns]) < _S.fewest_votes * len(chosen):
         raise TakeError(
             f"the markers are not where the marker set {marker_set.name} has them",
             where=take.name,
@@ -49,9 +56,9 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 
 
 def misfit_of_names_m(take: MarkerTake, marker_set: MarkerSet) -> float:
-    """Return the median distance of a take's markers from a standing body's.
+    """Return the median over frames of the RMS distance between a take's markers and those of a body of any size.
 
-    The body may be of any size: RMS distances in a frame are from the nearer of two poses, turned and scaled to fit.
+    The body stands or holds the T pose, whichever is nearer.
     """
     misfits = []
     for row in take.positions_m[_samples(take)]:
@@ -62,10 +69,8 @@ def misfit_of_names_m(take: MarkerTake, marker_set: MarkerSet) -> float:
 
 
 def _misfit_m(template: Array, points: Array) -> float:
-    turn, _ = kabsch(template, points)
-    turned, centred = (template - template.mean(axis=0)) @ turn.T, points - points.mean(axis=0)
-    scale = np.sum(turned * centred) / np.sum(turned * turned)
-    return float(np.sqrt(np.mean(np.sum((centred - scale * turned) ** 2, axis=1))))
+    away = points - similarity(template, points).apply(template)
+    return float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
 
 
 def _templates(marker_set: MarkerSet) -> list[Array]:
@@ -76,25 +81,21 @@ def _templates(marker_set: MarkerSet) -> list[Array]:
 
 
 def _samples(take: MarkerTake) -> IntArray:
-    return np.unique(np.linspace(0, take.frames - 1, _SAMPLES).astype(np.int64))
+    return np.unique(np.linspace(0, take.frames - 1, _S.samples).astype(np.int64))
 
 
 def _vote(votes: Array, row: Array, templates: list[Array]) -> None:
     seen = np.flatnonzero(np.isfinite(row).all(axis=1))
-    best = np.full(len(seen), -1, dtype=np.int64)
-    for template in templates:
-        labels = label_by_template(row[seen], template)
-        if np.sum(labels >= 0) > np.sum(best >= 0):
-            best = labels
+    best = max(
+        (label_by_template(row[seen], template) for template in templates), key=lambda labels: np.sum(labels >= 0)
+    )
     known = best >= 0
     votes[seen[known], best[known]] += 1.0
 
 
 def match_trajectories(own: Array, other: Array) -> tuple[IntArray, IntArray]:
-    """Match trajectories (F, M, 3) to (F, N, 3): least sum of median distances."""
-    cost = np.array(
-        [[_median_distance(own[:, i], other[:, j]) for j in range(other.shape[1])] for i in range(own.shape[1])]
-    )
+    """Match trajectories (F, M, 3) to (F, N, 3) with the least sum of median distances."""
+    cost = [[_median_distance(mine, theirs) for theirs in other.swapaxes(0, 1)] for mine in own.swapaxes(0, 1)]
     rows, columns = linear_sum_assignment(cost)
     return rows.astype(np.int64), columns.astype(np.int64)
 
@@ -102,4 +103,4 @@ def match_trajectories(own: Array, other: Array) -> tuple[IntArray, IntArray]:
 def _median_distance(a: Array, b: Array) -> float:
     distance = np.linalg.norm(a - b, axis=1)
     seen = np.isfinite(distance)
-    return float(np.median(distance[seen])) if seen.any() else 1e3
+    return float(np.median(distance[seen])) if seen.any() else 1e3  # far more than any real one

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from perfanim.core.labelling.label_search import WORK
-from perfanim.core.labelling.torso_candidates import FEWEST, MISSED_COST, TorsoCandidates
+from perfanim.core.labelling.torso_candidates import FEWEST, TORSO, TorsoCandidates
 
 TORSO_M = np.array([[0.0, 0.5, 0.1], [-0.2, 0.4, 0.0], [0.2, 0.4, 0.0], [0.05, 0.0, 0.15]])
 SPREAD_M, LEAST_SPREAD_M = 0.06, 0.05  # standard deviation of the examples' markers, and the least counted of distances
@@ -48,7 +48,7 @@ def all_choices(examples_m, points_m):
         )
         if fits[upper].all():
             off = (spans - mean[pair]) / sigma[pair]
-            found[chosen] = 0.5 * np.sum(off[upper] ** 2) + MISSED_COST * (count - len(seen))
+            found[chosen] = 0.5 * np.sum(off[upper] ** 2) + TORSO.missed_cost * (count - len(seen))
     return found
 
 
