@@ -1,9 +1,9 @@
-"""Easing of poses: no joint jumps, unless markers below it show that it does.
+"""Slew limit of poses: no joint jumps unless markers below it show that it does.
 
-A marker that comes back, or a better explanation of the same markers, moves a joint faster than a body can. Such a
-joint goes to its new place at a limited rate. It may be faster in a movement that has gathered speed over several
-frames and carries markers along: a punch is shown as it was solved. Where the markers themselves are elsewhere at once
-there is nothing to ease: that is another person, or the same one after a gap.
+A marker that returns, or another explanation of the same markers, moves a joint faster than a body can. Such a joint
+moves to its new rotation at a limited rate. It may be faster in a movement that has accelerated over several frames and
+carries markers along, so a punch is shown as solved. Where the markers themselves jump nothing is limited: that is
+another person, or the same one after a gap.
 """
 
 from collections import deque
@@ -15,29 +15,28 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from .skeleton import Skeleton
 
-_FRAME_S = 1.0 / 60.0
-_USUAL_RAD = np.radians(9.8)  # most that a joint turns in a frame without markers that show it,
-_AT_CHANGE_RAD = np.radians(2.9)  # in two on a limb with a marker that comes or goes
-_GATHERED_RAD = np.radians(3.34)  # a movement gains no more in a frame,
-_GATHERED_FRAMES = 5  # as these before show
+_FRAME_S = 1.0 / 60.0  # unit of the limits below
+_USUAL_RAD = np.radians(9.8)  # largest rotation per frame without markers that show it
+_AT_CHANGE_RAD = np.radians(2.9)  # limit for the two frames after a marker of the limb appears or disappears
+_GATHERED_RAD = np.radians(3.34)  # largest increase of the rotation per frame in a movement that gathers speed,
+_GATHERED_FRAMES = 5  # compared with so many earlier frames
 _GAINS_RAD = _GATHERED_RAD * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
-_LEVER_M = 0.32  # a joint turns by no more than the way of a marker below it over this,
-_FASTEST_M = 0.15  # and no marker of a body goes further in a frame
-_FADING = 0.8  # share of the last way of a marker that is hidden
-_PAUSE_S = 0.25  # after so long without a pose it starts over
-_CUT_M = 0.15  # from one frame to the next no marker moves so far from where it was lately:
-_CUT_MARKERS, _CUT_SHARE = 2, 0.2  # as several have, it is a cut,
-_CUT_SHARE_FOUND = 0.6  # as most have where labels were found: ghosts may be among them
-_EXCHANGED_M = 0.05  # in the same time, from the earlier place of another with its label
+_LEVER_M = 0.32  # a joint's rotation is limited to the movement of a marker below it, divided by this lever
+_FASTEST_M = 0.15  # largest movement of a marker per frame; faster ones do not count
+_FADING = 0.8  # factor per frame of the last movement of a hidden marker
+_PAUSE_S = 0.25  # time without a pose after which the limit restarts
+_CUT_M = 0.15  # distance per frame from all recent positions at which a marker is part of a cut
+_CUT_MARKERS, _CUT_SHARE = 2, 0.2  # number and share of such markers that make a cut
+_CUT_SHARE_FOUND = 0.6  # the share where labels were found, as ghosts may be among them
+_EXCHANGED_M = 0.05  # distance per frame from another marker's recent position that explains a jump by exchanged labels
 
 
 class PoseSlewLimit:
-    """Eases the joints of poses one after another; the root's rotation stays.
+    """Limits the rotation rates of joints in successive poses, except the root's.
 
     Args:
-        skeleton: of the poses.
-        carriers: (M,) joint of each marker.
-        offsets_m: (M, 3) markers in their joints' frames.
+        carriers: Joint (M,) of each marker.
+        offsets_m: Markers (M, 3) in their joints' frames.
     """
 
     def __init__(self, skeleton: Skeleton, carriers: IntArray, offsets_m: Array) -> None:
@@ -45,7 +44,7 @@ class PoseSlewLimit:
         self._limbs: Mask = below | skeleton.is_ancestor.T[carriers]
         rest_m = skeleton.rest_positions_m
         levers_m = np.linalg.norm((rest_m[carriers] + offsets_m)[:, None] - rest_m, axis=-1)
-        # a marker close to a joint is moved by the joints above
+        # a marker close to a joint is moved by the joints above it
         self._shares = below * np.minimum(levers_m / _LEVER_M, 1.0) ** 2
         self.reset()
 
@@ -63,13 +62,13 @@ class PoseSlewLimit:
         labels_known: bool = True,
         doubtful: Sequence[int] = (),
     ) -> Array:
-        """Return the next pose's eased rotations (J, 4).
+        """Return the next pose's limited rotations (J, 4).
 
         Args:
-            points_m: (M, 3) located markers, NaN where not.
-            held: keep the joints where they are.
-            doubtful: joints that are probably wrong, eased as where a marker comes or goes.
-            labels_known: the source labelled the markers.
+            points_m: Located markers (M, 3), NaN where hidden.
+            held: Keep the joints where they are.
+            labels_known: The source labelled the markers.
+            doubtful: Joints that are probably wrong, limited as where a marker appears or disappears.
         """
         frames = (time_s - self._time_s) / _FRAME_S
         in_root_m = (points_m - root_position_m) @ rot.to_matrix(rotations[0])
@@ -93,14 +92,14 @@ class PoseSlewLimit:
         return self._shown
 
     def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
-        """Return whether a share of the markers is far from where they were lately."""
+        """Return whether a share of the markers is far from all their recent positions."""
         frames = np.maximum(1.0, (time_s - self._seen_s) / _FRAME_S)
         recent_m = np.array([earlier_m for _, earlier_m in self._trail])
         away_m = points_m - recent_m
         far = np.fmin.reduce(np.add.reduce(away_m * away_m, axis=-1)) > (_CUT_M * frames) ** 2
         if not far.any():
             return False
-        # markers that exchange labels are where one of them was
+        # a marker with an exchanged label is where another one was
         others_m = np.linalg.norm(points_m[far, None] - recent_m[:, far].reshape(-1, 3), axis=-1)
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
@@ -108,9 +107,11 @@ class PoseSlewLimit:
     def _limited(
         self, frames: float, rotations: Array, in_root_m: Array, changed: Mask, held: bool, doubtful: Sequence[int]
     ) -> Array:
-        """Return the rotations (J, 4) after `frames` of 60 a second.
+        """Return the limited rotations (J, 4).
 
-        `changed` markers (M,) have come or gone in this frame or the last.
+        Args:
+            frames: Time since the last pose in 60ths of a second.
+            changed: (M,) Markers that appeared or disappeared in this frame or the last.
         """
         raw, turn = _turn(np.array((self._raw, self._shown)), rotations)
         self._turns.append(raw / frames)
@@ -128,7 +129,7 @@ class PoseSlewLimit:
         return limited
 
     def _limits(self, frames: float, in_root_m: Array, changed: Mask, directions: Array) -> Array:
-        """Return how far the joints (J,) may turn in a frame, in their directions (J, 3)."""
+        """Return how far the joints (J,) may turn per frame in their directions (J, 3)."""
         usual_rad = np.full(len(directions), _USUAL_RAD)
         if changed.any():
             usual_rad[self._limbs[changed].any(axis=0)] = _AT_CHANGE_RAD

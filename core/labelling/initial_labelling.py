@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.arrays import Array, FloatArray, IntArray, Mask
-from .torso_candidates import FEWEST, TORSO, Search, TorsoCandidates
+from ..markers.marker_set import FEWEST_TORSO
+from .torso_candidates import TORSO, Search, TorsoCandidates
 
 REACH_M = 0.30  # distance from the closest example within which a point may be a marker
 
@@ -143,7 +144,7 @@ class InitialLabeller:
         """
         seen = np.all(np.isfinite(markers_m), axis=1)
         placing, torso = markers_m, np.where(seen[self._torso], self._torso, -1)
-        if np.sum(torso >= 0) < FEWEST:
+        if np.sum(torso >= 0) < FEWEST_TORSO:
             if followed_m is None:
                 return float("inf")
             placing, torso = np.where(seen[:, None], markers_m, followed_m), self._torso

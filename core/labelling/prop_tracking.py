@@ -18,7 +18,7 @@ from ..geometry.point_patterns import match_rigid_pattern, place_pattern, planar
 from ..geometry.rigid_transform import transform
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_frame_subset import without_blobs, without_points
-from ..markers.prop import FEWEST_MARKERS, LEAST_PLANARITY_M, Prop
+from ..markers.prop import FEWEST_MARKERS, RULES, Prop
 from .prop_image_fit import Placed, PropImages
 
 
@@ -174,7 +174,7 @@ class PropTracker:
 
     def _is_spread(self, seen: Mask) -> bool:
         """Return whether markers (M,) place the prop: at least three, not on a line."""
-        return int(seen.sum()) >= FEWEST_MARKERS and planarity_m(self.prop.positions_m[seen]) >= LEAST_PLANARITY_M
+        return int(seen.sum()) >= FEWEST_MARKERS and planarity_m(self.prop.positions_m[seen]) >= RULES.planarity_m
 
     def _is_elsewhere(self, one: Placed, other: Placed) -> bool:
         return bool(np.max(np.linalg.norm(one.markers(self.prop) - other.markers(self.prop), axis=1)) > _S.elsewhere_m)

@@ -7,8 +7,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from ..geometry.arrays import Array, FloatArray, IntArray
-
-FEWEST = 3  # torso markers that place the root
+from ..markers.marker_set import FEWEST_TORSO
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class TorsoCandidates:
         costs = yield from self._span_costs(points_m)
         chosen, cost = np.empty((1, 0), dtype=np.int64), np.zeros(1, dtype=np.float32)
         for marker in range(len(self._mean_m)):
-            missing = np.sum(chosen < 0, axis=1) < len(self._mean_m) - FEWEST
+            missing = np.sum(chosen < 0, axis=1) < len(self._mean_m) - FEWEST_TORSO
             found = [np.column_stack((chosen, np.full(len(chosen), -1)))[missing]]
             found_costs = [cost[missing] + np.float32(TORSO.missed_cost)]
             size = max(TORSO.chunk // max(points, 1), 1)

@@ -13,22 +13,21 @@ from ..geometry.arrays import Array, runs
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
-_PLACE_SHARE = 0.2  # of the cut-off: markers move so much more slowly on the body than with it
 _ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual for gait (Winter 2009, section 3.4)
-_BEYOND = 9  # frames before and after a path that the filter starts in
+_PAD = 3 * (_ORDER + 1)  # frames of odd padding, as in SciPy's filtfilt
 
 
 def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
     """Low-pass a take's trajectories without lag; gaps stay.
 
-    Every unbroken stretch of a trajectory is filtered by itself; those too short for the filter stay as they are.
+    Every unbroken stretch of a trajectory is filtered by itself; stretches too short for the filter stay as they are.
 
     Args:
-        take: frames at a steady rate.
-        cutoff_hz: frequency at which half the power is left; walking keeps its shape from 6 Hz up.
+        take: Take with a steady frame rate.
+        cutoff_hz: Frequency at which half the power is left; walking keeps its shape from 6 Hz up.
 
     Raises:
-        SettingsError: the frequency lies outside what the take's rate can show.
+        SettingsError: The frequency is not between 0 and half the frame rate.
     """
     weights = _low_pass(cutoff_hz, take.fps, take.name)
     positions = take.positions_m.copy()
@@ -41,8 +40,8 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
 def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     """Return the motion with joint rotations and root path low-passed without lag.
 
-    Joints without markers follow the database's examples, which change from frame to frame. Cut-off and errors are as
-    for `smooth_take`.
+    Joints without markers follow the database's examples, which change from frame to frame. Cut-off and errors are
+    those of `smooth_take`.
     """
     weights = _low_pass(cutoff_hz, motion.fps, motion.name)
     return replace(
@@ -55,14 +54,14 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
 def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
     """Reduce the noise of a set's markers with the help of the solved body.
 
-    A marker's noise is that of one trajectory, the body's is what all of them and the database's poses leave of it. So
-    the marker's place in the frame of its joint is low-passed far below the motion, and the path that the joint then
-    carries it along is low-passed as `smooth_take` does.
+    All markers and the database's poses average the body's noise. So a marker's position in the frame of its joint is
+    low-passed far below the motion, and the trajectory along which the joint then carries it as in `smooth_take`.
 
     Args:
-        take: its markers under the set's names; others stay as they are.
-        motion: solved from the take, in its world, frame by frame.
-        cutoff_hz: of the path; a fifth of it of the place on the body. Errors are as for `smooth_take`.
+        take: Take with markers under the set's names; others stay as they are.
+        motion: Motion solved from the take, in its world, frame by frame.
+        cutoff_hz: Cut-off of the trajectory; a fifth of it is that of the position on the body. Errors are those of
+            `smooth_take`.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     worn = [marker for marker in marker_set.markers if marker.name in take.names]
@@ -71,7 +70,7 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
     joints, turns = joints[:, carriers], turns[:, carriers]
     names = tuple(marker.name for marker in worn)
     places = rot.rotate(rot.conjugate(turns), take.positions_m[:, columns] - joints)
-    still = smooth_take(replace(take, names=names, positions_m=places, single=None), _PLACE_SHARE * cutoff_hz)
+    still = smooth_take(replace(take, names=names, positions_m=places, single=None), 0.2 * cutoff_hz)
     carried = replace(still, positions_m=joints + rot.rotate(turns, still.positions_m))
     positions = take.positions_m.copy()
     positions[:, columns] = smooth_take(carried, cutoff_hz).positions_m
@@ -79,10 +78,7 @@ def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cuto
 
 
 def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
-    """Return the Butterworth filter's weights (2, 3), None if it would pass all.
-
-    Of the latest inputs and of the latest outputs, newest first.
-    """
+    """Return weights (2, 3) of a Butterworth filter's inputs and outputs, newest first; None if it would pass all."""
     if not 0.0 < cutoff_hz < 0.5 * fps:
         raise SettingsError(
             f"smoothing at {cutoff_hz:g} Hz is out of range",
@@ -102,25 +98,24 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
 
 
 def _filter(weights: Array | None, path: Array) -> Array:
-    """Filter (F, ...) forwards and backwards; too short a path is left as it is."""
-    if weights is None or len(path) <= _BEYOND:
+    """Filter rows (F, ...) forwards and backwards; too few stay as they are."""
+    if weights is None or len(path) <= _PAD:
         return path
     rows = path.reshape(len(path), -1)
-    # beyond its ends the path goes on as it came, turned about them
-    before, after = 2.0 * rows[0] - rows[_BEYOND:0:-1], 2.0 * rows[-1] - rows[-2 : -_BEYOND - 2 : -1]
+    before, after = 2.0 * rows[0] - rows[_PAD:0:-1], 2.0 * rows[-1] - rows[-2 : -_PAD - 2 : -1]
     extended = np.concatenate((before, rows, after))
     for _ in range(2):
         extended = _pass(weights, extended)[::-1]
-    return extended[_BEYOND:-_BEYOND].reshape(path.shape)
+    return extended[_PAD:-_PAD].reshape(path.shape)
 
 
 def _pass(weights: Array, rows: Array) -> Array:
-    """Filter rows (F, N) forwards; before them, they were as the first for ever."""
+    """Filter rows (F, N) forwards, starting in the steady state of the first."""
     inputs, outputs = weights
     rise = rows - rows[0]
     driven = inputs[0] * rise
     driven[1:] += inputs[1] * rise[:-1]
     driven[2:] += inputs[2] * rise[:-2]
     bands = np.repeat(outputs[:, None], len(rows), axis=1)
-    # SciPy's own filters are in a module that takes most of a second to load
+    # scipy.signal would take most of a second to load
     return np.asarray(solve_banded((_ORDER, 0), bands, driven, overwrite_b=True)) + rows[0]

@@ -1,7 +1,8 @@
-"""Floor of a recording from standing feet, where no board showed it."""
+"""Floor of a recording from standing feet, for captures without a board on the floor."""
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,39 +19,48 @@ from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
 _FOOT_JOINTS = ("lfoot", "rfoot", "ltoes", "rtoes")
-_SOLE_M = 0.02  # from the lowest joint of a standing foot down to the floor
-_SMOOTHING_HZ = 5.0
-_STILL_M_S = 0.25
-_LOW_M = 0.04  # above the foot's lowest height within a second
-_FEWEST_S = 0.5  # that one foot must stand, to tell where the floor is
-_LEAN_RAD = np.radians(3.0)  # standard deviation of a performer's mean lean from upright
-_HEIGHT_SIGMA_M = 0.01  # of a standing foot's marker above the floor
-_FRAMES_PER_STAND = 10.0  # frames of one stand repeat each other's errors
-_TRIMMED = 3.0  # heights further off than so many median deviations are no stands
-_TRIM_ROUNDS = 5
-_UPRIGHT_SAMPLES = 60
+
+
+@dataclass(frozen=True)
+class FloorSettings:
+    """Settings of `floor_points`."""
+
+    sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
+    smoothing_hz: float = 5.0  # cut-off of the trajectories
+    still_m_s: float = 0.25  # speed below which a foot's marker rests
+    low_m: float = 0.04  # height above the marker's lowest within a second, below which it rests
+    fewest_s: float = 0.5  # rest of one foot that tells where the floor is
+    lean_rad: float = math.radians(3.0)  # standard deviation of a performer's mean lean from upright
+    height_sigma_m: float = 0.01  # standard deviation of a resting marker's height
+    frames_per_stand: float = 10.0  # frames that repeat each other's errors
+    trimmed: float = 3.0  # median deviations of the height from which a frame is no stand
+    trim_rounds: int = 5
+    upright_samples: int = 60  # frames that tell the vertical
+
+
+_S = FloorSettings()
 
 
 def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skeleton], Array] = standing) -> Array:
     """Return four points (4, 3) of the floor, about where the performer moved.
 
-    The markers of the feet, while they rest, lie as high above the floor as on a standing person; a plane is fitted
-    through them, which an upright performer's mean direction steadies where the feet stood nearly on one line.
+    Resting markers of the feet are as high above the floor as on a standing person. A plane is fitted to them; the
+    performer's mean vertical is its prior, in case the feet stood nearly on one line.
 
     Args:
-        take: labelled, in any world; the performer stands or walks in it.
-        marker_set: with usual offsets and markers on the feet.
-        pose: the performer's usual one; its mean direction is upright.
+        take: Labelled take in any world, in which the performer stands or walks.
+        marker_set: Marker set with usual offsets and markers on the feet.
+        pose: Usual pose of the performer, who is upright on average.
 
     Raises:
-        TakeError: no markers on the feet, or feet that never rest.
-        MarkerSetError: the set has no offsets.
+        TakeError: No markers on the feet, or feet that never rest.
+        MarkerSetError: The set has no offsets.
     """
     skeleton = default_skeleton()
     upright = upright_rotation(take, marker_set, skeleton, pose(skeleton))
-    calm = smooth_take(take, min(_SMOOTHING_HZ, 0.2 * take.fps))
+    calm = smooth_take(take, min(_S.smoothing_hz, 0.2 * take.fps))
     stands = _stance_points(calm, marker_set, skeleton, upright)
-    if len(stands) < _FEWEST_S * take.fps:
+    if len(stands) < _S.fewest_s * take.fps:
         raise TakeError(
             "no foot stands long enough to find the floor", where=take.name, advice="lay the board on the floor"
         )
@@ -67,12 +77,12 @@ def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
 
 
 def upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
-    """Return the rotation (3, 3) from a level frame, by the body's mean direction."""
+    """Return the rotation (3, 3) from a level frame, by the body's mean vertical."""
     joints = marker_set.joint_indices(skeleton)
     template = marker_positions(skeleton, joints, marker_set.offsets_m, pose, np.zeros(3))
     columns = _columns(take, marker_set)
     up = np.zeros(3)
-    for frame in np.unique(np.linspace(0, take.frames - 1, _UPRIGHT_SAMPLES).astype(int)):
+    for frame in np.unique(np.linspace(0, take.frames - 1, _S.upright_samples).astype(int)):
         row = take.positions_m[frame, columns]
         seen = np.isfinite(row[:, 0])
         if np.sum(seen) >= 4:
@@ -93,9 +103,8 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
 
 def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
     """Return (N, 3) level-frame points of the floor below markers of resting feet."""
-    columns = _columns(take, marker_set)
+    columns, radius = _columns(take, marker_set), round(take.fps)
     heights = _usual_heights(marker_set, skeleton)
-    radius = round(take.fps)
     found = []
     for marker, item in enumerate(marker_set.markers):
         if item.joint not in _FOOT_JOINTS:
@@ -105,7 +114,7 @@ def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, 
         height = np.where(np.isfinite(path[:, 1]), path[:, 1], np.inf)
         padded = np.pad(height, radius, mode="edge")
         lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * radius + 1).min(axis=1)
-        resting = (speed < _STILL_M_S) & (height < lowest + _LOW_M)  # both false where the marker is not seen
+        resting = (speed < _S.still_m_s) & (height < lowest + _S.low_m)  # false where the marker is hidden
         found.append(path[resting] - [0.0, heights[marker], 0.0])
     if not found:
         raise TakeError(
@@ -119,21 +128,21 @@ def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
     positions, world = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
     joints = marker_set.joint_indices(skeleton)
     markers = positions[joints] + rot.rotate(world[joints], marker_set.offsets_m)
-    floor = min(positions[skeleton.index(name), 1] for name in _FOOT_JOINTS) - _SOLE_M
+    floor = min(positions[skeleton.index(name), 1] for name in _FOOT_JOINTS) - _S.sole_m
     return np.asarray(markers[:, 1] - floor)
 
 
 def _plane(stands: Array, upright: Array) -> Array:
     """Return four points (4, 3) of the plane fitted to level-frame points."""
     kept = np.ones(len(stands), dtype=bool)
-    for _ in range(_TRIM_ROUNDS):
+    for _ in range(_S.trim_rounds):
         middle = stands[kept].mean(axis=0)
         rows = np.column_stack((stands[:, 0] - middle[0], stands[:, 2] - middle[2], np.ones(len(stands))))
-        weight = 1.0 / (_HEIGHT_SIGMA_M**2 * _FRAMES_PER_STAND)
-        normal = weight * rows[kept].T @ rows[kept] + np.diag([_LEAN_RAD**-2, _LEAN_RAD**-2, 0.0])
+        weight = 1.0 / (_S.height_sigma_m**2 * _S.frames_per_stand)
+        normal = weight * rows[kept].T @ rows[kept] + np.diag([_S.lean_rad**-2, _S.lean_rad**-2, 0.0])
         plane = np.linalg.solve(normal, weight * rows[kept].T @ stands[kept, 1])
         error = np.abs(stands[:, 1] - rows @ plane)
-        kept = error <= _TRIMMED * max(float(np.median(error)), 1e-4)
+        kept = error <= _S.trimmed * max(float(np.median(error)), 1e-4)
     corners = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     height = corners @ plane[:2] + plane[2]
     level = np.column_stack((middle[0] + corners[:, 0], height, middle[2] + corners[:, 1]))

@@ -1,10 +1,10 @@
-"""Gap filling by the solved body and by the trajectory's own course.
+"""Gap filling by the solved body and by splines.
 
-A marker is followed in the frame of the joint that carries it: there it hardly moves, but for skin and for what the
-body's calibration has wrong. Across a gap its place in that frame is interpolated, and the solved joint carries it. A
-cubic spline through what lies beside the gap is better while the gap is short; the two are averaged by the inverse of
-their expected square errors. How far splines go wrong is tried out on gaps made where the marker is seen; how far the
-body does shows in the marker's place on it before and after gaps, in frames that were solved without the marker.
+A marker is followed in the frame of the joint that carries it, where it moves only by skin motion and errors of the
+body's calibration. Across a gap its position in that frame is interpolated, and the solved joint carries it. A cubic
+spline through the positions beside the gap is better while the gap is short; the two are averaged by the inverse of
+their expected square errors. The spline's error is measured on gaps made where the marker is seen. The body's error is
+the difference of the marker's positions on it before and after gaps, in frames that were solved without the marker.
 """
 
 from dataclasses import dataclass, replace
@@ -19,15 +19,24 @@ from ..geometry.arrays import Array, IntArray, Mask, runs
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
 
-_SHOULDER_S = 0.1  # of a trajectory beside a gap: its place on the body is taken from there
-_SETTLED_S = 0.04  # after so long what the first and last frame beside the gap had alone has faded to 1/e
-_LEAVING_S = 0.1  # after so long from the gap's ends the body's error has grown to 1 - 1/e
-_LEAST_DRIFT_M = 0.01  # of a marker on the body across a gap, where there is little evidence
-_EARLIER_GAPS = 3.0  # the drift across all gaps counts as much as so many observations of one
-_LEAST_ERROR_M = 0.001
-_LONG_S = 0.5  # splines across gaps so long go wrong twice as far as tried out: motion changes
-_MOST_TRIALS = 40  # gaps made to try splines on
 _MID_ERROR = 0.0398  # root mean square of u^2 (1 - u)^2, the shape of a cubic interpolation's error over a gap
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """Settings of `fill_gaps`, chosen on gaps made in CMU takes (tuning log)."""
+
+    shoulder_s: float = 0.1  # part of a trajectory beside a gap that gives the marker's position on the body
+    settled_s: float = 0.04  # time constant in which the offset of the last frame before the gap fades
+    leaving_s: float = 0.1  # time constant in which the body's error grows from the gap's ends
+    least_drift_m: float = 0.01  # drift of a marker on the body across a gap, where there is little evidence
+    earlier_gaps: float = 3.0  # weight of the drift across all gaps, in observations of one gap
+    least_error_m: float = 0.001  # least error of either estimate
+    long_s: float = 0.5  # length of a gap at which splines err twice as much as measured, as motion changes
+    most_trials: int = 40  # gaps made to measure splines
+
+
+_S = GapSettings()
 
 
 @dataclass(frozen=True)
@@ -45,7 +54,7 @@ class Gap:
 
 
 def find_gaps(visible: Mask) -> list[Gap]:
-    """Return the gaps of visible (F, M), marker by marker, but of markers never seen."""
+    """Return the gaps of markers in a mask (F, M) of visible ones, without markers never seen."""
     found = []
     for marker, seen in enumerate(visible.T):
         if seen.any():
@@ -56,8 +65,8 @@ def find_gaps(visible: Mask) -> list[Gap]:
 def widen_gaps(take: MarkerTake) -> MarkerTake:
     """Return the take with each gap a tenth of a second longer at both ends.
 
-    A body that is solved from this does not jump where a marker goes or comes back: right before and after it has not
-    been drawn to that marker either, and its place there shows how far off the body is without it.
+    A body solved from this does not jump where a marker disappears or returns, and beside the gap the marker shows how
+    far off the body is without it.
     """
     frames = _shoulder(take.fps)
     kept = take.visible
@@ -70,8 +79,8 @@ def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> Marker
     """Fill the gaps of a set's markers; measured positions stay.
 
     Args:
-        take: with gaps, its markers under the set's names; other markers, and those never seen, are left as they are.
-        motion: solved from `widen_gaps` of the take, in its world, frame by frame.
+        take: Take with markers under the set's names; other markers, and those never seen, stay as they are.
+        motion: Motion solved from `widen_gaps` of the take, in its world, frame by frame.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     carriers = {marker.name: motion.skeleton.index(marker.joint) for marker in marker_set.markers}
@@ -79,7 +88,7 @@ def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> Marker
     fillers = [_Filler(take, gap, joints, turns, carriers[take.names[gap.marker]]) for gap in gaps]
     drifts = np.array([filler.drift_m for filler in fillers])
     drifts = drifts[np.isfinite(drifts)]
-    usual = np.sqrt(np.mean(np.square([*drifts, _LEAST_DRIFT_M])))
+    usual = np.sqrt(np.mean(np.square([*drifts, _S.least_drift_m])))
     positions = take.positions_m.copy()
     for gap, filler in zip(gaps, fillers, strict=True):
         positions[gap.start : gap.stop, gap.marker] = filler.fill(float(usual))
@@ -87,11 +96,11 @@ def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> Marker
 
 
 def _shoulder(fps: float) -> int:
-    return max(2, round(_SHOULDER_S * fps))
+    return max(2, round(_S.shoulder_s * fps))
 
 
 class _Filler:
-    """One gap, between the measured positions beside it."""
+    """Fills one gap from the measured positions beside it."""
 
     def __init__(self, take: MarkerTake, gap: Gap, joints: Array, turns: Array, carrier: int) -> None:
         self._fps, self._gap = take.fps, gap
@@ -105,13 +114,13 @@ class _Filler:
 
     @property
     def drift_m(self) -> float:
-        """Drift of the marker's place on the body over the gap, NaN at the take's ends."""
+        """Drift of the marker on the body over the gap, NaN at the take's ends."""
         if not len(self._before) or not len(self._after):
             return float("nan")
         return float(np.linalg.norm(self._place(self._before).mean(axis=0) - self._place(self._after).mean(axis=0)))
 
     def _place(self, rows: IntArray) -> Array:
-        """Return where the marker was in its joint's frame."""
+        """Return the marker's positions in its joint's frame."""
         return rot.rotate(rot.conjugate(self._turn[rows]), self._path[rows] - self._joint[rows])
 
     def fill(self, usual_drift_m: float) -> Array:
@@ -123,25 +132,27 @@ class _Filler:
             return body
         count = self._gap.frames
         spline = CubicSpline(rows, self._path[rows], axis=0)(np.arange(self._gap.start, self._gap.stop))
-        own = np.square(self.drift_m) + _EARLIER_GAPS * usual_drift_m**2
-        drift = np.sqrt(0.5 * own / (1.0 + _EARLIER_GAPS))  # the difference of two places has twice the variance of one
+        own = np.square(self.drift_m) + _S.earlier_gaps * usual_drift_m**2
+        drift = np.sqrt(
+            0.5 * own / (1.0 + _S.earlier_gaps)
+        )  # the difference of two positions has twice the variance of one
         steps = np.arange(1, count + 1)
         from_end_s = np.minimum(steps, count + 1 - steps) / self._fps
-        body_error = drift * (1.0 - np.exp(-from_end_s / _LEAVING_S)) + _LEAST_ERROR_M
+        body_error = drift * (1.0 - np.exp(-from_end_s / _S.leaving_s)) + _S.least_error_m
         share = steps / (count + 1)
-        distrust = 1.0 + (count / self._fps / _LONG_S) ** 2
-        spline_error = distrust * tried * (share * (1.0 - share)) ** 2 / _MID_ERROR + _LEAST_ERROR_M
+        distrust = 1.0 + (count / self._fps / _S.long_s) ** 2
+        spline_error = distrust * tried * (share * (1.0 - share)) ** 2 / _MID_ERROR + _S.least_error_m
         weight = (body_error**2 / (body_error**2 + spline_error**2))[:, None]
         return np.asarray(weight * spline + (1.0 - weight) * body)
 
     def _by_body(self) -> Array:
-        """Return the solved joint's path for the marker, without a jump at the ends."""
+        """Return the positions that the solved joint gives, without a jump at the ends."""
         count = self._gap.frames
         steps = np.arange(1, count + 1)[:, None]
         ends = [rows for rows in (self._before, self._after) if len(rows)]
         first, last = (self._place(rows).mean(axis=0) for rows in (ends[0], ends[-1]))
         places = first + (last - first) * steps / (count + 1)
-        fading = _SETTLED_S * self._fps
+        fading = _S.settled_s * self._fps
         if len(self._before):
             places = places + (self._place(self._before[-1:]) - first) * np.exp(-steps / fading)
         if len(self._after):
@@ -150,7 +161,7 @@ class _Filler:
         return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
 
     def _tried_m(self) -> float | None:
-        """Return the RMS error of splines over such gaps made in seen frames, or None."""
+        """Return the RMS error of splines over gaps of this length made in visible frames, None without any."""
         count, beside = self._gap.frames, _shoulder(self._fps)
         length = count + 2 * beside
         whole = np.convolve(self._seen, np.ones(length, dtype=int), mode="valid") == length
@@ -159,7 +170,7 @@ class _Filler:
             return None
         rows = np.arange(length)
         hidden, kept = rows[beside : beside + count], np.delete(rows, np.s_[beside : beside + count])
-        # one spline for all, as they have their knots in common
-        paths = self._path[starts[:: max(1, len(starts) // _MOST_TRIALS), None] + rows]
+        # one spline for all, as they share their knots
+        paths = self._path[starts[:: max(1, len(starts) // _S.most_trials), None] + rows]
         away = CubicSpline(kept, paths[:, kept], axis=1)(hidden) - paths[:, hidden]
         return float(np.sqrt(np.mean(np.sum(away**2, axis=-1))))

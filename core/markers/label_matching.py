@@ -9,14 +9,12 @@ from typing import Annotated
 from ..errors import MarkerSetError, TakeError
 from ..system.files import read_toml
 from ..system.schema import About, Schema
-from .marker_set import MarkerSet, load_marker_set, marker_set_names
+from .marker_set import FEWEST_TORSO, MarkerSet, load_marker_set, marker_set_names
 from .marker_take import MarkerTake
 
 AUTO = "auto"
 
-_FEWEST_TORSO = 3  # markers without which the root is not found
-_FEWEST_PREFIXED = 3  # labels that share a word are a subject's, "Anna_head"
-_MOST_NAMES = 12  # in a message
+_MOST_NAMES = 12  # longest list of names in a message
 
 
 @dataclass(frozen=True)
@@ -37,20 +35,16 @@ NAMES = Schema(
 
 @dataclass(frozen=True)
 class LabelMatch:
-    """Match of a marker set to the labels of a take.
-
-    Args:
-        label_of: marker's name -> label in the take.
-    """
+    """Match of a marker set to the labels of a take."""
 
     marker_set: MarkerSet
-    label_of: Mapping[str, str]
+    label_of: Mapping[str, str]  # marker's name -> label in the take
 
     @property
     def has_torso(self) -> bool:
-        """Whether enough of the torso is there to find the root."""
+        """Whether enough torso markers are there to find the root."""
         torso = [marker.name for marker in self.marker_set.markers if marker.torso]
-        return sum(name in self.label_of for name in torso) >= _FEWEST_TORSO
+        return sum(name in self.label_of for name in torso) >= FEWEST_TORSO
 
     def rename(self, take: MarkerTake) -> MarkerTake:
         """Replace labels by the markers' names; other labels stay."""
@@ -61,19 +55,20 @@ class LabelMatch:
 def match_labels(labels: Sequence[str], marker_set: MarkerSet) -> LabelMatch:
     """Match labels to the markers of a set.
 
-    A label is a marker's name, or one of the other names that the set gives for it, whatever the case and the
-    characters between its letters and digits, with or without a subject before it: "Anna:R.ASIS", "anna_rasis".
+    A label matches a marker's name or one of its other names. Case, punctuation and a subject's name before it are
+    ignored: "Anna:R.ASIS", "anna_rasis".
     """
     known: dict[str, str] = {}
     for marker in marker_set.markers:
         for spelling in (marker.name, *marker.also):
             known.setdefault(normalise_label(spelling), marker.name)
     found = {name: name for name in marker_set.names if name in labels}
-    subjects = _subjects(labels)
+    # a word before an underscore that three labels share is a subject's name
+    words = Counter(label.rpartition(":")[2].partition("_")[0] for label in labels if "_" in label)
     for label in labels:
         own = label.rpartition(":")[2]
         word, _, rest = own.partition("_")
-        for name in (own, rest if word in subjects else ""):
+        for name in (own, rest if words[word] >= 3 else ""):
             if label not in found and normalise_label(name) in known:
                 found.setdefault(known[normalise_label(name)], label)
                 break
@@ -85,17 +80,11 @@ def normalise_label(name: str) -> str:
     return "".join(c for c in name.casefold() if c.isalnum())
 
 
-def _subjects(labels: Sequence[str]) -> set[str]:
-    """Return the words before an underscore that many labels share: subjects."""
-    counts = Counter(label.rpartition(":")[2].partition("_")[0] for label in labels if "_" in label)
-    return {word for word, count in counts.items() if count >= _FEWEST_PREFIXED}
-
-
 def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
     """Return the shipped marker set with most of the labels.
 
     Raises:
-        TakeError: no set has enough torso markers among the labels.
+        TakeError: No set has enough torso markers among the labels.
     """
     matches = [match_labels(labels, load_marker_set(name)) for name in marker_set_names()]
     matches = [match for match in matches if match.has_torso]
@@ -123,16 +112,16 @@ def load_names(path: Path | str) -> dict[str, str]:
     """Return label -> marker of a TOML file's table `[names]`.
 
     Raises:
-        MarkerSetError: there is no such table, or it is not one of texts.
+        MarkerSetError: There is no such table, or it holds other values than texts.
     """
     return dict(NAMES.read(read_toml(path), str(path)).names)
 
 
 def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
-    """Rename labels; one that is in the way of a marker gets "other" before it.
+    """Rename labels; one that already has the new name of another gets "other" before it.
 
     Raises:
-        TakeError: none of the labels is in the take, or two of them are to be one marker.
+        TakeError: None of the labels is in the take, or two of them are given to one marker.
     """
     given = {label: marker for label, marker in names.items() if label in take.names}
     if not given:
@@ -144,7 +133,7 @@ def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
     double = [marker for marker, count in Counter(given.values()).items() if count > 1]
     if double:
         raise TakeError(
-            f"{join_names(double)} would be several of its markers", where=take.name, advice="check the file of names"
+            f"several labels are given to {join_names(double)}", where=take.name, advice="check the file of names"
         )
     taken = set(given.values())
     renamed = [given.get(name, f"other {name}" if name in taken else name) for name in take.names]

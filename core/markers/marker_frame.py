@@ -12,39 +12,28 @@ from ..geometry.camera import Camera, undistort_all
 
 @dataclass(frozen=True)
 class MarkerFrame:
-    """Blobs, points and rays that C cameras show at one moment.
+    """N points, R rays and the blobs that C cameras show at one moment.
 
-    Args:
-        points_m: (N, 3) triangulated candidates in the world.
-        covariances_m2: (N, 3, 3) their uncertainty.
-        labels: (N,) index in the marker set where the source knows it, else -1.
-        blobs: per camera (n, 5): x, y (pixels, distorted), radius_px, brightness 0-255, hue 0-180.
-        detected: the blobs as the images show them, where `blobs` were moved to another time; default `blobs`.
-        normalised: per camera (n, 2) undistorted normalised coordinates of `blobs`; empty where nobody computed them
-            (see `undistort_blobs`).
-        point_blobs: (N, C) blob of each point in each camera, -1 where none.
-        single_cameras, single_blobs: (R,) camera and blob of markers seen by one camera only.
-        single_points: (R, 2) their undistorted normalised coordinates.
-        single_labels: (R,) as `labels`.
-        camera_times_s: (C,) time stamp of each camera's image, NaN where it gave none.
-        notes: what went wrong, in plain words (a frozen camera, ...).
+    Labels are indices in the marker set where the source knows them, -1 elsewhere. Without `detected`, `blobs` are as
+    the images show them; `normalised` is empty until `undistort_blobs` computes it.
     """
 
     number: int
     time_s: float
-    points_m: Array = field(default_factory=lambda: np.empty((0, 3)))
-    covariances_m2: Array = field(default_factory=lambda: np.empty((0, 3, 3)))
+    points_m: Array = field(default_factory=lambda: np.empty((0, 3)))  # (N, 3) triangulated, in the world
+    covariances_m2: Array = field(default_factory=lambda: np.empty((0, 3, 3)))  # (N, 3, 3)
     labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    # per camera (n, 5): x, y (pixels, distorted), radius_px, brightness 0-255, hue 0-180
     blobs: tuple[FloatArray, ...] = ()
-    detected: tuple[FloatArray, ...] = ()
-    normalised: tuple[Array, ...] = ()
-    point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
-    single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
+    detected: tuple[FloatArray, ...] = ()  # blobs as the images show them, where `blobs` were moved to another time
+    normalised: tuple[Array, ...] = ()  # per camera (n, 2) undistorted normalised coordinates of the blobs
+    point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))  # (N, C), -1 for none
+    single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (R,) camera of a ray
+    single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (R,) its blob
+    single_points: Array = field(default_factory=lambda: np.empty((0, 2)))  # (R, 2) its normalised coordinates
     single_labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    camera_times_s: Array = field(default_factory=lambda: np.empty(0))
-    notes: tuple[str, ...] = ()
+    camera_times_s: Array = field(default_factory=lambda: np.empty(0))  # (C,) stamps of the images, NaN without one
+    notes: tuple[str, ...] = ()  # problems of the source in plain words ("left camera frozen")
 
     def __post_init__(self) -> None:
         points, rays, cameras = len(self.points_m), len(self.single_cameras), len(self.blobs)

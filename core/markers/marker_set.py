@@ -14,8 +14,8 @@ from ..system.assets import MARKER_SETS
 from ..system.files import is_file, read_toml
 from ..system.schema import About, Schema, Table
 
-_FARTHEST_M = 10.0  # from a marker to its joint; a skeleton's bones are no longer
-_MINIMUM_TORSO_MARKERS = 3  # fewer do not give the root's rotation
+_FARTHEST_M = 10.0  # largest distance of a marker from its joint; bones are not longer
+FEWEST_TORSO = 3  # markers that find the root: three points fix a rigid body
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class MarkerSet:
         names = [marker.name for marker in self.markers]
         if not names or len(set(names)) != len(names):
             raise MarkerSetError("needs markers with unique names", where=f"marker set {self.name}")
-        if sum(marker.torso for marker in self.markers) < _MINIMUM_TORSO_MARKERS:
+        if sum(marker.torso for marker in self.markers) < FEWEST_TORSO:
             raise MarkerSetError(
-                f"needs at least {_MINIMUM_TORSO_MARKERS} markers with torso = true to find the root",
+                f"needs at least {FEWEST_TORSO} markers with torso = true to find the root",
                 where=f"marker set {self.name}",
             )
         for marker in self.markers:

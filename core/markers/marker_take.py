@@ -21,17 +21,11 @@ _VERSION = 1
 
 @dataclass(frozen=True)
 class SingleViews:
-    """Markers seen by one camera alone: rays, no positions.
+    """Markers seen by one camera alone: rays, no positions."""
 
-    Args:
-        rig: the cameras, in the take's world.
-        cameras: (F, M) the camera that shows a marker which the take does not locate, -1 where none does.
-        points: (F, M, 2) undistorted normalised coordinates in that camera, NaN elsewhere.
-    """
-
-    rig: CameraRig
-    cameras: IntArray
-    points: Array
+    rig: CameraRig  # cameras in the take's world
+    cameras: IntArray  # (F, M) camera that shows a marker which the take does not locate, -1 where none does
+    points: Array  # (F, M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
 
     def select(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
         """Return part of the frames, and markers in another order."""
@@ -40,24 +34,18 @@ class SingleViews:
 
 @dataclass(frozen=True)
 class MarkerTake:
-    """Trajectories of named markers.
+    """Trajectories of M named markers in F frames.
 
-    Args:
-        fps: nominal rate, frames per second.
-        names: (M) marker names, unique.
-        positions_m: (F, M, 3) world positions, NaN where a marker was not located.
-        frame_numbers: (F,) numbers of the camera frames; default 0 .. F-1.
-        times_s: (F,) capture times; default frame_numbers / fps.
-        single: what single cameras show of markers that are not located; None where that is not known.
+    Frame numbers count from 0 and times are frame numbers / fps unless given.
     """
 
     name: str
-    fps: float
-    names: tuple[str, ...]
-    positions_m: Array
+    fps: float  # nominal frames per second
+    names: tuple[str, ...]  # unique
+    positions_m: Array  # (F, M, 3) in the world, NaN where a marker was not located
     frame_numbers: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     times_s: Array = field(default_factory=lambda: np.empty(0))
-    single: SingleViews | None = None
+    single: SingleViews | None = None  # markers that single cameras saw, where that is known
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", printable(self.name))

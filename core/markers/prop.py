@@ -1,7 +1,6 @@
 """Props: rigid objects with markers of their own (sword, stick, camera).
 
-A definition is the places of the markers in the prop's own frame. Only their distances are known to the cameras, so a
-prop must look different in every other position: no second way of placing it on its own markers may fit.
+Cameras tell a prop by the distances between its markers. So its pattern must not fit itself in another position.
 """
 
 from collections.abc import Sequence
@@ -20,10 +19,6 @@ from ..system.schema import About, Schema, Table, Via
 
 FEWEST_MARKERS = 3
 MOST_MARKERS = 12
-LEAST_PLANARITY_M = 0.01  # RMS distance from the line nearest to the markers, below which the roll is unknown
-_LEAST_APART_M = 0.02  # markers that are closer become one blob
-_ALIKE_M = 0.008  # RMS: two positions in which the markers are nearer to each other are taken for one another
-_ALIKE_SPAN_M = 0.02  # by which distances may differ in the search for such positions
 
 
 @dataclass(frozen=True)
@@ -55,23 +50,31 @@ PROP = Schema(
 
 
 @dataclass(frozen=True)
-class Prop:
-    """A rigid thing with markers.
+class PatternRules:
+    """What a prop's pattern of markers needs so that cameras tell its position."""
 
-    Args:
-        names: (M) marker names, unique.
-        positions_m: (M, 3) the markers in the prop's own frame, in which it stands upright: y along it.
-        residual_m: RMS distance between seen and rigid markers when it was measured (0 when it was not).
+    planarity_m: float = 0.01  # RMS distance from the nearest line below which the roll is unknown
+    apart_m: float = 0.02  # distance below which two markers become one blob
+    alike_m: float = 0.008  # RMS distance below which two positions of the pattern are confused
+    alike_span_m: float = 0.02  # tolerance of distances in the search for such positions
+
+
+RULES = PatternRules()
+
+
+@dataclass(frozen=True)
+class Prop:
+    """A rigid object with M markers.
 
     Raises:
-        PropError: too few or too many markers, on a line, too close to each other, or in a pattern that fits itself
+        PropError: Too few or too many markers, on a line, too close to each other, or in a pattern that fits itself
             in another position; the message says which.
     """
 
     name: str
-    names: tuple[str, ...]
-    positions_m: Array
-    residual_m: float = 0.0
+    names: tuple[str, ...]  # unique
+    positions_m: Array  # (M, 3) in the prop's own frame, in which it stands upright: y along it
+    residual_m: float = 0.0  # RMS distance between seen and rigid markers when it was calibrated
 
     def __post_init__(self) -> None:
         places = np.asarray(self.positions_m, dtype=np.float64)
@@ -86,7 +89,7 @@ class Prop:
         if not self.name or len(set(self.names)) != len(self.names):
             raise PropError("needs a name, and markers with unique names", where=self._where)
         self._check_apart()
-        if planarity_m(places) < LEAST_PLANARITY_M:
+        if planarity_m(places) < RULES.planarity_m:
             raise PropError(
                 "its markers lie on a line, so its roll is unknown",
                 where=self._where,
@@ -106,20 +109,22 @@ class Prop:
     def _check_apart(self) -> None:
         spans = self.spans_m + np.diag(np.full(len(self.names), np.inf))
         first, second = np.unravel_index(int(np.argmin(spans)), spans.shape)
-        if spans[first, second] < _LEAST_APART_M:
+        if spans[first, second] < RULES.apart_m:
             raise PropError(
                 f"{self.names[first]} and {self.names[second]} are {1e3 * spans[first, second]:.0f} mm apart: "
                 "the cameras see one blob",
                 where=self._where,
-                advice=f"put them {1e3 * _LEAST_APART_M:.0f} mm apart at least",
+                advice=f"put them {1e3 * RULES.apart_m:.0f} mm apart at least",
             )
 
     def _check_unlike(self) -> None:
-        """Refuse markers that coincide with each other after a rotation of the prop."""
+        """Reject a pattern that coincides with itself after a rotation of the prop."""
         count = len(self.names)
-        for way in match_rigid_pattern(self.positions_m, self.spans_m, np.full((count, count), _ALIKE_SPAN_M), count):
+        for way in match_rigid_pattern(
+            self.positions_m, self.spans_m, np.full((count, count), RULES.alike_span_m), count
+        ):
             exchanged = np.flatnonzero(way != np.arange(count))
-            if len(exchanged) and place_pattern(self.positions_m, self.positions_m[way])[2] < _ALIKE_M:
+            if len(exchanged) and place_pattern(self.positions_m, self.positions_m[way])[2] < RULES.alike_m:
                 exchanged_names = ", ".join(self.names[marker] for marker in exchanged)
                 raise PropError(
                     f"looks the same in another position, with {exchanged_names} exchanged",
@@ -137,8 +142,8 @@ def load_prop(name_or_path: str | Path) -> Prop:
     """Return a shipped prop by its name, or one from a TOML file.
 
     Raises:
-        PropError: there is none, or it looks the same in another position.
-        FormatError: the file cannot be read, or is no TOML.
+        PropError: There is none, or its markers are unsuitable.
+        FormatError: The file cannot be read, or is not TOML.
     """
     path = PROPS / f"{name_or_path}.toml"
     if not is_file(path):
@@ -184,9 +189,9 @@ def check_distinct(props: Sequence[Prop]) -> None:
         for second in props:
             if first is second or len(first.names) > len(second.names):
                 continue
-            tolerances = np.full((len(second.names), len(second.names)), _ALIKE_SPAN_M)
+            tolerances = np.full((len(second.names), len(second.names)), RULES.alike_span_m)
             for way in match_rigid_pattern(second.positions_m, first.spans_m, tolerances, len(first.names)):
-                if place_pattern(first.positions_m, second.positions_m[way])[2] < _ALIKE_M:
+                if place_pattern(first.positions_m, second.positions_m[way])[2] < RULES.alike_m:
                     raise PropError(
                         f"{first.name} and {second.name} carry the same pattern of markers",
                         advice="move a marker of one of them by 3 cm or more",

@@ -8,27 +8,26 @@ import numpy as np
 from ..errors import TakeError
 from ..geometry.arrays import Array, IntArray
 from .marker_frame import MarkerFrame
-from .marker_set import MarkerSet
+from .marker_set import FEWEST_TORSO, MarkerSet
 from .marker_take import MarkerTake
 
-_SIGMA_M = 0.001  # uncertainty given to positions that come without one
+SIGMA_M = 0.001  # standard deviation of positions that come without one
 
 
 def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame]:
     """Yield the frames of a take, labelled by marker name; other markers are left out.
 
-    Markers that one camera alone showed come as rays, where the take has them. A take of one camera has nothing else,
-    and its trajectories are not named: all come without a label.
+    Markers that one camera alone showed are rays. A take of one camera holds only rays, without labels.
 
     Raises:
-        TakeError: the take has fewer than three of the set's torso markers.
+        TakeError: The take has fewer than three of the set's torso markers.
     """
     if is_unnamed(take):
         yield from _unnamed_frames(take)
         return
     columns = {name: i for i, name in enumerate(take.names)}
     torso = [marker.name for marker in marker_set.markers if marker.torso]
-    if sum(name in columns for name in torso) < 3:
+    if sum(name in columns for name in torso) < FEWEST_TORSO:
         raise TakeError(
             "has fewer than three of the torso markers " + ", ".join(torso),
             where=take.name,
@@ -40,13 +39,13 @@ def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame
     single = take.single.select(markers=order) if take.single is not None else None
     for f, (number, time_s, row) in enumerate(zip(take.frame_numbers, take.times_s, positions, strict=True)):
         seen = np.all(np.isfinite(row), axis=-1)
-        covariances = np.broadcast_to(_SIGMA_M**2 * np.eye(3), (int(seen.sum()), 3, 3))
+        covariances = np.broadcast_to(SIGMA_M**2 * np.eye(3), (int(seen.sum()), 3, 3))
         frame = MarkerFrame(int(number), float(time_s), row[seen], covariances, kept[seen])
         yield frame if single is None else _with_rays(frame, single.cameras[f], single.points[f], kept)
 
 
 def is_unnamed(take: MarkerTake) -> bool:
-    """Return whether a take is of one camera, so that its trajectories have no names."""
+    """Return whether a take is of one camera, with trajectories that are not labelled yet."""
     return take.single is not None and len(take.single.rig) == 1
 
 

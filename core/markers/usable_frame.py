@@ -1,8 +1,8 @@
-"""The door of a session: marker frames without impossible markers and times."""
+"""Rejection of impossible markers and times before a session uses a frame."""
 
 import math
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,21 +10,29 @@ from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from .marker_frame import MarkerFrame
 from .marker_frame_subset import without_blobs, without_points, without_rays
 
-_LONGEST_STEP_S = 1.0  # from one frame to the next; a longer gap starts a session again
-_AGREEING = 3  # frames in a row that make a jump in time believed
-_LATEST_S = 1e12
-_FAR_M = 500.0  # from the world's origin: no marker can be seen there
-_OBLIQUE = 20.0  # normalised coordinates of a ray; 87 degrees off the camera's axis
-_FAR_PX = 1e5
+
+@dataclass(frozen=True)
+class FrameLimits:
+    """Limits of what a marker frame can hold."""
+
+    longest_step_s: float = 1.0  # time between two frames from which the session restarts
+    agreeing: int = 3  # successive frames that confirm a jump in time
+    latest_s: float = 1e12
+    far_m: float = 500.0  # distance from the world's origin at which no marker can be seen
+    oblique: float = 20.0  # normalised coordinate of a ray 87 degrees off the camera's axis
+    far_px: float = 1e5
+
+
+_S = FrameLimits()
 
 
 class FrameTimes:
-    """Times of the frames of a session: each is a little later than the one before.
+    """Check that each frame of a session is a little later than the one before.
 
-    Another time is refused, until a few frames in a row agree that it goes on from there.
+    A jump in time is refused until a few successive frames confirm it.
 
     Attributes:
-        jumped: whether the last frame admitted is the first after a gap.
+        jumped: The last frame admitted is the first after a jump.
     """
 
     def __init__(self) -> None:
@@ -34,26 +42,26 @@ class FrameTimes:
 
     def admit(self, time_s: float) -> bool:
         """Return whether the next frame's time is possible."""
-        if not abs(time_s) < _LATEST_S:
+        if not abs(time_s) < _S.latest_s:
             return False
-        self.jumped = self._last_s is not None and not 0.0 < time_s - self._last_s <= _LONGEST_STEP_S
+        self.jumped = self._last_s is not None and not 0.0 < time_s - self._last_s <= _S.longest_step_s
         if self.jumped:
-            agrees = 0.0 < time_s - self._astray_s <= _LONGEST_STEP_S
+            agrees = 0.0 < time_s - self._astray_s <= _S.longest_step_s
             self._astray, self._astray_s = self._astray + 1 if agrees else 1, time_s
-            if self._astray < _AGREEING:
+            if self._astray < _S.agreeing:
                 return False
         self._last_s, self._astray_s = time_s, math.nan
         return True
 
 
 def usable_frame(frame: MarkerFrame, markers: int, cameras: int) -> MarkerFrame:
-    """Return the frame without impossible blobs, points and rays, and a note of them.
+    """Return the frame without impossible blobs, points and rays, with a note of them.
 
     Args:
-        markers: that labels may name.
-        cameras: of the rig, 0 without one.
+        markers: Number of markers that labels can refer to.
+        cameras: Number of cameras of the rig, 0 without one.
     """
-    blobs = [_within(rows, _FAR_PX) for rows in frame.blobs]
+    blobs = [_within(rows, _S.far_px) for rows in frame.blobs]
     points, rays = _possible_points(frame, markers), _possible_rays(frame, markers, cameras)
     if points.all() and rays.all() and all(rows.all() for rows in blobs):
         return frame
@@ -67,14 +75,14 @@ def usable_frame(frame: MarkerFrame, markers: int, cameras: int) -> MarkerFrame:
 
 def _within(rows: Array | FloatArray, limit: float) -> Mask:
     flat = rows.ravel()
-    if np.vdot(flat, flat) < limit**2:  # quicker, and almost always
+    if np.vdot(flat, flat) < limit**2:  # a quick test that nearly always passes
         return np.ones(len(rows), dtype=bool)
     return np.asarray(np.all(np.abs(rows) < limit, axis=1))
 
 
 def _possible_points(frame: MarkerFrame, markers: int) -> Mask:
-    """Return a mask (N,) of finite, near points with blobs and labels that exist."""
-    possible = _within(frame.points_m, _FAR_M) & _within(frame.covariances_m2.reshape(-1, 9), _FAR_M**2)
+    """Return a mask (N,) of near points with existing blobs and labels."""
+    possible = _within(frame.points_m, _S.far_m) & _within(frame.covariances_m2.reshape(-1, 9), _S.far_m**2)
     possible &= np.logical_and.reduce(frame.covariances_m2.diagonal(axis1=1, axis2=2) > 0.0, axis=1)
     for column, rows in zip(frame.point_blobs.T, frame.blobs, strict=True):
         possible &= (column >= -1) & (column < len(rows))
@@ -82,7 +90,7 @@ def _possible_points(frame: MarkerFrame, markers: int) -> Mask:
 
 
 def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
-    """Return a mask (R,) of finite rays with cameras, blobs and labels that exist."""
+    """Return a mask (R,) of possible rays with existing cameras, blobs and labels."""
     if not len(frame.single_cameras):
         return np.ones(0, dtype=bool)
     counts = [len(rows) for rows in frame.blobs]  # none without images: any blob may exist
@@ -91,15 +99,11 @@ def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
         0 <= camera < most and blob >= -1 and (not counts or (camera < len(counts) and blob < counts[camera]))
         for camera, blob in zip(frame.single_cameras.tolist(), frame.single_blobs.tolist(), strict=True)
     ]
-    possible = np.array(known, dtype=bool) & _within(frame.single_points, _OBLIQUE)
+    possible = np.array(known, dtype=bool) & _within(frame.single_points, _S.oblique)
     return possible & _possible_labels(frame.single_labels, markers)
 
 
 def _possible_labels(labels: IntArray, markers: int) -> Mask:
-    """Return a mask (N,) of labels that are -1, or a marker's and of no other point."""
-    values = labels.tolist()
-    if not any(value != -1 for value in values):
-        return np.ones(len(values), dtype=bool)
-    counts = Counter(values)
-    known = [value == -1 or (0 <= value < markers and counts[value] == 1) for value in values]
-    return np.array(known, dtype=bool)
+    """Return a mask (N,) of labels that are -1, or the only one of an existing marker."""
+    counts = Counter(labels.tolist())
+    return np.array([n == -1 or (0 <= n < markers and counts[n] == 1) for n in labels.tolist()], dtype=bool)

@@ -18,15 +18,10 @@ SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Se
 
 @dataclass(frozen=True)
 class CaptureSetup:
-    """Set-up of a capture; `TakeSetup` is its form in tables.
+    """Set-up of a capture; `TakeSetup` is its form in tables."""
 
-    Args:
-        rig: None for markers without cameras.
-        performers: with the markers worn, at least one.
-    """
-
-    rig: CameraRig | None
-    performers: tuple[Subject, ...]
+    rig: CameraRig | None  # None for markers without cameras
+    performers: tuple[Subject, ...]  # at least one, with the markers worn
     props: tuple[Prop, ...]
     database: Database
     settings: SolveSettings
@@ -42,9 +37,10 @@ class CaptureSetup:
         return TakeSetup.of(self.rig, self.performers, given, identity(self.database), capture, self.props)
 
     def make_session(self, make: SessionMaker = Session) -> MultiTargetSession:
-        """Return a new session of all targets; errors as of `MultiTargetSession`.
+        """Return a new session of all targets; raises the errors of `MultiTargetSession`.
 
-        `make` makes the session of a single performer (see `SessionCache`).
+        Args:
+            make: Maker of the session of a single performer (see `SessionCache`).
         """
         one = make if len(self.performers) == 1 else Session
         sessions = [one(subject, self.database, self.rig, self.settings) for subject in self.performers]

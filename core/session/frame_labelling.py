@@ -19,40 +19,32 @@ from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
 from .label_check import Alternative, LabelCheck
 
-_EXAMPLES = 2048  # poses of the database that a body without a past is compared with,
+_EXAMPLES = 2048  # poses of the database for labels without history
+_EVERY = 2  # one example in so many labels points
 _SAME_M = 0.02  # distance up to which two points are the same
-_EVERY = 2  # located points with every second of them
-_NOTHING_COST = 8.0  # of each point of a frame without any label
-_FIT_M, _UNFIT_M = 0.01, 0.03  # deviation of a marker from the solved body, and the most that counts
+_NOTHING_COST = 8.0  # cost of each point of a frame without labels
+_FIT_M, _UNFIT_M = 0.01, 0.03  # deviation of markers from the solved body that costs 0.5 each, and the largest counted
 
 
 class AlternativeLabels(NamedTuple):
-    """Other labels of a frame than a pose has.
-
-    Args:
-        nearer: they are right if an example is nearer to them than this share of the present distance.
-        adds: whether they only name points that had no name.
-        keeps_torso: whether the torso's markers have the same points, so that the pose shows where the torso is.
-        labeller: has these labels, those of the frame at `time_s`.
-        alternative: as the check of labels found it.
-    """
+    """Alternative labels of a solved frame."""
 
     observation: Observation
-    nearer: float
-    adds: bool
-    keeps_torso: bool
-    labeller: Labeller
+    nearer: float  # they are right if the closest example's distance falls below this share
+    adds: bool  # they only label points that had no label
+    keeps_torso: bool  # the torso markers keep their points, so that the pose shows where the torso is
+    labeller: Labeller  # follows these labels
     time_s: float
     alternative: Alternative
 
 
 class BodyExamples:
-    """Markers of many poses, for labels without a past.
+    """Markers of many poses, for labels without history.
 
     Attributes:
-        start_poses_m: markers (M, 3) of the T pose and of standing.
-        markers_m: (E, M, 3) of poses of all kinds with the root at rest.
-        ups: (E, 3) direction of the world's up in the root's frame.
+        start_poses_m: Markers (M, 3) of the T pose and of standing.
+        markers_m: Markers (E, M, 3) of many poses with the root at rest.
+        ups: Vertical (E, 3) of these poses in the root's frame.
     """
 
     def __init__(self, model: SubjectModel, database: Database) -> None:
@@ -71,10 +63,10 @@ def rest_markers(model: SubjectModel, rotations: Array) -> Array:
 
 
 class FrameLabeller:
-    """Labels the marker frames of one body in order.
+    """Labels the successive marker frames of one body.
 
     Attributes:
-        searched: whether the last frame was labelled without a past, which is dear.
+        searched: The last frame needed a full label search.
     """
 
     def __init__(self, model: SubjectModel, cameras: tuple[Camera, ...], examples: BodyExamples) -> None:
@@ -91,18 +83,19 @@ class FrameLabeller:
         self._check = LabelCheck(self._initial, self._torso)
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
-        """Return the share of its confidence that a pose with these labels deserves."""
+        """Return the factor of a pose's confidence for its labels."""
         return self._check.confidence(frame, observed_m)
 
     def find_alternative(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
     ) -> AlternativeLabels | None:
-        """Return other labels of a solved frame that turn out to be likely, if any.
+        """Return alternative labels of a solved frame that it has made likely, if any.
 
-        A search for them rests while `busy`.
+        Args:
+            busy: The frame was expensive already, so the search rests.
         """
         alternative = self._check.step(frame, elapsed_s, pose, self._labeller.is_confident, busy)
-        if alternative is None:  # of a pose that has just become doubtful nothing is sure
+        if alternative is None:  # a pose that has just become suspect confirms nothing
             if self._check.confidence(frame, pose.observed_m) == 1.0:
                 self._labeller.confirm(self._check.confirmed_markers)
             return None
@@ -111,11 +104,11 @@ class FrameLabeller:
         away = np.linalg.norm(frame.points_m[:, None] - pose.observed_m[None], axis=-1)
         points, markers = np.nonzero(away < _SAME_M)
         labels[np.isin(labels, np.flatnonzero(is_confident))] = -1
-        # a point without a name there keeps its own: it got it since the search began, or lost a wrong one just now
+        # an unlabelled point keeps its current label, which it got since the search began
         kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
-        if is_same.all() and np.sum(labels >= 0) == len(points):  # it has been seen, or its markers are hidden
+        if is_same.all() and np.sum(labels >= 0) == len(points):  # the difference is gone, or its markers are hidden
             self._check.put_off(alternative.renaming)
             return None
         labeller.begin(frame.points_m, labels, is_confident)
@@ -128,16 +121,16 @@ class FrameLabeller:
         )
 
     def refute_alternative(self, alternative: AlternativeLabels) -> None:
-        """Keep the labels so far, and doubt others that do not fit the body."""
+        """Keep the current labels; the alternative does not fit the body."""
         self._check.refute(alternative.alternative.renaming)
 
     def follow_alternative(self, alternative: AlternativeLabels) -> None:
-        """Go on with other labels than those so far."""
+        """Continue with alternative labels."""
         check = self._check
         self.reset()
         self.labellings += 1
         self._labeller = alternative.labeller
-        if alternative.adds:  # evidence for other names of the rest stays
+        if alternative.adds:  # the evidence for relabelling the others stays
             self._check = check
         self._check.begin(alternative.time_s)
 
@@ -146,7 +139,7 @@ class FrameLabeller:
         return self._labeller.expected(predicted_m, elapsed_s)
 
     def cost(self, frame: MarkerFrame, pose: PerformerPose) -> float:
-        """Return minus the logarithm of the likelihood of the labels of a frame's pose."""
+        """Return minus the log likelihood of the labels of a frame's pose."""
         located = int(np.sum(np.isfinite(pose.observed_m[:, 0])))
         if located == 0:
             return _NOTHING_COST * min(len(frame.points_m), len(self._torso))
@@ -154,13 +147,14 @@ class FrameLabeller:
         return cost + 0.5 * located * (float(np.fmin(pose.marker_rms_m, _UNFIT_M)) / _FIT_M) ** 2
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
-        """Return labels of points (N, 3) without a past, None when they are unlike a body."""
+        """Return labels of points (N, 3) without history, None when they do not look like a body."""
         return self._initial.label(points_m)
 
     def label(self, frame: MarkerFrame, predicted_m: Array | None, elapsed_s: float) -> Observation:
         """Return the labelled markers of the next frame.
 
-        `predicted_m` (M, 3) are the markers of the last synthesized pose, None without a past.
+        Args:
+            predicted_m: Markers (M, 3) of the last pose, None without history.
         """
         self.searched = predicted_m is None and not is_labelled(frame)
         if is_labelled(frame):
@@ -181,7 +175,7 @@ class FrameLabeller:
         return Observation(found.points_m, single, image_points, self._cameras)
 
     def _search_labels(self, frame: MarkerFrame, elapsed_s: float) -> IntArray:
-        """Return labels (N,) without a past, -1 until they are found."""
+        """Return labels (N,) found without history, -1 until then."""
         if self._search is None:
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
         else:
@@ -207,7 +201,7 @@ class FrameLabeller:
         return Observation(points, cameras, image_points, self._cameras)
 
     def _by_marker(self, points_m: Array, labels: IntArray) -> Array:
-        """Return the points (M, 3) by marker, NaN where none is labelled so."""
+        """Return the points (M, 3) by marker, NaN for hidden ones."""
         result = np.full((len(self._torso), 3), np.nan)
         result[labels[labels >= 0]] = points_m[labels >= 0]
         return result

@@ -1,8 +1,8 @@
-"""Labels of one camera's blobs, by several hypotheses side by side.
+"""Labels of one camera's blobs by several hypotheses in parallel.
 
-Markers that reappear or cross in the image have several possible labels, and only the following motion decides
-(multiple hypothesis tracking, Reid 1979). Each hypothesis has a state of the solver, with a likelihood of each frame.
-Where none explains all blobs, database examples at the body's root and at the last certain root add hypotheses.
+Markers that reappear or cross in the image have several possible labels, and only the motion that follows decides
+(multiple hypothesis tracking, Reid 1979). Each hypothesis has its own state of the solver and its own likelihood. While
+the best one leaves blobs unexplained, database examples at the body's root and at the last certain root add hypotheses.
 """
 
 from collections.abc import Sequence
@@ -21,46 +21,39 @@ from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import RootPose
 
 _MOST_HYPOTHESES = 5
-# costs are minus logarithms of likelihoods
-_UNLABELLED_COST = 6.0  # of a blob without a marker
-_MOST_FRAME_COST = 60.0  # of one frame: a single odd one must not decide
-_HOPELESS = 25.0  # costlier than the best by so much, a hypothesis is given up
-_START_COST = 15.0  # of a hypothesis that starts from an example
-_SAME_M = 0.02  # hypotheses with markers so close are one
-_SUSPECT = 0.6  # confidence below which labels may be wrong, as when a blob has no name
+# costs are minus log likelihoods
+_UNLABELLED_COST = 6.0  # cost of an unlabelled blob
+_MOST_FRAME_COST = 60.0  # largest cost of one frame, so that no outlier decides
+_HOPELESS = 25.0  # cost above the best from which a hypothesis is dropped
+_START_COST = 15.0  # cost of a hypothesis that starts from an example
+_SAME_M = 0.02  # distance of all markers below which two hypotheses are the same
+_SUSPECT = 0.6  # confidence below which labels are suspect; unlabelled blobs make them suspect, too
 _CERTAIN = 0.5  # confidence from which the root is certain
-_SUSPECT_FRAMES = 4  # in a row, until other labels are searched
-_SEARCH_S = 0.2  # between two such searches, and two for a performer who has not started
-_UNCERTAIN_S = 0.2  # after which the last certain root is searched as well
-_STARTS = 2  # of each root
+_SUSPECT_FRAMES = 4  # successive frames with suspect labels after which hypotheses are added
+_SEARCH_S = 0.2  # wait between two such searches, and two for a performer who has not started
+_UNCERTAIN_S = 0.2  # age from which the last certain root is searched as well
+_STARTS = 2  # hypotheses added at each root
 
 
 @dataclass
 class Hypothesis:
-    """One sequence of labels of the blobs so far.
-
-    Args:
-        labels: (N,) of the last frame's blobs.
-        markers_m: (M, 3) of the last synthesized pose.
-        observation, solution: of the last frame.
-        cost: above that of the best hypothesis.
-    """
+    """Labels of the blobs so far, with the last frame's solution."""
 
     state: SolverState
     labeller: SingleViewLabeller
-    labels: IntArray
-    markers_m: Array
+    labels: IntArray  # (N,) of the last frame's blobs
+    markers_m: Array  # (M, 3) of the last pose
     observation: Observation
     solution: Solution | None
-    cost: float = 0.0
+    cost: float = 0.0  # above that of the best hypothesis
 
 
 class HypothesisTracker:
-    """Labels and solves the frames of one camera in order.
+    """Labels and solves the successive frames of one camera.
 
     Args:
-        poses_m: markers (M, 3) of the poses in which a performer may start, y up, facing +z.
-        examples_m: (E, M, 3) markers of poses of the database with the root at rest.
+        poses_m: Markers (M, 3) of the poses in which a performer may start, y up, facing +z.
+        examples_m: Markers (E, M, 3) of poses of the database with the root at rest.
     """
 
     def __init__(self, camera: Camera, solver: PoseSolver, poses_m: Sequence[Array], examples_m: FloatArray) -> None:
@@ -79,7 +72,8 @@ class HypothesisTracker:
     def step(self, frame: MarkerFrame, confidence: float) -> Hypothesis | None:
         """Return the best hypothesis after the next frame, None before a start pose.
 
-        `confidence` is that of the pose before.
+        Args:
+            confidence: Confidence of the last pose.
         """
         if self._hypotheses:
             self._continue(frame, frame.time_s - self._time_s)
@@ -93,7 +87,7 @@ class HypothesisTracker:
         return self._hypotheses[0] if self._hypotheses else None
 
     def _begin(self, frame: MarkerFrame, start: SingleViewStart, cost: float = 0.0) -> Hypothesis:
-        """Return the hypothesis that begins with labels found without a past."""
+        """Return the hypothesis that begins with labels found without history."""
         observation = self._observation(start.labels, frame.single_points)
         state = replace(self._solver.initial_state, markers_m=start.markers_m)
         solution, state = self._solver.step(state, observation, frame.time_s)
@@ -102,7 +96,7 @@ class HypothesisTracker:
         return Hypothesis(state, labeller, start.labels, markers_m, observation, solution, cost)
 
     def _continue(self, frame: MarkerFrame, elapsed_s: float) -> None:
-        """Continue every hypothesis by all likely labels, and prune the hopeless ones."""
+        """Continue every hypothesis with all likely labels, and drop hopeless ones."""
         points = frame.single_points
         proposed = [
             (hypothesis.cost + 0.5 * cost, hypothesis, labels)

@@ -1,4 +1,4 @@
-"""Checks of a tracked body's labels against labels without a past."""
+"""Comparison of a tracked body's labels with alternative hypotheses, found without history."""
 
 from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
@@ -12,50 +12,45 @@ from ..labelling.label_search import WORK, WORK_UNHURRIED, LabelSearch
 from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 
-_FIRST_S, _RARE_S = 0.03, 1.0  # wait between checks; each further one is doubled while labels are certain
-_SUSPECT_S = 0.1  # longest wait for a suspect pose, and between two looks for examples
-_SUSPECT = 0.5  # confidence, for the markers located, below which a pose is suspect
-_STRAYS = 2  # points without a marker beside as many markers without a point, from which labels are suspect
-_TORSO_MARKERS = 2  # fewest by which the torso is seen
-_ENOUGH = 0.6  # share of the markers that must be seen, for a check to have a meaning
+_FIRST_S, _RARE_S = 0.03, 1.0  # first and longest wait between checks; it doubles while the labels are certain
+_SUSPECT_S = 0.1  # longest wait for a suspect pose, and between two comparisons with the database
+_SUSPECT = 0.5  # confidence per located marker below which a pose is suspect
+_STRAYS = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
+_TORSO_MARKERS = 2  # fewest located torso markers of a pose that is not suspect
+_ENOUGH = 0.6  # share of the markers that must be located for a check
 _SAME_M = 0.02  # distance up to which two points are the same
-_UNCERTAIN = 0.3  # share of its confidence that a pose with uncertain labels has
+_UNCERTAIN = 0.3  # factor of the confidence while the labels are uncertain
 
-# gains are logarithms of the likelihood of other labels over that of the present ones
-_CERTAIN = -2.0  # below this one check makes the present labels certain,
-_UNCLEAR = -0.8  # above this it does not confirm them; several between these make them certain, too
-_CONFIRMATIONS = 3.0  # times as much is needed for the labels of a suspect pose
-_BETTER = 1.0  # above this labels are uncertain again
-_PLAUSIBLE = -4.0  # above this, others than the present labels of a suspect pose are right, if
-_NEARER = 0.7  # the closest example is nearer to them than this share of the present distance
-_LEAST = -10.0  # of sums of gains: more against other labels is forgotten
-_PROVEN = 5.0  # sum of gains, above which others are right if an example is nearer to them; or that name more points
-_DECISIVE = 8.0  # above this they are right in any case
-_FOLLOWED = 10.0  # against labels that contradict markers followed without a doubt since all were certain
-_INDEPENDENT_S = 0.3  # of motion, after which a check of such labels is as good as the first; sooner it counts for less
-_GONE_S = 0.1  # without a pose, after which no check before speaks for the labels
+# gains are log likelihood ratios of alternative to current labels, nats
+_CERTAIN = -2.0  # best gain below which one check confirms the current labels
+_UNCLEAR = -0.8  # best gain above which a check does not confirm them; checks between these add up
+_CONFIRMATIONS = 3.0  # confirmation needed for the labels of a suspect pose; 1 for others
+_BETTER = 1.0  # best gain above which the labels are uncertain again
+_PLAUSIBLE = -4.0  # evidence needed to try alternative labels of a suspect pose
+_NEARER = 0.7  # these replace the labels if the closest example's distance falls below this share
+_LEAST = -10.0  # floor of the evidence for an alternative
+_PROVEN = 5.0  # evidence that replaces labels if no example gets farther; sufficient gain if more markers get labels
+_DECISIVE = 8.0  # gain that replaces labels in any case
+_FOLLOWED = 10.0  # penalty for relabelling markers that were tracked confidently
+_INDEPENDENT_S = 0.3  # time after which a check of such labels is independent of the last one; sooner it counts less
+_GONE_S = 0.1  # time without a pose after which earlier checks do not count
 
 Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
-_NEW = -2  # in one: a point without a name gets one
+_NEW = -2  # in a renaming: an unlabelled point gets the label
 
 
 class Alternative(NamedTuple):
-    """Labels (N,) of a search's points, right if an example is so much nearer.
-
-    Args:
-        renaming: see `LabelCheck._renaming`.
-        contradicts: whether they name markers otherwise that were followed without a doubt.
-    """
+    """Alternative labels of the points of a search."""
 
     search: LabelSearch
-    labels: IntArray
+    labels: IntArray  # (N,)
     renaming: Renaming
-    nearer: float
-    contradicts: bool
+    nearer: float  # they are right if the closest example's distance falls below this share
+    contradicts: bool  # they relabel markers that were tracked confidently
 
 
 class LabelCheck:
-    """Decides how sure the labels of a tracked body are, and when they are wrong.
+    """Decides how certain the labels of a tracked body are, and when others are likelier.
 
     Args:
         torso: (M,) Markers on the torso.
@@ -64,7 +59,7 @@ class LabelCheck:
     def __init__(self, initial: InitialLabeller, torso: Mask) -> None:
         self._initial, self._torso = initial, torso
         self._search: LabelSearch | None = None
-        self._present_m, self._present_cost = np.empty((0, 3)), 0.0
+        self._current_m, self._current_cost = np.empty((0, 3)), 0.0
         self._is_sure: Mask = np.zeros(0, dtype=bool)
         self._confirmed, self._was_suspect, self._were_certain = 0.0, False, False
         self._compared: Mask = np.ones(len(torso), dtype=bool)
@@ -75,29 +70,29 @@ class LabelCheck:
         self._wait_s, self._checked_s, self._tried_s = _FIRST_S, -np.inf, -np.inf
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
-        """Judge labels that a search has just found by those that it found besides."""
+        """Initialise the confidence of new labels; those of a search from its alternatives."""
         self._checked_s, self._were_certain = time_s, False
         if start is not None:
             self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.alternatives), default=-np.inf))
 
     @property
     def confirmed_markers(self) -> Mask:
-        """(M,) markers that were in sight of the last check, so that it speaks for them."""
+        """(M,) markers located since the last check, which therefore holds for them."""
         return self._compared
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
-        """Return the share of its confidence that a pose with these labels deserves."""
+        """Return the factor of a pose's confidence for its labels."""
         certain = self._is_certain(self._was_suspect) and _strays(frame, observed_m) < _STRAYS
         return 1.0 if certain else _UNCERTAIN
 
     def step(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_confident: Mask, busy: bool = False
     ) -> Alternative | None:
-        """Return other labels that have just turned out to be likely, if any.
+        """Return alternative labels that this frame has made likely, if any.
 
         Args:
-            is_confident: (M,) markers followed without a doubt since the labels were certain.
-            busy: whether the frame has cost much already, so that a search rests.
+            is_confident: (M,) Markers that have been tracked confidently since the labels were certain.
+            busy: The frame was expensive already, so the search rests.
         """
         self._compared = self._compared & np.isfinite(pose.observed_m[:, 0])
         if _GONE_S < pose.time_s - self._stepped_s < np.inf:
@@ -108,23 +103,23 @@ class LabelCheck:
             self._search.follow(frame.points_m, elapsed_s)
         elif self._is_due(frame, pose, suspect):
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
-            self._present_m, self._is_sure = pose.observed_m, is_confident
+            self._current_m, self._is_sure = pose.observed_m, is_confident
             ghosts = max(len(frame.points_m) - int(np.sum(np.isfinite(pose.observed_m[:, 0]))), 0)
-            self._present_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
+            self._current_cost = self._initial.cost(pose.observed_m, pose.markers_m, ghosts)
         if self._search is None or busy or not self._search.advance(self._work(frame, pose, suspect)):
             return None
         search, self._search = self._search, None
         return self._judge(search, suspect, pose.time_s)
 
     def _is_suspect(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
-        """Return whether the pose, or points without a name, speak against the labels."""
+        """Return whether the pose or unlabelled points speak against the labels."""
         located = np.isfinite(pose.observed_m[:, 0])
         explained = pose.confidence / (self.confidence(frame, pose.observed_m) * max(np.mean(located), 1e-3))
         unseen = np.sum(located & self._torso) < _TORSO_MARKERS
         return bool(explained < _SUSPECT or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
 
     def _work(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> float:
-        """Return a frame's share of a search, less while nothing speaks against labels."""
+        """Return the work on a search in this frame, less while nothing speaks against the labels."""
         is_certain = self._is_certain(suspect)
         self._were_certain |= is_certain
         likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0
@@ -132,7 +127,7 @@ class LabelCheck:
         return WORK if in_doubt or _strays(frame, pose.observed_m) else WORK_UNHURRIED
 
     def _is_due(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> bool:
-        """Return whether to compare the labels with others now."""
+        """Return whether to start a search now."""
         turned, self._was_suspect = suspect and not self._was_suspect, suspect
         if turned:
             self._confirmed = 0.0
@@ -151,13 +146,13 @@ class LabelCheck:
         return self._confirmed >= (_CONFIRMATIONS if suspect else 1.0)
 
     def _judge(self, search: LabelSearch, suspect: bool, time_s: float) -> Alternative | None:
-        """Return the likeliest labels but the present ones, if likely enough."""
-        present = tuple(range(len(self._torso)))
+        """Return the likeliest alternative, if likely enough."""
+        current = tuple(range(len(self._torso)))
         found = [(self._renaming(labels, search.points_m), labels, cost) for labels, cost in search.labellings()]
         others = {
-            renaming: (labels, self._present_cost - cost - _FOLLOWED * contradicts, contradicts)
+            renaming: (labels, self._current_cost - cost - _FOLLOWED * contradicts, contradicts)
             for renaming, labels, cost in reversed(found)
-            if renaming != present
+            if renaming != current
             for contradicts in (self._is_contradicted(renaming),)
         }
         gains = {renaming: gain for renaming, (_, gain, _) in others.items()}
@@ -166,19 +161,19 @@ class LabelCheck:
             (self._evidence[other] if other in self._contradicting else gain for other, gain in gains.items()),
             default=-np.inf,
         )
-        # a search that missed the present labels is no evidence for them
-        is_found = any(renaming == present for renaming, _, _ in found)
+        # a search that missed the current labels does not confirm them
+        is_found = any(renaming == current for renaming, _, _ in found)
         self._confirmed = self._confirmed + is_found * _confirmation(most) if most < _BETTER else 0.0
-        self._compared = np.isfinite(self._present_m[:, 0])
+        self._compared = np.isfinite(self._current_m[:, 0])
         if not others or (most < 0.0 and not is_found):
             return None
         best = max(gains, key=lambda other: (self._evidence[other], gains[other]))
-        # a point that gets a name is no evidence for other names of the rest
+        # a point that gets a label is no evidence for relabelling the others
         added = [renaming for renaming in gains if self._only_adds(renaming)]
         if added and _NEW in best and gains[best] - max(map(gains.__getitem__, added)) < _PROVEN:
             best = max(added, key=gains.__getitem__)
         labels, gain, contradicts = others[best]
-        names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._present_m[:, 0]))
+        names_more = np.sum(labels >= 0) > np.sum(np.isfinite(self._current_m[:, 0]))
         if gain > (_PROVEN if names_more else _DECISIVE):
             return Alternative(search, labels, best, np.inf, contradicts)
         is_better = self._evidence[best] > _PROVEN
@@ -191,19 +186,19 @@ class LabelCheck:
         return Alternative(search, labels, best, 1.0 if is_better else _NEARER, contradicts)
 
     def put_off(self, alternative: Renaming) -> None:
-        """Take the present labels for uncertain, as others could not be tried yet."""
+        """Treat the current labels as uncertain: the alternative could not be tried yet."""
         self._confirmed, self._tried_s = 0.0, -np.inf
         self._tried.discard(alternative)
 
     def refute(self, alternative: Renaming) -> None:
-        """Count it against other labels that the body does not fit them."""
+        """Lower the evidence for an alternative that does not fit the body."""
         self._evidence[alternative] = _LEAST
 
     def _weigh(self, gains: Mapping[Renaming, float], contradicting: set[Renaming], time_s: float) -> None:
-        """Add gains to the evidence for each way to rename markers.
+        """Add gains to the evidence for each renaming.
 
-        That the markers were followed counts once against labels that contradict it, however long a body rests in a
-        pose that looks like other labels.
+        The penalty for relabelling confidently tracked markers counts once, however long a body rests in an ambiguous
+        pose.
         """
         share, self._weighed_s = min((time_s - self._weighed_s) / _INDEPENDENT_S, 1.0), time_s
         sums = {}
@@ -223,23 +218,23 @@ class LabelCheck:
         self._contradicting = contradicting | (self._contradicting & (self._evidence.keys() - gains.keys()))
 
     def _renaming(self, labels: IntArray, points_m: Array) -> Renaming:
-        """Return the marker that presently has each marker's point: none -1, new `_NEW`."""
-        other = np.full(self._present_m.shape, np.nan)
+        """Return which marker has each marker's alternative point now; -1 for no point, `_NEW` if it is unlabelled."""
+        other = np.full(self._current_m.shape, np.nan)
         other[labels[labels >= 0]] = points_m[labels >= 0]
-        near = np.linalg.norm(other[:, None] - self._present_m[None], axis=-1) < _SAME_M
+        near = np.linalg.norm(other[:, None] - self._current_m[None], axis=-1) < _SAME_M
         seen = np.isfinite(other[:, 0])
         names = np.where(near.any(axis=1), near.argmax(axis=1), np.where(seen, _NEW, -1))
-        hidden = ~seen & ~np.isfinite(self._present_m[:, 0])
+        hidden = ~seen & ~np.isfinite(self._current_m[:, 0])
         return tuple(np.where(hidden, np.arange(len(names)), names).tolist())
 
     def _only_adds(self, renaming: Renaming) -> bool:
-        """Return whether other markers than the present ones may have points, and no more."""
-        located = np.isfinite(self._present_m[:, 0])
+        """Return whether a renaming only labels further points."""
+        located = np.isfinite(self._current_m[:, 0])
         return all(before == marker or (before < 0 and not located[marker]) for marker, before in enumerate(renaming))
 
     def _is_contradicted(self, renaming: Renaming) -> bool:
-        """Return whether a surely followed marker's point has another name."""
-        followed = np.flatnonzero(self._is_sure & np.isfinite(self._present_m[:, 0]))
+        """Return whether a renaming gives the point of a confidently tracked marker to another."""
+        followed = np.flatnonzero(self._is_sure & np.isfinite(self._current_m[:, 0]))
         return any(
             renaming[marker] not in (marker, -1) or (renaming[marker] == -1 and marker in renaming)
             for marker in followed.tolist()
@@ -247,10 +242,10 @@ class LabelCheck:
 
 
 def _confirmation(gain: float) -> float:
-    """Return how much a check confirms the present labels, 0 to 1."""
+    """Return how far a check with this best gain confirms the current labels, 0 to 1."""
     return float(np.clip((_UNCLEAR - gain) / (_UNCLEAR - _CERTAIN), 0.0, 1.0))
 
 
 def _strays(frame: MarkerFrame, observed_m: Array) -> int:
-    """Return how many points without a marker may be markers without a point."""
+    """Return the number of unlabelled points, at most that of hidden markers."""
     return min(len(frame.points_m), len(observed_m)) - int(np.sum(np.isfinite(observed_m[:, 0])))

@@ -14,23 +14,22 @@ from ..errors import SettingsError
 from ..labelling.prop_tracking import PropTracker
 from ..markers.marker_frame import MarkerFrame, undistort_blobs
 from ..markers.prop import Prop, check_distinct
+from ..markers.take_frames import SIGMA_M
 from ..markers.usable_frame import FrameTimes, usable_frame
 from .performer_assignment import PerformerAssignment
 from .session import Session
 from .two_way_solve import TwoWaySolver
-
-_SIGMA_M = 0.001  # uncertainty of points with known labels
 
 
 class MultiTargetSession:
     """Session of performers and props.
 
     Args:
-        sessions: new ones, in the order of `PerformerAssignment`.
+        sessions: New sessions of the performers from left to right.
 
     Raises:
-        PropError: two props have patterns that cannot be distinguished.
-        SettingsError: several performers before one camera.
+        PropError: Two props have patterns that cannot be distinguished.
+        SettingsError: Several performers before one camera.
     """
 
     def __init__(self, sessions: Sequence[Session], props: Sequence[Prop] = ()) -> None:
@@ -56,17 +55,17 @@ class MultiTargetSession:
 
     @property
     def labellings(self) -> int:
-        """How often labels of a performer without a past were found, or replaced."""
+        """Number of times that labels were found without history, or replaced."""
         return sum(session.labeller.labellings for session in self._sessions)
 
     def label_cost(self, frame: MarkerFrame, pose: ScenePose) -> float:
-        """Return minus the logarithm of the likelihood of the labels of a frame's pose."""
+        """Return minus the log likelihood of the labels of a frame's pose."""
         return sum(
             session.labeller.cost(frame, each) for session, each in zip(self._sessions, pose.performers, strict=True)
         )
 
     def step(self, frame: MarkerFrame, check_labels: bool = True) -> ScenePose:
-        """Return the poses of all performers and props; `doubts` as of `Session.step`."""
+        """Return the poses of all performers and props; see `Session.step`."""
         if not self._times.admit(frame.time_s):
             waiting = [session.step(frame) for session in self._sessions]
             return ScenePose(tuple(waiting), tuple(tracker.last_pose() for tracker in self._trackers), waiting[0].notes)
@@ -84,13 +83,13 @@ class MultiTargetSession:
         return self._solve(shares, tuple(props), check_labels)
 
     def step_labelled(self, frame: MarkerFrame, known: ScenePose) -> ScenePose:
-        """Return the poses in the next frame with the labels and props of known poses."""
+        """Return the poses of the next frame, with the labels and props of known poses."""
         frame = self._usable(frame)
         shares = [_labelled_share(frame, pose) for pose in known.performers]
         return self._solve(shares, known.props, check_labels=False)
 
     def solve_two_ways(self, poses: Sequence[ScenePose], progress: Callable[[float], None]) -> list[ScenePose]:
-        """Return poses of a recorded take, with their labels, solved in both directions."""
+        """Return the poses of a recorded take solved in both directions, with the same labels."""
         columns: list[Sequence[PerformerPose]] = []
         for index, session in enumerate(self._sessions):
             own = [pose.performers[index] for pose in poses]
@@ -98,7 +97,7 @@ class MultiTargetSession:
             def report(share: float, index: int = index) -> None:
                 progress((index + share) / len(self._sessions))
 
-            if session.settings.method == "best":  # the others know no history
+            if session.settings.method == "best":  # other methods use no history
                 own = TwoWaySolver(session.solver, self.rig.cameras if self.rig else ()).solve(own, report)
             columns.append(own)
         rows = zip(poses, zip(*columns, strict=True), strict=True)
@@ -124,13 +123,13 @@ class MultiTargetSession:
 
 
 def _labelled_share(frame: MarkerFrame, pose: PerformerPose) -> MarkerFrame:
-    """Return a frame of the labelled points and rays of a pose alone."""
+    """Return a frame with the labelled points and rays of a pose only."""
     points, rays = np.flatnonzero(np.isfinite(pose.observed_m[:, 0])), np.flatnonzero(pose.single_cameras >= 0)
     return MarkerFrame(
         frame.number,
         frame.time_s,
         pose.observed_m[points],
-        np.broadcast_to(_SIGMA_M**2 * np.eye(3), (len(points), 3, 3)),
+        np.broadcast_to(SIGMA_M**2 * np.eye(3), (len(points), 3, 3)),
         points,
         single_cameras=pose.single_cameras[rays],
         single_blobs=np.full(len(rays), -1, dtype=np.int64),

@@ -10,25 +10,23 @@ from ..geometry.arrays import Array, Mask
 from ..solver.solution import Solution
 from ..solver.subject_model import SubjectModel
 
-# Of parts with deviations of 1 degree, 1 m from the closest example: 95 % of the errors are within twice the expected.
-# The powers were found on 64 CMU takes that the database lacked, alone or with their performers; the scales there, the
-# torso's as those of joints.
+# Expected errors of parts with deviations of 1 degree, 1 m from the closest example; 95 % of the errors are within
+# twice that. Scales and powers were fitted to 64 CMU takes that the database lacked, alone or with their performers.
 _ERRORS_DEG = {"torso": 6.2, "head": 7.7, "arm": 6.7, "hand": 13.0, "leg": 9.1, "foot": 12.4}
 _SIGMA_POWER, _NEAREST_POWER, _NEAREST_M = 0.8, 0.3, 0.01
-# The same of single joints, found on 80 frames of each of 28 CMU takes (out of the database alone, with their
-# performers, with all motion of their kind, and by the embedded motion) and ten takes of another studio, half of them
-# with 3 mm of noise and a tenth of the markers lost; one scale for both sides. CMU's clavicles and fingers do not move:
-# these have their parts' values.
+# The same for joints of either side, fitted to 80 frames of each of 28 CMU takes (without the take, its performer or
+# its kind of motion, or with the embedded motion only) and of ten takes of another studio, half of them with 3 mm of
+# noise and a tenth of the markers lost. CMU's clavicles and fingers do not move: these have their parts' values.
 _JOINT_ERRORS_DEG = {
     "lowerback": 6.7, "upperback": 5.7, "thorax": 7.1, "lowerneck": 9.6, "upperneck": 9.1, "head": 6.8,
     "lclavicle": 6.7, "lhumerus": 11.6, "lradius": 7.8, "lwrist": 11.8, "lhand": 18.2, "lfingers": 13.0, "lthumb": 22.7,
     "lfemur": 9.8, "ltibia": 10.0, "lfoot": 10.9, "ltoes": 14.8,
 }  # fmt: skip
-_FAR_M = 0.03  # of a marker from where it was seen
+_FAR_M = 0.03  # distance between solved and located marker that is reported
 
 
 class PartErrors:
-    """Expects the errors of the parts of one subject's body."""
+    """Expected errors of the parts and joints of one subject's body."""
 
     def __init__(self, subject: SubjectModel) -> None:
         carried = subject.skeleton.is_ancestor[subject.joints] & ~subject.torso[:, None]
@@ -41,17 +39,17 @@ class PartErrors:
         self._joint_scales = np.array([_JOINT_ERRORS_DEG[_unsided(name)] for name in JOINT_NAMES[1:]])
 
     def expected_deg(self, solution: Solution) -> Array:
-        """Return the expected errors (P,) of parts, empty of methods but "best"."""
+        """Return the expected errors (P,) of parts, empty for other methods than "best"."""
         variances = _variances(solution)
         return self._scales * _expected(self._means @ variances, solution) if len(variances) else variances
 
     def expected_joints_deg(self, solution: Solution) -> Array:
-        """Return the expected errors (J - 1,) of joints, empty of methods but "best"."""
+        """Return the expected errors (J - 1,) of joints, empty for other methods than "best"."""
         variances = _variances(solution)
         return self._joint_scales * _expected(variances, solution) if len(variances) else variances
 
     def notes(self, pose: PerformerPose) -> list[PoseNote]:
-        """Return doubtful parts of a pose with the reason, in plain words."""
+        """Return notes on the doubtful parts of a pose, with the reasons."""
         if pose.doubtful or not (parts := pose.doubtful_parts):
             return []
         seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
@@ -78,13 +76,13 @@ def _variances(solution: Solution) -> Array:
 
 
 def _expected(variances: Array, solution: Solution) -> Array:
-    """Return expected errors for variances, of scale 1."""
+    """Return expected errors for variances, before scaling."""
     nearest = (solution.nearest_m + _NEAREST_M) ** _NEAREST_POWER
     return np.asarray(np.degrees(np.sqrt(variances)) ** _SIGMA_POWER * nearest)
 
 
 def _unsided(joint: str) -> str:
-    """Return the name of a joint on the left for both sides."""
+    """Return the name of the joint on the left side."""
     return "l" + joint[1:] if joint[0] == "r" else joint
 
 

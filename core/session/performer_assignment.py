@@ -19,16 +19,16 @@ from .session import Session
 
 _NOBODY = -1
 _PATIENCE_S = 1.0  # wait for all untracked performers before a body is assigned out of order
-_SEARCH_S = 0.1  # between two searches for several bodies, each as slow as solving some frames
-_UNLIKE = 1e3  # cost of a body that the markers do not fit
-_ORDER_COST = 1.0  # of one place out of order, against the cost of labels
+_SEARCH_S = 0.1  # wait between two searches for several bodies, each as slow as solving some frames
+_UNLIKE = 1e3  # cost of a body that a performer's markers do not fit
+_ORDER_COST = 1.0  # cost of a place out of order, added to that of the labels
 
 
 class PerformerAssignment:
     """Splits frames between performers.
 
     Args:
-        sessions: with the same cameras, in the order of the performers from left to right when first seen together.
+        sessions: Sessions with the same cameras, in the order of the performers from left to right when first seen.
     """
 
     def __init__(self, sessions: Sequence[Session]) -> None:
@@ -39,7 +39,7 @@ class PerformerAssignment:
         self._searched_s = -np.inf
 
     def split_frame(self, frame: MarkerFrame) -> list[MarkerFrame]:
-        """Return each performer's share of a frame; labels of a source go to the first."""
+        """Return each performer's share of a frame; a source's labels belong to the first."""
         if is_labelled(frame):
             return [frame] + [_nothing(frame)] * (len(self._sessions) - 1)
         owners = self._owners(frame)
@@ -83,7 +83,7 @@ class PerformerAssignment:
         return without_points(frame, others[0])
 
     def _propose_bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
-        """Return the share of each untracked performer: one body, or none while in doubt."""
+        """Return the share of each untracked performer: one body, or none while that is unclear."""
         if self._waiting_since_s is None:
             self._waiting_since_s = frame.time_s
         if frame.time_s - self._searched_s < _SEARCH_S:

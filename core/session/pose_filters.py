@@ -41,10 +41,10 @@ class PoseFilter:
     """Filters the poses of a capture one after another.
 
     Args:
-        floor_m: height of the floor in the world of the poses, None where it is unknown.
+        floor_m: Height of the floor in the world of the poses, None where unknown.
 
     Raises:
-        SettingsError: there is no such mode for the feet.
+        SettingsError: There is no such mode for the feet.
     """
 
     def __init__(self, skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings) -> None:
@@ -97,7 +97,7 @@ class _PerformerFilter:
         self._mode = settings.feet
 
     def step(self, pose: PerformerPose) -> PerformerPose:
-        if pose.time_s != self._time_s:  # that of a refused frame is the last pose's
+        if pose.time_s != self._time_s:  # a refused frame repeats the last pose
             self._time_s = pose.time_s
             rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
             self._shown = self._feet.step(pose.time_s, rotations, root), root

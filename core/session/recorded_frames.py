@@ -1,8 +1,8 @@
-"""Frames of recorded takes, with the labels that later frames have proven.
+"""Labels of recorded takes, corrected by later frames.
 
-Live, a body gets other labels from the frame on in which these are found to explain the markers better. A recorded take
-goes back from there: the session follows the body backwards in time, and its labels hold up to where they no longer
-explain the markers better than the live ones. The frames with new labels are then solved again.
+Live, a body gets alternative labels only from the frame on in which they are proven. In a recorded take they also hold
+before it: the session tracks the body backwards in time, as far as its labels explain the markers better than the live
+ones. The frames with new labels are then solved again.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,17 +16,17 @@ from ..geometry.arrays import Array, Mask, runs
 from ..markers.marker_frame import MarkerFrame
 from .multi_target_session import MultiTargetSession
 
-_LEAD = 10  # frames with known labels from which the body is followed back, or on,
-_LABELLED = 5  # of which the last keep them when it is followed back
+_LEAD = 10  # frames with known labels before the body is tracked backwards, or forwards
+_LABELLED = 5  # number of these, the last ones, that keep their labels when it is tracked backwards
 _FOLLOWED = 30  # frames solved again after those with new labels
-_AGREEING = 5  # frames in a row with the same labels, from where on nothing is gained
-_SAME_M = 0.005  # between positions of one point
-_NEAR_M = 0.05  # that a marker moves in a frame
-# evidence and costs are logarithms of likelihood ratios
-_ALIKE_S = 0.05  # in which all frames together are one piece of evidence
-_EXCHANGE_COST = 4.0  # of each point that is another marker in the next frame
-_CLEAR = 1.0  # for the later labels, to take them
-_HOPELESS = 30.0  # against them, since they were best
+_AGREEING = 5  # successive frames with the same labels that end the backward tracking
+_SAME_M = 0.005  # distance up to which two points are the same
+_NEAR_M = 0.05  # largest movement of a marker in a frame
+# evidence and costs are log likelihood ratios, nats
+_ALIKE_S = 0.05  # time over which frames count as one piece of evidence
+_EXCHANGE_COST = 4.0  # cost of each point that belongs to another marker in the next frame
+_CLEAR = 1.0  # evidence needed for the later labels
+_HOPELESS = 30.0  # loss of evidence that ends the backward tracking
 
 
 def relabel(
@@ -39,10 +39,10 @@ def relabel(
     """Return the poses, some with labels from later frames, and a mask (F,) of these.
 
     Args:
-        poses: of the frames, as live.
-        begun: ascending frames from which on labels are new.
-        session: the one that solved them; forgets their motion.
-        progress: called with the share done.
+        poses: Live poses of the frames.
+        begun: Ascending frames from which labels are new.
+        session: Session that solved them; it is reset.
+        progress: Called with the share done.
     """
     result, changed = list(poses), np.zeros(len(frames), dtype=bool)
     confidence = np.array([[performer.confidence for performer in pose.performers] for pose in poses])
@@ -61,7 +61,7 @@ def relabel(
 def _follow_back(
     frames: Sequence[MarkerFrame], poses: Sequence[ScenePose], at: int, stop: int, session: MultiTargetSession
 ) -> tuple[list[ScenePose], int]:
-    """Return poses with the labels of `at` to `stop` followed back, and their start."""
+    """Return poses with the labels of frames `at` to `stop` tracked backwards, and their first frame."""
     session.reset()
     first = max(stop - _LABELLED, at)
     for index in range(stop - 1, first - 1, -1):
@@ -97,7 +97,8 @@ def _solve_again(
 ) -> None:
     """Solve relabelled frames, and some after them, with their labels, in place.
 
-    Labels deserve no more confidence than where they were found: `most` (F, P).
+    Args:
+        most: Largest confidence (F, P): that of the frames in which the labels were found.
     """
     session.reset()
     start, stop = relabelled
@@ -116,7 +117,7 @@ def _mirrored(frame: MarkerFrame) -> MarkerFrame:
 
 
 def _agree(pose: ScenePose, other: ScenePose) -> bool:
-    """Return whether no point has another label, and most have one."""
+    """Return whether most points have the same label and none another one."""
     return all(map(_labels_agree, pose.performers, other.performers))
 
 
@@ -127,7 +128,7 @@ def _labels_agree(pose: PerformerPose, other: PerformerPose) -> bool:
 
 
 def _exchange_cost(pose: ScenePose, later: ScenePose) -> float:
-    """Return the cost of points that are other markers in the next frame."""
+    """Return the cost of points that belong to another marker in the next frame."""
     count = 0
     for before, after in zip(pose.performers, later.performers, strict=True):
         away = np.linalg.norm(before.observed_m[:, None] - after.observed_m, axis=2)

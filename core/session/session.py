@@ -1,4 +1,4 @@
-"""One capture of one subject: marker frames in, poses out, live and from takes."""
+"""Session of one subject: from marker frames to poses, live and from takes."""
 
 from dataclasses import replace
 
@@ -26,17 +26,14 @@ from .part_errors import PartErrors, doubtful_joints
 from .pose_noise_filter import PoseNoiseFilter
 from .tracking_quality import TrackingQuality, assess_fit
 
-_WORSE_M = 0.004  # RMS by which right labels may fit the body worse than others
+_WORSE_M = 0.004  # RMS distance by which alternative labels may fit the body worse than the current ones
 
 
 class Session:
     """Labels and solves the frames of one subject; single-camera markers need `rig`.
 
     Args:
-        smooth: whether what noise of the markers leaves in a pose is taken out; a fit of bones needs it as it is.
-
-    Attributes:
-        labeller, solver: of its frames.
+        smooth: Remove the jitter that marker noise leaves in poses; disabled when bones are fitted to them.
     """
 
     def __init__(
@@ -73,7 +70,8 @@ class Session:
     def step(self, frame: MarkerFrame, check_labels: bool = True) -> PerformerPose:
         """Return the next frame's pose; the last one for a frame with an impossible time.
 
-        Without `doubts`, labels of a tracked body are not compared with others.
+        Args:
+            check_labels: Compare the labels of a tracked body with alternatives.
         """
         if not self._times.admit(frame.time_s):
             return self._last_pose(frame, self._last.time_s if self._last else 0.0, NoteKind.REFUSED)
@@ -99,7 +97,7 @@ class Session:
 
     @property
     def is_tracking(self) -> bool:
-        """Whether the place of the body is known."""
+        """Whether the body has been found."""
         return self._state.markers_m is not None
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
@@ -125,19 +123,19 @@ class Session:
         return time_s - self._last.time_s if self._last else 0.0
 
     def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
-        """Label and solve a frame by the pose before."""
+        """Label and solve a frame by the last pose."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         smoothed = observation.smoothed(*self._smoother.step(frame.time_s, observation.points_m))
-        # no frame pays for two dear things
+        # at most one expensive search per frame
         solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, smoothed, solution)
         return observation, solution
 
     def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
-        """Return the pose solved without a past if it is much nearer to the database.
+        """Return the re-initialised pose if it is much nearer to the database.
 
-        A wrong pose persists, as examples are searched near the continued motion.
+        A wrong pose persists, because examples are searched near the continued motion.
         """
         settings, state = self._quality.settings, self.solver.forget_poses(self._state)
         limit_m = settings.promising * solution.nearest_m
@@ -156,14 +154,14 @@ class Session:
         pose: PerformerPose,
         solution: Solution,
     ) -> None:
-        """Go on with other labels of a solved frame where they explain it better."""
+        """Continue with alternative labels of a solved frame if they explain it better."""
         alternative = self.labeller.find_alternative(frame, elapsed_s, pose, busy=solution.reinitialised)
         if alternative is None:
             return
         limit_m, fresh = alternative.nearer * solution.nearest_m, self.solver.initial_state
         if alternative.keeps_torso:
             fresh = self.solver.begin_at_torso(solution)
-            if limit_m < np.inf and not alternative.adds:  # its past alone may keep the present pose from an example
+            if limit_m < np.inf and not alternative.adds:  # its history alone may keep the current pose from an example
                 limit_m = min(limit_m, alternative.nearer * self.solver.closest_m(fresh, observation))
         if (
             alternative.adds
@@ -176,7 +174,7 @@ class Session:
         )
         if found is None:
             return
-        # only by the markers that both have: with more of them any fit is worse
+        # by the markers that both have, as more of them fit worse
         seen = alternative.observation.located & np.isfinite(pose.observed_m[:, 0])
         away_m = np.linalg.norm(found.markers_m[seen] - alternative.observation.points_m[seen], axis=1)
         if np.any(seen) and np.sqrt(np.mean(away_m**2)) > pose.marker_rms_m + _WORSE_M:
@@ -196,7 +194,7 @@ class Session:
         return best.observation, best.solution
 
     def _solved_pose(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
-        # with one camera the distance of the markers from their rays counts
+        # with one camera the distances from the rays count
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
         hidden = [text for text, seen in zip(self.subject.marker_set.texts, fit.located, strict=True) if not seen]

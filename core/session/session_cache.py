@@ -9,7 +9,7 @@ from ..markers.subject import Subject, subject_tables
 from ..solver.settings import SolveSettings
 from .session import Session
 
-_SESSIONS_KEPT = 2  # each holds the markers of every frame of its database
+_SESSIONS_KEPT = 2  # few, as each holds the markers of all database frames
 
 
 class SessionCache:
@@ -27,9 +27,9 @@ class SessionCache:
         return self._databases[place]
 
     def session(self, subject: Subject, database: Database, rig: CameraRig | None, settings: SolveSettings) -> Session:
-        """Return a session that has seen nothing yet, valid until the next call.
+        """Return a reset session, valid until the next call.
 
-        A session with cameras is always new: they differ from take to take.
+        A session with cameras is always new, because they differ from take to take.
         """
         if rig is not None:
             return Session(subject, database, rig, settings)

@@ -1,4 +1,4 @@
-"""Whole takes solved to motions."""
+"""Solving of whole takes to motions."""
 
 import time
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ from .recorded_frames import relabel
 from .session import Session
 from .solved_take import SolvedTake
 
-_LIVE_SHARE = 0.7  # of finding labels, roughly, as live
-_LABELS_SHARE = 0.25  # of the whole, for takes that are solved in both directions
-_REPORT_EVERY = 30  # frames between two signs of progress
+_LIVE_SHARE = 0.7  # share of the progress of `solve_frames` that the live labels take
+_LABELS_SHARE = 0.25  # share of the whole progress that labels take before the solution in both directions
+_REPORT_EVERY = 30  # frames between two reports of progress
 
 
 def solve_take(
@@ -43,7 +43,8 @@ def solve_take(
 ) -> SolvedTake:
     """Solve a labelled take, also with its markers seen by single cameras.
 
-    In both directions (see `two_way_solve`); each pose by earlier frames alone, as live, if `causal`.
+    Args:
+        causal: Solve each pose from earlier frames only, as live, instead of in both directions (`two_way_solve`).
     """
     setup = CaptureSetup(take.single.rig if take.single else None, (subject,), (), database, settings)
     frames = list(take_frames(take, subject.marker_set))
@@ -57,7 +58,8 @@ def fill_take(
 ) -> tuple[MarkerTake, SolvedTake]:
     """Return a labelled take with its gaps filled by the body, and the solved body.
 
-    With `noise_hz`, offsets of measured markers from the body are low-passed, too.
+    Args:
+        noise_hz: Cut-off to which measured markers are low-passed with the help of the body; None for no filter.
     """
     solved = solve_take(widen_gaps(take), subject, database, SolveSettings(), progress)
     filled = fill_gaps(take, subject.marker_set, solved.motion)
@@ -78,11 +80,11 @@ def solve_recorded(
     """Solve a recorded take; its motions leave out the countdown.
 
     Args:
-        frames: its marker frames, or others from its 2D detections.
-        causal: by earlier frames alone, as live: labels (see `solve_frames`), and poses (see `two_way_solve`).
+        frames: Its marker frames, or others made from its 2D detections.
+        causal: Find labels and poses from earlier frames only, as live.
 
     Raises:
-        TakeError: there are not two frames.
+        TakeError: There are fewer than two frames.
     """
     name = take.notes.name
     solved = _solve_whole(frames, setup.make_session(sessions), f"solving {name}", progress, causal)
@@ -118,7 +120,8 @@ def solve_frames(
 ) -> SolvedTake:
     """Return the poses of frames, without motions.
 
-    Labels that the session finds, or replaces, hold from the moment of doubt on; if `causal`, from then on, as live.
+    Labels that the session finds or replaces also hold before that moment, as far as they explain the markers better;
+    if `causal`, from then on only, as live.
     """
     poses: list[ScenePose] = []
     seconds, begun = [], []
@@ -144,7 +147,7 @@ def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str
     """Return recorded poses as a motion of steady rate, with lost frames interpolated.
 
     Raises:
-        TakeError: there are not two poses, or their numbers do not ascend.
+        TakeError: There are fewer than two poses, or their numbers do not ascend.
     """
     numbers = np.array([pose.number for pose in poses])
     if len(numbers) < 2 or np.any(np.diff(numbers) < 1):
@@ -168,7 +171,7 @@ def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str
 
 
 def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
-    """Return pose frames of steady rate as a motion of the subject's skeleton."""
+    """Return poses of a steady rate as a motion of the subject's skeleton."""
     return Motion(
         name,
         fps,

@@ -14,33 +14,19 @@ from ..system.backoff import Backoff
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """Thresholds of tracking.
+    """Thresholds of tracking."""
 
-    Args:
-        explained_m: distance of solved from observed markers at which confidence has fallen to 1/e.
-        familiar_m: distance to the closest example at which confidence has fallen to 1/e.
-        wrong_m: distance of solved from observed markers above which labels or pose are wrong.
-        wrong_for_s: duration of wrong markers, after which labelling starts again.
-        lost_for_s: duration without two torso markers, after which labelling starts again.
-        torso_markers: fewest by which the torso is seen.
-        first_check_s: wait before the first check of a doubtful pose; each further wait is doubled.
-        rare_check_s: longest wait.
-        sufficient: share of located markers needed to doubt a pose: some example or other is near to fewer.
-        promising: share of the distance to the closest example, below which a pose without a past is solved.
-        nearer: share of the same distance, below which a pose without a past is the right one.
-    """
-
-    explained_m: float = 0.03
-    familiar_m: float = 0.15
-    wrong_m: float = 0.10
-    wrong_for_s: float = 0.5
-    lost_for_s: float = 1.0
-    torso_markers: int = 2
-    first_check_s: float = 0.1
-    rare_check_s: float = 1.0
-    sufficient: float = 0.75
-    promising: float = 0.6
-    nearer: float = 0.5
+    explained_m: float = 0.03  # distance of solved from observed markers at which confidence has fallen to 1/e
+    familiar_m: float = 0.15  # distance to the closest example at which confidence has fallen to 1/e
+    wrong_m: float = 0.10  # distance of solved from observed markers above which labels or pose are wrong
+    wrong_for_s: float = 0.5  # duration of wrong markers after which labelling restarts
+    lost_for_s: float = 1.0  # duration with fewer torso markers after which labelling restarts
+    torso_markers: int = 2  # fewest torso markers of a tracked body
+    first_check_s: float = 0.1  # wait before the first check of a suspect pose; further waits double
+    rare_check_s: float = 1.0  # longest wait
+    sufficient: float = 0.75  # share of located markers needed for a check, as fewer fit some example
+    promising: float = 0.6  # share of the distance to the closest example below which a re-initialised pose is solved
+    nearer: float = 0.5  # share of the same distance below which it replaces the pose
 
 
 SETTINGS = TrackingSettings()
@@ -48,17 +34,11 @@ SETTINGS = TrackingSettings()
 
 @dataclass(frozen=True)
 class Fit:
-    """Agreement of a solution with its observation.
+    """Agreement of a solution with its observation."""
 
-    Args:
-        located: (M,) which markers were located.
-        rms_m: RMS distance between located and solved markers; NaN when none was located.
-        confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).
-    """
-
-    located: Mask
-    rms_m: float
-    confidence: float
+    located: Mask  # (M,) located markers
+    rms_m: float  # RMS distance between located and solved markers; NaN when none was located
+    confidence: float  # 0 (guessed) to 1 (all markers seen and explained, motion like the database)
 
 
 def assess_fit(observation: Observation, solution: Solution, settings: TrackingSettings = SETTINGS) -> Fit:
@@ -80,16 +60,17 @@ class _Lapse:
         self._since_s: float | None = None
 
     def update(self, now_s: float, holds: bool) -> float:
-        """Return for how long the condition has not held; at first it counts as held."""
+        """Return for how long the condition has not held; it counts as held at first."""
         if holds or self._since_s is None:
             self._since_s = now_s
         return now_s - self._since_s
 
 
 class TrackingQuality:
-    """Decides when a tracked body is lost, and when to doubt its pose.
+    """Decides when a tracked body is lost, and when to check its pose.
 
-    With `one_camera`, markers on its rays count as seen.
+    Args:
+        one_camera: Markers on the camera's rays count as seen.
     """
 
     def __init__(self, torso: Mask, one_camera: bool, settings: TrackingSettings = SETTINGS) -> None:
@@ -103,7 +84,7 @@ class TrackingQuality:
         self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
 
     def is_lost(self, pose: PerformerPose) -> bool:
-        """Return whether the torso was unseen or the pose wrong for too long."""
+        """Return whether the torso was hidden or the pose wrong for too long."""
         settings, now_s = self.settings, pose.time_s
         seen = np.isfinite(pose.observed_m[:, 0])
         if self._one_camera:
@@ -113,9 +94,9 @@ class TrackingQuality:
         return unseen_s > settings.lost_for_s or wrong_s > settings.wrong_for_s
 
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
-        """Return whether to compare the pose with one without a past now.
+        """Return whether to compare the pose with a re-initialised one now.
 
-        Due for a pose far from the database with most markers located, ever more rarely, unless just compared.
+        This is due for a pose far from the database with most markers located, ever more rarely.
         """
         check = self._pose_check
         if solution is None or not solution.nearest_m > self.settings.familiar_m:

@@ -33,41 +33,36 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.subject_model import RootPose
 from .part_errors import PartErrors
 
-_SHORTEST = 12  # frames in a row that are solved again
-_PAUSE_S = 0.25  # without a pose, from which on the motion is another,
-_CUT_M_S = 9.0  # or half the markers faster than bodies are
-_WEIGHT_POWER = 4.0  # of the expected error, by which a solution counts less
-_WEIGHT_S = 0.25  # standard deviation of the time over which errors are averaged for this
-_UNKNOWN_DEG = 90.0  # expected error of parts about which nothing is known
+_SHORTEST = 12  # shortest stretch that is solved again, frames
+_PAUSE_S = 0.25  # time without a pose after which another motion begins
+_CUT_M_S = 9.0  # median speed of the markers at which another motion begins: bodies are slower
+_WEIGHT_POWER = 4.0  # a trajectory's weight falls with this power of its expected error
+_WEIGHT_S = 0.25  # standard deviation of the time over which these errors are averaged
+_UNKNOWN_DEG = 90.0  # expected error of parts with unknown error
 _SMOOTH_HZ = 8.0  # cut-off for the trajectory of what no marker shows
-# and for all in the end, as the fit follows what noise the smoothed markers still have: at most, and of the frame rate
+# cut-off for the fitted poses, which follow the rest of the markers' noise: absolute, and relative to the frame rate
 _CALM_HZ, _CALM_SHARE = 16.0, 0.27
-_REPORT_EVERY = 30  # frames between two signs of progress
+_REPORT_EVERY = 30  # frames between two reports of progress
 _TOGETHER = 128  # frames of which priors, or fits, are computed at once
-_TORSO = list(PARTS).index("torso")  # the root's
+_TORSO = list(PARTS).index("torso")  # part of the root
 
 
 @dataclass(frozen=True)
 class _Trajectory:
-    """One solution of a stretch.
+    """One solution of a stretch of F frames."""
 
-    Args:
-        rotations, root_positions_m: (F, J, 4) and (F, 3).
-        errors_deg, joint_errors_deg: (F, P) and (F, J - 1) expected errors of parts and joints.
-    """
-
-    rotations: Array
-    root_positions_m: Array
-    errors_deg: Array
-    joint_errors_deg: Array
+    rotations: Array  # (F, J, 4)
+    root_positions_m: Array  # (F, 3)
+    errors_deg: Array  # (F, P) expected errors of parts
+    joint_errors_deg: Array  # (F, J - 1) expected errors of joints
 
 
 class TwoWaySolver:
     """Solves recorded stretches of one performer in both directions.
 
     Args:
-        solver: of the live poses, by the method "best".
-        cameras: that the poses' single cameras refer to.
+        solver: Solver of the live poses, with the method "best".
+        cameras: Cameras that the poses' `single_cameras` refer to.
     """
 
     def __init__(self, solver: PoseSolver, cameras: tuple[Camera, ...]) -> None:
@@ -75,7 +70,7 @@ class TwoWaySolver:
         self._backward = solver.backwards()
 
     def solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
-        """Return the poses of a performer solved again; those without a body stay."""
+        """Return the poses of a performer solved again; those that are not solved stay."""
         result = list(poses)
         for start, stop in _stretches(poses):
             share, done = (stop - start) / len(poses), start / len(poses)
@@ -89,7 +84,7 @@ class TwoWaySolver:
         return self._calm(self._fitted(poses, _blended(trajectories, fps), fps, observations), fps)
 
     def _observation(self, pose: PerformerPose) -> Observation:
-        """Return the markers of a pose, none where they do not fit the body."""
+        """Return the markers of a pose, none if they do not fit the body."""
         if _has_note(pose, NoteKind.HELD):
             return Observation.of_points(np.full(pose.observed_m.shape, np.nan))
         return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
@@ -97,7 +92,7 @@ class TwoWaySolver:
     def _fitted(
         self, poses: Sequence[PerformerPose], trajectory: _Trajectory, fps: float, observations: Sequence[Observation]
     ) -> list[PerformerPose]:
-        """Return the trajectory fitted to the markers, with gaps closed by the trajectory itself."""
+        """Return the trajectory fitted to the markers, whose gaps it fills itself."""
         model = self._solver.subject
         motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, fps, _SMOOTH_HZ)
         marker_set = model.subject.marker_set
@@ -133,14 +128,14 @@ class TwoWaySolver:
         return fitted
 
     def _calm(self, poses: list[PerformerPose], fps: float) -> list[PerformerPose]:
-        """Return the poses of a stretch without trembling faster than bodies move."""
+        """Return the poses of a stretch without jitter faster than bodies move."""
         rotations, cutoff_hz = np.array([pose.rotations for pose in poses]), min(_CALM_HZ, _CALM_SHARE * fps)
         motion = self._low_passed(rotations, np.array([pose.root_position_m for pose in poses]), fps, cutoff_hz)
         shown = zip(poses, motion.rotations, motion.root_positions_m, strict=True)
         return [replace(pose, rotations=turns, root_position_m=root_m) for pose, turns, root_m in shown]
 
     def _low_passed(self, rotations: Array, root_positions_m: Array, fps: float, cutoff_hz: float) -> Motion:
-        """Return a motion low-passed, as it is at a rate that has nothing faster."""
+        """Return a low-passed motion; unchanged if its rate has no higher frequencies."""
         motion = Motion("", fps, self._solver.subject.skeleton, rotations, root_positions_m)
         return smooth_motion(motion, cutoff_hz) if fps > 2.0 * cutoff_hz else motion
 
@@ -154,20 +149,20 @@ def _is_solved(pose: PerformerPose) -> bool:
 
 
 def _root_mean(squares: Array, unknown: float) -> float:
-    """Return the root of the mean of squares but NaN, a value without any."""
+    """Return the root of the mean of finite squares, or `unknown` without any."""
     known = squares[np.isfinite(squares)]
     return math.sqrt(float(np.add.reduce(known)) / len(known)) if len(known) else unknown
 
 
 def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation]) -> list[Observation]:
-    """Return observations without the noise of their markers."""
+    """Return observations with smoothed markers."""
     times_s = np.array([pose.time_s for pose in poses])
     points_m, noise_m = smooth_markers(times_s, np.array([observation.points_m for observation in observations]))
     return [each.smoothed(*markers) for each, *markers in zip(observations, points_m, noise_m, strict=True)]
 
 
 def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
-    """Return the stretches of one motion, long enough to be solved again."""
+    """Return the stretches of continuous motion that are long enough to be solved again."""
     solved = np.array([_is_solved(pose) for pose in poses])
     begins = np.array([True, *(_begins(before, pose) for before, pose in pairwise(poses))])
     found = []
@@ -178,7 +173,7 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
 
 
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
-    """Return poses where those before the first solved one are this one, no T pose."""
+    """Return poses in which those before the first solved one repeat it instead of a T pose."""
     first = next((index for index, pose in enumerate(poses) if _is_solved(pose)), 0)
     started = list(poses)
     for index in range(first):
@@ -188,7 +183,7 @@ def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
 
 
 def _begins(before: PerformerPose, pose: PerformerPose) -> bool:
-    """Return whether another motion begins: after a pause, or elsewhere at once."""
+    """Return whether another motion begins, after a pause or a cut."""
     passed_s = pose.time_s - before.time_s
     moved_m = np.linalg.norm(pose.observed_m - before.observed_m, axis=1)
     moved_m = moved_m[np.isfinite(moved_m)]
@@ -212,11 +207,11 @@ def _backward_trajectory(
     observations: Sequence[Observation],
     progress: Callable[[float], None],
 ) -> _Trajectory:
-    """Return a stretch solved from its end; where it is not, errors are infinite.
+    """Return a stretch solved from its end; errors are infinite where it is not solved.
 
     Args:
-        solver: of time that runs backwards.
-        poses: as live: where the last markers are, and the poses that stand for missing ones.
+        solver: Solver for the time-reversed take.
+        poses: Live poses; they show where the last markers are and replace missing poses.
     """
     live, part_errors = _live_trajectory(poses), PartErrors(solver.subject)
     unsolved = (np.full_like(errors, np.inf) for errors in (live.errors_deg, live.joint_errors_deg))
@@ -224,12 +219,12 @@ def _backward_trajectory(
     state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
     seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
     times_s = np.array([pose.time_s for pose in poses])
-    learned: list[PriorEstimate | None] = []  # of the frames to come, the next at the end
+    learned: list[PriorEstimate | None] = []  # of the frames to come, the next one last
     for done, index in enumerate(reversed(range(len(poses)))):
         if done % _REPORT_EVERY == 0:
             progress(done / len(poses))
         if not learned:
-            # it was learned from motion that goes forwards
+            # the network was trained on forward motion
             first, stop = max(index + 1 - _TOGETHER, 0), index + 1
             earliest = int(np.searchsorted(times_s, times_s[first] - 2.0 * solver.best.longest_s))
             learned = solver.best.learned_priors(seen[earliest:stop], times_s[earliest:stop])[first - earliest :]
@@ -247,12 +242,12 @@ def _backward_trajectory(
 
 
 def _known(errors_deg: Array, count: int) -> Array:
-    """Return so many expected errors, large ones in place of none."""
+    """Return `count` expected errors, large ones if they are unknown."""
     return errors_deg if len(errors_deg) else np.full(count, _UNKNOWN_DEG)
 
 
 def _blended(trajectories: Sequence[_Trajectory], fps: float) -> _Trajectory:
-    """Return the mean of trajectories, parts weighted by their expected errors."""
+    """Return the mean of trajectories, with parts weighted by their expected errors."""
     errors = np.array([trajectory.errors_deg for trajectory in trajectories])
     lasting = gaussian_filter1d(np.minimum(errors, _UNKNOWN_DEG), _WEIGHT_S * fps, axis=1, mode="nearest")
     weights = np.where(np.isfinite(errors), lasting, np.inf) ** -_WEIGHT_POWER

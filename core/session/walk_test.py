@@ -1,4 +1,4 @@
-"""Walk test: a short capture judged in a sentence, with the best advice."""
+"""Walk test: verdict on a short capture in one sentence, with the best advice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,41 +9,31 @@ from ..body.scene_pose import PerformerPose
 from ..geometry.arrays import Array
 from ..markers.marker_noise import marker_noise
 
-SHORTEST_S = 5.0  # less does not show both legs stepping and both arms swinging
-# Limits from which each figure is worth mending. The healthy simulated studio has 0, 60, 0.05, 0.0001, 0.001, 0.92.
+SHORTEST_S = 5.0  # enough for steps of both legs and swings of both arms
+# Limits from which a figure needs improvement. The simulated studio has 0, 60, 0.05, 0.0001, 0.001, 0.92.
 _LOST, _FPS, _HIDDEN, _NOISE_M, _RMS_M, _CONFIDENCE = 0.05, 25.0, 0.25, 0.003, 0.03, 0.7
 _HIDDEN_ON_AVERAGE = 0.1
-_POOR = 2.0  # times its limit
+_POOR = 2.0  # multiple of a limit at which the verdict is poor
 
 
 @dataclass(frozen=True)
 class WalkFigures:
-    """Figures of a walk.
+    """Figures of a walk."""
 
-    Args:
-        lost: share of the frames that did not arrive.
-        fps: frames per second that did.
-        hidden: (M,) share of the moments in which no camera saw the marker.
-        noise_m: of a marker's position.
-        rms_m: distance of located markers from the solved body.
-        confidence: median of the poses'.
-        error_deg: expected error of a joint; NaN where the method does not estimate it.
-    """
-
-    lost: float
-    fps: float
-    hidden: Array
-    noise_m: float
-    rms_m: float
-    confidence: float
-    error_deg: float
+    lost: float  # share of the frames that did not arrive
+    fps: float  # frames per second that did
+    hidden: Array  # (M,) share of the frames in which no camera saw the marker
+    noise_m: float  # noise of a marker's position
+    rms_m: float  # distance of located markers from the solved body
+    confidence: float  # median of the poses'
+    error_deg: float  # expected error of a joint; NaN where the method does not estimate it
 
 
 def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | None:
-    """Return the figures of poses in their order, None of too few.
+    """Return the figures of successive poses, None if they are too few.
 
     Args:
-        lost: frames that did not arrive among them.
+        lost: Number of frames that did not arrive among them.
     """
     times_s = np.array([pose.time_s for pose in poses])
     if len(poses) < 2 or times_s[-1] - times_s[0] < SHORTEST_S:
@@ -64,20 +54,20 @@ def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | Non
 
 
 def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
-    """Return a sentence: how good captures will be, and the best advice."""
+    """Return a sentence that says how good captures will be, with the best advice."""
     severity, advice = max(_problems(figures, marker_texts))
     doubt = (1.0 - figures.confidence) / (1.0 - _CONFIDENCE)
-    if severity < 1.0 <= doubt:  # all is seen well, so it is the motion
+    if severity < 1.0 <= doubt:  # all markers are seen well, so the motion is the cause
         advice = "the motion is unlike the database: add motion like yours"
     severity = max(severity, doubt)
     verdict = "good" if severity < 1.0 else "usable" if severity < _POOR else "poor"
-    is_known = severity < 1.0 and np.isfinite(figures.error_deg)  # a poor walk shows too little
+    is_known = severity < 1.0 and np.isfinite(figures.error_deg)  # the expected error is reliable only for a good walk
     within = f", joints within about {figures.error_deg:.0f} degrees" if is_known else ""
     return f"captures will be {verdict}{within}; {advice if severity >= 1.0 else 'nothing needs to be mended'}"
 
 
 def _problems(figures: WalkFigures, marker_texts: Sequence[str]) -> list[tuple[float, str]]:
-    """Return each figure by its limit (1: at it), and the advice on it."""
+    """Return each figure relative to its limit, with the advice on it."""
     worst = int(np.argmax(figures.hidden))
     most, usual = float(figures.hidden[worst]), float(figures.hidden.mean())
     noise_m, rms_m = figures.noise_m, 1.0 if np.isnan(figures.rms_m) else figures.rms_m

@@ -21,38 +21,38 @@ from .settings import BestSettings
 from .solution import Estimate
 from .subject_model import RootPose, SubjectModel
 
-_KERNEL = 0.2  # of the largest distance: where an example's weight in "best" has fallen to 1/e
-_HISTORY_SHARE = 0.3  # weight of a squared distance of earlier markers against the present ones
-_BROAD_SAMPLES = 4096  # frames that the covariance of the whole database is taken over
-_NONE = 1e-20  # covariance of joints that do not turn together
-_COMPONENTS = 30  # principal ones of earlier poses that "best" goes by
-_FIT_STEPS = 8  # of Gauss-Newton at most: most priors are so close that one is enough
-# The learned prior and the neighbours count alike where the markers lie so many times further from the neighbours than
-# from it, each in its own deviations: for bodies that the database lacks, and for those it knows. By the fourth power:
-# each decides alone where it is surely better.
+_KERNEL = 0.2  # distance, as a share of the largest, at which an example's weight has fallen to 1/e
+_HISTORY_SHARE = 0.3  # weight of squared distances of earlier markers against current ones
+_BROAD_SAMPLES = 4096  # frames that give the covariance of the whole database
+_NONE = 1e-20  # covariance below which joints are independent
+_COMPONENTS = 30  # principal components of earlier poses that are used
+_FIT_STEPS = 8  # largest number of Gauss-Newton steps; one is usually enough
+# Ratio of the markers' distances from neighbours and learned prior, each in its own deviations, at which both count
+# alike; for bodies that the database lacks, and for those it knows. Its fourth power inflates the neighbours'
+# variances.
 _TRUSTED, _TRUSTED_KNOWN = 1.3, 5.0
 _MOST_INFLATION = 100.0
-# For bodies that the database lacks, neighbours in doubt are doubted joint by joint: most of all where they are further
-# from the learned prior than both deviations say. Other people hold hands and heads otherwise than they walk.
-_JOINT_INFLATION_SHARE = 0.3  # share of the doubt
-# A learned prior that leaves much open is close to any markers. For joints with all their markers hidden it counts as
-# no closer than this: the others' markers do not show that it knows of these.
+# For bodies that the database lacks, variances of joints are inflated further where neighbours and learned prior differ
+# by more than both deviations: other people hold hands and heads differently while they walk.
+_JOINT_INFLATION_SHARE = 0.3  # share of the inflation
+# Least distance of the markers from the learned prior, in its deviations, for joints with only hidden markers. A vague
+# prior is close to any markers, and other joints' markers say little about these.
 _LEAST_OFF = 0.8
-# where the markers of a body that the database knows lie further from the neighbours, in their deviations, these are
-# widened by as much: it moves as they do not
+# Distance of the markers from the neighbours, in their deviations, above which the neighbours of a body that the
+# database knows are widened in proportion: it moves in a new way.
 _USUAL_DEVIATION = 0.5
-# a pose's deviations given its markers grow with this power of the markers' deviation from the prior, times this share
-# for bodies that the database lacks, and for those it knows: found on takes, see `session.part_errors`
+# A pose's deviations given its markers grow with this power of the markers' deviation from the prior, scaled for bodies
+# that the database lacks, and for those it knows; fitted to takes, see `session.part_errors`.
 _WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
-_LIMIT_PERCENTILES = (1.0, 99.0)  # of the database's joint angles,
-_LIMIT_MARGIN_RAD = 0.05  # beyond which a joint hardly goes
+_LIMIT_PERCENTILES = (1.0, 99.0)  # range of the database's joint angles that gives the limits
+_LIMIT_MARGIN_RAD = 0.05  # added to this range
 
 
 class BestMethod:
     """Gaussian of the neighbours conditioned on the past and fitted to the markers.
 
     Attributes:
-        earlier_markers: of the database's frames.
+        earlier_markers: Earlier markers of the database's frames.
     """
 
     fits_markers = True
@@ -87,7 +87,7 @@ class BestMethod:
         self._grant_covariances()
 
     def _grant_covariances(self) -> None:
-        """Find those beside the neighbours', and of a pose about the continued motion."""
+        """Compute the covariances added to the neighbours', and of a pose about the continued motion."""
         settings, history = self._settings, self._history_of(self._broad_frames)
         broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
         floor = settings.broad_share * broad
@@ -100,20 +100,18 @@ class BestMethod:
         )
 
     def backwards(self) -> "BestMethod":
-        """Return the same for time that runs backwards."""
+        """Return a time-reversed copy."""
         found = copy(self)
         found.earlier_markers, found._poses = self.earlier_markers.backwards(), self._poses.backwards()
         found._grant_covariances()
         return found
 
     def learned_priors(self, frames: Sequence[tuple[Observation, Array]], times_s: Array) -> list[PriorEstimate | None]:
-        """Return the learned priors of frames in a row, all at once.
-
-        None where too few torso markers show the body, and without the learned prior.
+        """Return the learned priors of successive frames at once; None where the torso is hidden.
 
         Args:
-            frames: observations and the markers (M, 3) expected in each.
-            times_s: (F,) ascending.
+            frames: Observations and the markers (M, 3) expected in each.
+            times_s: Their ascending times (F,).
         """
         if self._learned is None:
             return [None] * len(frames)
@@ -125,8 +123,8 @@ class BestMethod:
         return self._learned.estimate_all(recent)
 
     def fit_about(self, poses: Array, roots: RootPose, observations: Sequence[Observation]) -> tuple[Array, RootPose]:
-        """Return poses (F, D) and as many roots near others, fitted to the markers."""
-        # as closely as to other bodies: courses of a known one are better still
+        """Fit poses (F, D) and as many roots to the markers, near where they are."""
+        # the smaller covariance is better for known bodies, too, whose trajectories are already good
         settings, covariance, limits = self._settings, self._smaller_change, self._limits
         root_sigma, sigma_m = (settings.root_sigma_m, settings.root_sigma_rad), settings.marker_sigma_m
         fitted, rotations, places = poses.copy(), roots.rotation.copy(), roots.position_m.copy()
@@ -141,7 +139,7 @@ class BestMethod:
 
     def estimate(self, problem: FrameProblem) -> Estimate:
         """Return the pose expected for the markers, fitted to them together with the root."""
-        # by a single camera's rays alone, even a known body is held less closely: its depth is a guess
+        # with rays only, a known body's depth is a guess: use the wider settings
         state, known = problem.state, self._known and bool(problem.observation.located.any())
         settings = self._settings if known else self._settings_without_depth
         prior, neighbours = self._prior(problem)
@@ -154,7 +152,7 @@ class BestMethod:
                 if state.markers_m is not None:
                     seen = seen.back_projected(state.markers_m)
                 learned = self._learned.estimate(self._learned.recent(seen, state.observed, state.time_s), root)
-            if not self._known:  # a known body's torso shows its root better
+            if not self._known:  # a known body's torso gives a better root
                 root, root_sigma = learned.root, learned.root_sigma
         priors = [prior, learned.pose] if learned else [prior]
         off, *learned_off = deviations(priors, problem.observation, root, root_sigma, self._subject)
@@ -200,19 +198,22 @@ class BestMethod:
         return gaussian_conditioning.neighbours_prior(samples, weights, self._floor, past, variances), len(weights)
 
     def _history_of(self, frames: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return earlier markers and earlier poses of database frames (K,), a row each."""
+        """Return rows of earlier markers and earlier poses of database frames (K,)."""
         count = len(frames)
         markers, poses = self.earlier_markers.of_frames(frames), self._poses.of_frames(frames)
         return markers.reshape(count, -1), poses.reshape(count, -1)
 
 
 def _inflation(off: float, learned_off: float, known: bool = False) -> float:
-    """Return how much the neighbours are doubted, by the markers' distances from both.
+    """Return the factor of the neighbours' variances; below 1 the learned prior's are divided by it.
 
-    Over 1 they count less, under 1 the learned prior does.
+    Args:
+        off: RMS distance of the markers from the neighbours, in their deviations.
+        learned_off: The same for the learned prior.
+        known: The database knows the body.
     """
-    # without markers nothing speaks for either
+    # no markers are visible: the weights stay equal
     ratio = off / (learned_off * (_TRUSTED_KNOWN if known else _TRUSTED)) if learned_off else 1.0
-    if not known:  # neighbours that explain the markers within their deviations are hardly doubted
+    if not known:  # neighbours that explain the markers within their deviations keep their weight
         ratio *= min(1.0, off)
     return min(max(ratio**4, 1.0 / _MOST_INFLATION), _MOST_INFLATION)

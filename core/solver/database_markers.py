@@ -1,4 +1,4 @@
-"""A subject's markers of all frames of a database, stored once and compactly."""
+"""A subject's markers in all frames of a database, stored once and compactly."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,28 +11,26 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import FloatArray, IntArray
 from .subject_model import SubjectModel
 
-MOST = np.iinfo(np.int16).max  # units that a stored coordinate can have
-BESIDE = 17  # numbers B of a frame that a search stores beside its markers: all in one place of memory
-_CHUNK = 4096  # frames posed at once: fewer cost calls, more the processor's cache; threads hardly help
-_CELLS = 64  # averaged at once
+MOST = np.iinfo(np.int16).max  # largest stored coordinate, units
+BESIDE = 17  # numbers B that a search stores beside a frame's markers, so that its data are contiguous
+_CHUNK = 4096  # frames posed at once: fewer cost more calls, more exceed the processor's cache
+_CELLS = 64  # cells averaged at once
 
 
 class DatabaseMarkers:
-    """Markers of a database's frames, those of a cell together (Eq. 1).
-
-    Of poses with the root at rest.
+    """Markers (Eq. 1) of a database's frames with the root at rest, sorted by cell.
 
     Args:
-        cells: (F,) cell of each frame, see `build_cells`.
-        posed: returns the markers (K, M, 3), metres, of frames (K,).
-        reach_m: no coordinate is larger, but for rounding.
+        cells: Cell (F,) of each frame, see `build_cells`.
+        posed: Function that returns the markers (K, M, 3), metres, of frames (K,).
+        reach_m: Bound of the coordinates.
 
     Attributes:
-        count: number of markers M.
-        unit_m: of the stored coordinates, some hundredths of a millimetre.
-        rows: (F, 3 M + B) in the order of the cells: coordinates, and room for the numbers of one search.
-        order: (F,) frame of each row.
-        starts: (C + 1,) first row of each cell; the last one is F.
+        count: Number of markers M.
+        unit_m: Unit of the stored coordinates, some hundredths of a millimetre.
+        rows: Rows (F, 3 M + B) in the order of the cells: coordinates, and room for the numbers of one search.
+        order: Frame (F,) of each row.
+        starts: First row (C + 1,) of each cell; the last entry is F.
     """
 
     def __init__(self, cells: NDArray[Any], posed: Callable[[NDArray[Any]], FloatArray], reach_m: float) -> None:
@@ -71,7 +69,7 @@ class DatabaseMarkers:
 
 
 def database_markers(subject: SubjectModel, database: Database) -> DatabaseMarkers:
-    """Return a subject's markers of all frames of a database; one without cells has a single one."""
+    """Return a subject's markers in all frames of a database; one without cells counts as one cell."""
     cells = np.zeros(database.frames, dtype=np.int32) if database.cells is None else database.cells
     bones_m = rot.lengths(subject.skeleton.offsets_m)
     bones_m[0] = 0.0  # the root is at the origin

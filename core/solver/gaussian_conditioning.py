@@ -1,11 +1,11 @@
 """Gaussian of neighbouring poses, conditioned on the past and fitted to markers.
 
 The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
-share of the whole database's, which allows the movements of bodies only (a knee bends, it does not twist). The pose
-given the past is a linear regression without any choice of dimension (Bishop 2006, Eq. 2.81); the continued change of
-pose is a second observation. Then pose and root are fitted together to the present markers by Gauss-Newton steps under
-that prior, in the form that inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell
-and Cathey 1993).
+share of the whole database's covariance, which allows only movements of bodies (a knee bends, it does not twist). The
+pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the continued change of pose is a second
+observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps under that prior, in
+the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and
+Cathey 1993).
 """
 
 from collections.abc import Sequence
@@ -23,16 +23,16 @@ from ..geometry.arrays import Array, Mask
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
 
-_EXPECTED_SIGMA_M = 0.01  # of a marker about the prior's: skin moves, and no prior is exact
-_LIMIT_RAD = 0.02  # standard deviation beyond a joint's limit
-_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # after steps that led away
-_TINY = np.float32(1e-3)  # differences below a ten millionth of this are none
-_STRAIGHT_RAD = 0.05  # a step in which no joint turns more needs no other: markers move as their derivative says
+_EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker from the prior's: skin motion and model errors
+_LIMIT_RAD = 0.02  # standard deviation of an angle beyond a joint's limit
+_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after steps that raised the cost
+_TINY = np.float32(1e-3)  # differences below a ten millionth of this are rounded to zero
+_STRAIGHT_RAD = 0.05  # largest rotation of a step that is linear enough to be the last one
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Gaussian of the pose: mean (D,) and covariance (D, D)."""
+    """Gaussian of a pose: mean (D,) and covariance (D, D)."""
 
     mean: Array
     covariance: Array
@@ -41,16 +41,16 @@ class Prior:
 def neighbours_prior(
     samples: NDArray[Any], weights: Array, floor: NDArray[Any], observed: Array, variances: Array
 ) -> Prior:
-    """Return the Gaussian of the neighbours' first entries given the last.
+    """Return the Gaussian of the neighbours' first entries given the last (Bishop 2006, Eq. 2.81).
 
-    (Bishop 2006, Eq. 2.81.) In the precision of the samples: half of it is enough for differences.
+    Single precision of the samples is enough for the differences.
 
     Args:
-        samples: (K, D + m) neighbours.
-        weights: (K,) positive, sum 1.
-        floor: (D + m, D + m) covariance granted beside the neighbours' own, so that equal entries can still change.
-        observed: (m,) the last entries; NaN where nothing was observed.
-        variances: (m,) of the observations.
+        samples: Neighbours (K, D + m).
+        weights: Their positive weights (K,), sum 1.
+        floor: Covariance (D + m, D + m) added to the neighbours' own, so that entries equal in all can still change.
+        observed: Observed last entries (m,), NaN where unknown.
+        variances: Variances (m,) of the observations.
     """
     kept, seen = samples.shape[1] - len(observed), np.isfinite(observed)
     if not seen.all():
@@ -61,14 +61,14 @@ def neighbours_prior(
     spread = samples - centre
     shift = shares @ spread
     spread -= shift
-    # almost zero becomes zero: products of such numbers are below the least of half precision, which is slow
+    # round tiny differences to zero: their products would be subnormal, which is slow
     spread += _TINY
     spread -= _TINY
     spread *= np.sqrt(shares)[:, None]
     mean = centre + shift.astype(np.float64)
     syrk = ssyrk if spread.dtype == np.float32 else dsyrk
-    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, as all that follows needs no more
-    # from here on in full: half of it would slow down by numbers that are almost zero
+    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, which is all that is used
+    # double precision from here, as single precision would meet subnormal numbers
     across, own = (
         np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:])
     )
@@ -79,20 +79,21 @@ def neighbours_prior(
 
 
 def continue_prior(prior: Prior, expected: Array, covariance: Array) -> Prior:
-    """Return the product of a prior and the Gaussian of a continued motion.
-
-    A Kalman update with the expected pose (D,) and its covariance (D, D).
-    """
+    """Return a prior updated with the pose (D,) expected from continued motion and its covariance (D, D)."""
     across, moved = _regress(prior.covariance.T, (prior.covariance + covariance).T, expected - prior.mean)
     return Prior(prior.mean + moved, prior.covariance - _product(across, across.T))
 
 
 def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) -> Prior:
-    """Return a prior widened at doubted joints, most where another is far away.
+    """Return a prior with inflated variances of joints, most where another prior is far away.
 
-    Variances of a joint are multiplied by its doubt (J - 1,), and by this share of the doubt times the squared distance
-    of the means in units of both priors' variances, each where it is over 1. What does not turn still does not, and
-    what turns together still does.
+    Args:
+        inflations: Factor (J - 1,) of each joint's variances; factors below 1 count as 1.
+        share: Share of this factor, multiplied by the squared distance of the two means in units of both variances,
+            that inflates the variances once more where it is above 1.
+
+    Returns:
+        The prior with scaled rows and columns: correlations stay.
     """
     shift, mine, others = (
         np.add.reduce(each.reshape(-1, 3), axis=1)
@@ -107,14 +108,14 @@ def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tupl
     """Regress other entries (D,) on observations (m,).
 
     Args:
-        across: (D, m) covariance of the entries and the observations.
-        own: (m, m) covariance of the observations, its upper triangle.
-        innovation: (m,) their distances from the expected ones.
+        across: Covariance (D, m) of the entries and the observations.
+        own: Upper triangle of the observations' covariance (m, m).
+        innovation: Observations (m,) minus their expectation.
 
     Returns:
-        The root (D, m) of the covariance that is explained, and the change of the entries' mean.
+        A root (D, m) of the explained covariance, and the change of the entries' mean.
     """
-    if len(own) == 0:  # which LAPACK refuses
+    if len(own) == 0:  # LAPACK rejects empty matrices
         return across, np.zeros(len(across))
     factor, failed = dpotrf(own)
     if failed:
@@ -130,7 +131,7 @@ def _lower(size: int) -> Mask:
 
 
 def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
-    matrix.flat[:: len(matrix) + 1] += values  # indices of the diagonal take longer
+    matrix.flat[:: len(matrix) + 1] += values  # faster than diag_indices
 
 
 def _product(left: Array, right: Array) -> Array:
@@ -140,7 +141,7 @@ def _product(left: Array, right: Array) -> Array:
 
 def _solve(covariance: Array, right: Array) -> Array:
     """Return the inverse of a positive definite matrix times another."""
-    if len(covariance) == 0:  # which LAPACK refuses
+    if len(covariance) == 0:  # LAPACK rejects empty matrices
         return right
     _, solved, failed = dposv(covariance.T, right)  # SciPy's functions around it take longer than a small solve
     if failed:
@@ -160,24 +161,16 @@ def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Expectation:
-    """Prior of a frame's pose with the markers observed in that frame.
-
-    Args:
-        prior: of the pose.
-        observation: markers of the frame.
-        root: centre of the root's prior.
-        root_sigma: standard deviations (m, rad) of the root.
-        limits: (2, D) least and greatest entries of a pose, in rad.
-    """
+    """Prior of a frame's pose and root, with the markers observed in that frame."""
 
     prior: Prior
     observation: Observation
-    root: RootPose
-    root_sigma: tuple[float, float]
-    limits: Array
+    root: RootPose  # mean of the root's prior
+    root_sigma: tuple[float, float]  # standard deviations (m, rad) of the root
+    limits: Array  # (2, D) least and greatest entries of a pose, rad
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
-        """Return minus the logarithm of the observed markers' density, metres."""
+        """Return minus the log density of the observed markers, in metres."""
         markers, jacobian = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
         unlikely, factor = _innovation(self.prior, self.observation, self.root_sigma, markers, jacobian)
         return float(
@@ -192,7 +185,7 @@ def deviations(
     root_sigma: tuple[float, float],
     subject: SubjectModel,
 ) -> list[float]:
-    """Return the RMS of the markers' distances from each prior, in its deviations."""
+    """Return the RMS distance of the markers from each prior, in its standard deviations."""
     poses = np.array([prior.mean.reshape(-1, 3) for prior in priors])
     found = zip(priors, *subject.markers_and_jacobian(poses, root), strict=True)
     unlikely = [_innovation(prior, observation, root_sigma, markers, full)[0] for prior, markers, full in found]
@@ -202,10 +195,11 @@ def deviations(
 def _innovation(
     prior: Prior, observation: Observation, root_sigma: tuple[float, float], markers: Array, jacobian: Array
 ) -> tuple[Array, Array]:
-    """Return the whitened distances of the markers, and the factor that whitens.
+    """Return the whitened distances of the markers from a prior, and the whitening factor.
 
     Args:
-        markers, jacobian: (M, 3), (M, 3, 6 + D) of the prior's mean.
+        markers: Markers (M, 3) of the prior's mean.
+        jacobian: Their Jacobian (M, 3, 6 + D).
     """
     jacobian = control_jacobian(observation, jacobian)
     by_root, by_pose = jacobian[:, :6], jacobian[:, 6:]
@@ -217,17 +211,11 @@ def _innovation(
 
 @dataclass(frozen=True)
 class FitFacts:
-    """How a pose was fitted.
+    """Facts of a fit."""
 
-    Args:
-        steps: tried.
-        sigmas_rad: (D,) standard deviations of the pose given the markers, by the last linearised model (Laplace).
-        deviation: RMS distance of the markers from the prior, in its deviations.
-    """
-
-    steps: int
-    sigmas_rad: Array
-    deviation: float
+    steps: int  # steps tried
+    sigmas_rad: Array  # (D,) standard deviations of the pose given the markers, by the last linear model (Laplace)
+    deviation: float  # RMS distance of the markers from the prior, in its standard deviations
 
 
 def fit_to_markers(
@@ -239,19 +227,19 @@ def fit_to_markers(
 ) -> tuple[Array, RootPose, FitFacts]:
     """Fit pose (D,) and root to the markers under the prior, within the limits.
 
-    A Gauss-Newton step counts only if it lowers the cost; else it is repeated damped towards where it started, in the
-    metric of the prior (Levenberg 1944), so that no step leads away.
+    A Gauss-Newton step that does not lower the cost is repeated with damping in the metric of the prior (Levenberg
+    1944).
 
     Args:
-        expectation: prior, observed markers, root and limits.
-        marker_sigma_m: standard deviation of a marker's coordinate beside its noise.
+        marker_sigma_m: Standard deviation of a marker's coordinate in addition to its noise.
         steps: Largest number of steps.
-        straight_rad: A step in which no joint turns more needs no other.
+        straight_rad: Rotation below which a step is linear enough to be the last one.
     """
     sigmas_m = control_sigmas(expectation.observation, marker_sigma_m)
     covariance, mean = expectation.prior.covariance, expectation.prior.mean
     root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
-    # the change of root and pose from the prior is the covariance times the dual; their product is the prior's cost
+    # the change of root and pose from the prior is the covariance times the dual; their product is the cost of the
+    # prior
     change, dual = kept = np.zeros((2, 6 + len(mean)))
     root, damping, least = expectation.root, 0.0, np.inf
     taken = 0
@@ -276,7 +264,7 @@ def fit_to_markers(
         dual = (1.0 - share) * dual + slopes.T @ forces
         root = moved_root(expectation.root, change)
         beyond_rad = beyond_limits(mean + change[6:], expectation.limits)
-        # limits that were passed before are in the linear model
+        # limits that were already exceeded are part of the linear model
         passed_rad = np.abs(beyond_rad[is_within]).max(initial=0.0)
         if max(np.abs(change - kept[0])[3:].max(), passed_rad) < straight_rad:
             break
@@ -289,7 +277,7 @@ def fit_to_markers(
 
 
 def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
-    """Return the facts of a fit from its last step's system (m, m) and gains (D, m)."""
+    """Return the facts of a fit from the last step's system (m, m) and gains (D, m)."""
     halves, _ = _whiten(system, np.concatenate((gains.T, innovation[:, None]), axis=1))
     explained = np.add.reduce(halves * halves)
     sigmas_rad = np.sqrt(np.maximum(covariance.diagonal() - explained[:-1], 0.0))
@@ -312,11 +300,11 @@ def _linearise(
 
 
 def beyond_limits(pose: Array, limits: Array) -> Array:
-    """Return by how much the entries of poses (..., D) are outside the limits (2, D)."""
+    """Return how far the entries of poses (..., D) exceed the limits (2, D)."""
     return np.asarray(pose - np.minimum(np.maximum(pose, limits[0]), limits[1]))
 
 
 def moved_root(root: RootPose, change: Array) -> RootPose:
-    """Return roots after changes (..., 6 or more): shift, turn, ..."""
+    """Return roots moved by changes (..., 6 or more): translation, rotation, ..."""
     rotation = rot.multiply(root.rotation, rot.from_rotation_vector(change[..., 3:6]))
     return RootPose(rotation, root.position_m + change[..., :3])

@@ -1,8 +1,8 @@
-"""Markers and poses a moment ago, of the performer and of every database frame.
+"""Earlier markers and poses of the performer and of every database frame.
 
-One moment's markers leave open how the motion goes on: whether a foot in the air rises or falls, how fast an arm
-swings. Earlier markers in the frame of the present root hold the motion of the limbs and of the whole body, at any
-frame rate and without a solved pose. Earlier poses hold the rest as far as it was solved, such as the twist of an arm.
+The markers of one moment do not tell how the motion continues: whether a foot in the air rises or falls, how fast an
+arm swings. Earlier markers in the frame of the current root hold the motion of limbs and body at any frame rate,
+without a solved pose. Earlier solved poses hold the rest, such as the twist of an arm.
 """
 
 from bisect import bisect_left
@@ -20,27 +20,21 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from .database_markers import DatabaseMarkers
 from .subject_model import RootPose
 
-_UNIT = np.float32(1.0 / 32_760)  # of stored matrices' entries: less than a tenth of a millimetre at a hand
-_CHUNK = 8192  # frames
-_TOLERANCE = 0.3  # of the lag: how far off a remembered moment may be and still stand for it
+_UNIT = np.float32(1.0 / 32_760)  # unit of stored matrices' entries: less than a tenth of a millimetre at a hand
+_CHUNK = 8192  # frames processed at once
+_TOLERANCE = 0.3  # largest time difference between a lag and the remembered moment, as a share of the lag
 
 
 @dataclass(frozen=True)
 class LaggedHistory:
-    """The latest arrays and their times.
+    """The latest values of a quantity and their times."""
 
-    Args:
-        longest_s: longest time looked back, 0 to remember nothing.
-        times_s: ascending times of the values.
-        values: arrays of one shape.
-    """
-
-    longest_s: float = 0.0
-    times_s: tuple[float, ...] = ()
+    longest_s: float = 0.0  # longest lag, 0 to remember nothing
+    times_s: tuple[float, ...] = ()  # ascending
     values: tuple[Array, ...] = ()
 
     def remember(self, time_s: float, value: Array) -> "LaggedHistory":
-        """Return the history with one more value; a falling time begins a new one."""
+        """Return the history with one more value; a time that does not ascend starts a new one."""
         if not self.longest_s:
             return self
         if self.times_s and time_s <= self.times_s[-1]:
@@ -65,10 +59,10 @@ class LaggedHistory:
 
 
 class LaggedFrames:
-    """Frames of the same clip before frames of a database; if backwards, after.
+    """Earlier frames of the same clip; later ones in a time-reversed copy.
 
     Args:
-        lags_s: ascending times looked back.
+        lags_s: Ascending lags.
     """
 
     def __init__(self, database: Database, lags_s: tuple[float, ...]) -> None:
@@ -78,23 +72,19 @@ class LaggedFrames:
         self._clip_of_frame = database.clip_of_frame
 
     def backwards(self) -> "LaggedFrames":
-        """Return the same for time that runs backwards."""
+        """Return a time-reversed copy."""
         found = copy(self)
         found._lags = -self._lags
         return found
 
     def of(self, frames: IntArray) -> IntArray:
-        """Return (K, L) frames before those (K,), in a clip's beginning its first."""
+        """Return the frames (K, L) at each lag before frames (K,), limited to their clips."""
         first, last = self._ends.take(self._clip_of_frame.take(frames), axis=0).T[..., None]
         return np.minimum(np.maximum(frames[:, None] - self._lags, first), last)
 
 
 class LaggedMarkers:
-    """Earlier markers (M, 3), NaN where not located, in the frame of the present root.
-
-    Args:
-        earlier: of the database.
-    """
+    """Earlier markers (M, 3) in the frame of the current root, NaN where not located."""
 
     def __init__(self, database: Database, markers: DatabaseMarkers, earlier: LaggedFrames) -> None:
         self._markers, self._earlier = markers, earlier
@@ -105,21 +95,21 @@ class LaggedMarkers:
         self._root_positions_m = np.asarray(database.root_positions_m)
 
     def backwards(self) -> "LaggedMarkers":
-        """Return the same for time that runs backwards."""
+        """Return a time-reversed copy."""
         found = copy(self)
         found._earlier = self._earlier.backwards()
         return found
 
     def observed(self, history: LaggedHistory, time_s: float, root: RootPose) -> Array:
-        """Return earlier observed markers (L, M, 3) in the root's frame, NaN if unknown."""
+        """Return earlier observed markers (L, M, 3) in the root's frame, NaN where unknown."""
         unknown = np.full((self._markers.count, 3), np.nan)
         earlier = history.before(time_s, self._earlier.lags_s)
         return root.to_root_frame(np.array([unknown if each is None else each for each in earlier]))
 
     def of_frames(self, frames: IntArray) -> FloatArray:
-        """Return the same for database frames (K,), (K, L, M, 3)."""
+        """Return the earlier markers (K, L, M, 3) of database frames (K,)."""
         earlier = self._earlier.of(frames)
-        # row vectors: p R^T goes to the world's axes, p R from there into the root's
+        # for row vectors, p R^T is in the world's axes, and p R is back in the root's
         away, back = (self._matrices(each) for each in (earlier, frames))
         away = np.ascontiguousarray(away.swapaxes(-1, -2))
         turned = self._markers.take(earlier) @ away
@@ -129,18 +119,15 @@ class LaggedMarkers:
         return np.asarray((flat @ back).reshape(turned.shape))
 
     def _matrices(self, frames: IntArray) -> FloatArray:
-        """Return world from root (..., 3, 3) of database frames (...)."""
+        """Return the root rotations (..., 3, 3) of database frames (...)."""
         return (self._root_matrices.take(frames, axis=0) * _UNIT).reshape(*frames.shape, 3, 3)
 
 
 class LaggedPoses:
-    """Earlier poses (D,), by their principal components.
-
-    The other components hardly vary; leaving them out keeps the conditioned Gaussian small.
+    """Principal components of earlier poses (D,), few of which keep the conditioned Gaussian small.
 
     Args:
-        components: (D, C) orthonormal columns.
-        earlier: of the database.
+        components: Orthonormal columns (D, C).
     """
 
     def __init__(self, database: Database, components: Array, earlier: LaggedFrames) -> None:
@@ -148,20 +135,20 @@ class LaggedPoses:
         self._poses = np.asarray(database.poses).reshape(database.frames, -1)
 
     def backwards(self) -> "LaggedPoses":
-        """Return the same for time that runs backwards."""
+        """Return a time-reversed copy."""
         found = copy(self)
         found._earlier = self._earlier.backwards()
         return found
 
     def observed(self, history: LaggedHistory, time_s: float) -> Array:
-        """Return the components (L, C) of earlier solved poses, NaN if unknown."""
+        """Return the components (L, C) of earlier solved poses, NaN where unknown."""
         unknown = np.full(len(self._components), np.nan)
         earlier = history.before(time_s, self._earlier.lags_s)
         return np.array([unknown if each is None else each for each in earlier]) @ self._components
 
     def of_frames(self, frames: IntArray) -> FloatArray:
-        """Return the same for database frames (K,), (K, L, C)."""
+        """Return the components (K, L, C) of earlier poses of database frames (K,)."""
         earlier = self._earlier.of(frames)
-        # by SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed, which copies nothing
+        # SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed arguments avoid copies
         projected = np.asarray(sgemm(1.0, self._components.T, self._poses.take(earlier.ravel(), axis=0).T)).T
         return projected.reshape(*earlier.shape, -1)

@@ -1,4 +1,4 @@
-"""Root and closest examples of a frame's markers."""
+"""Root and closest database examples of a frame's markers."""
 
 from typing import NamedTuple
 
@@ -15,11 +15,11 @@ from .search.sample import SampleSearch
 from .solution import Examples, SolverState
 from .subject_model import RootPose, SubjectModel
 
-_ROOT_PASSES = 2  # the root needs the pose's torso markers and the pose needs the root
-_FIRST_ROOT_PASSES = 4  # at the start nothing is known about either
-_SAMPLE_PASSES = 3  # before the others where time is short, with a sample of the database
-_TORSO_EXAMPLES = 8  # closest examples; the root is fitted to the mean of their torsos
-_SPARE_CANDIDATES = 2  # candidates kept, per example wanted, to rank again under a better root
+_ROOT_PASSES = 2  # alternations: the root depends on the pose's torso markers, and the search on the root
+_FIRST_ROOT_PASSES = 4  # alternations at the start, when both are unknown
+_SAMPLE_PASSES = 3  # alternations with a sample of the database that come first where time is short
+_TORSO_EXAMPLES = 8  # closest examples whose mean torso fits the root
+_SPARE_CANDIDATES = 2  # candidates kept per example wanted, to rank again with a better root
 
 
 class Located(NamedTuple):
@@ -31,12 +31,12 @@ class Located(NamedTuple):
 
 
 class Locator:
-    """Finds root and examples, each from the other, in turn.
+    """Finds root and examples alternately, each from the other.
 
     Args:
-        search: of all frames.
-        sample: for where time is short.
-        query_alpha: weight of the markers against continuity (Eq. 2).
+        search: Index over all database frames.
+        sample: Index over a sample, for frames with little time.
+        query_alpha: Weight of the markers against continuity (Eq. 2).
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Locator:
         self._subject, self._markers, self._alpha = subject, markers, query_alpha
         self._search, self._sample = search, sample
         self._examples, self._pose_m_per_rad = method.examples, method.query_pose_m_per_rad
-        self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # a mapped array's parts are slow to make
+        self._poses = np.asarray(database.poses).reshape(database.frames, -1)  # slices of a memory map are slow
         own = database.own_frames(subject.skeleton, subject.subject.name)
         self._factors: Array | None = None
         if method.others_distance != 1.0 and own.any() and not own.all():
@@ -66,10 +66,12 @@ class Locator:
         return self._search.visited + self._sample.visited
 
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
-        """Find root, closest examples and the next search's start; None without a root.
+        """Return root, closest examples and the start of the next search; None without a root.
 
-        The first root is that of the torso as the state has it: continued, as its markers are expected, or typical.
-        `hurried` examples are the closest ones of a sample, and their neighbours in time.
+        The first root is fitted to the state's torso: of the continued pose, the expected markers, or a typical one.
+
+        Args:
+            hurried: Use the closest frames of the sample, and their neighbours in time.
         """
         continued = state.continued_pose
         if continued is not None:
@@ -94,7 +96,7 @@ class Locator:
             if root is None:
                 return None
             query = self._query(observation, root, continued)
-            # after the first pass the root moves little, unless nothing was known: rank the same candidates
+            # after the first pass the root moves little: rank the same candidates again
             if is_first:
                 frames, distances = self._search.nearest(query, self._examples * _SPARE_CANDIDATES, found)
                 found = frames
@@ -106,9 +108,11 @@ class Locator:
                 local = _closest_mean(self._markers, frames)
         if root is None or frames is None or found is None:
             return None
-        if self._factors is not None:  # people move more like themselves than like others
+        if (
+            self._factors is not None
+        ):  # people move more like themselves than like others: prefer the subject's own frames
             distances = np.maximum(distances, 0.0)
-            distances[1:] *= self._factors[frames[1:]]  # the closest of all stays first: poses are judged by it
+            distances[1:] *= self._factors[frames[1:]]  # the closest stays first, as poses are judged by it
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]
@@ -117,7 +121,7 @@ class Locator:
         return Located(root, examples, found)
 
     def _query(self, observation: Observation, root: RootPose, continued: Array | None) -> Query:
-        """Return the query of Eq. 2, the observed markers in the root's rest (T of Eq. 2)."""
+        """Return the query of Eq. 2, with the observed markers in the root's frame."""
         alpha = self._alpha
         return Query(
             root.to_root_frame(observation.points_m),

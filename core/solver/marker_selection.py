@@ -1,4 +1,4 @@
-"""Selection of a few markers that determine most of the body.
+"""Selection of a few markers that determine the body best.
 
 The database's poses give a Gaussian of joints and markers in the root's frame, which is itself free. Markers are chosen
 greedily: each reduces the conditional variance of the joints in the world most (Krause, Singh and Guestrin 2008).
@@ -13,29 +13,25 @@ from ..body.skeleton import forward_kinematics
 from ..database.store import Database
 from ..errors import MarkerSetError
 from ..geometry.arrays import Array
+from ..markers.marker_set import FEWEST_TORSO
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from .subject_model import ROOT_AT_REST, SubjectModel
 
-_SAMPLES = 4096  # poses of the database
-_MARKER_SIGMA_M = 0.005  # of a measured marker: skin and calibration
-_ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # as good as unknown
-_FEWEST_TORSO = 3  # markers that the solver finds the root with
-_TORSO = 4  # that it finds it with reliably: two pairs, as in the paper's sets
-_PELVIS = 2  # of them on the root itself: with one alone a bent back looks like a turned root
+_SAMPLES = 4096  # poses of the database that give the covariance
+_MARKER_SIGMA_M = 0.005  # standard deviation of a marker: skin motion and calibration
+_ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # standard deviations of an unknown root
+_TORSO = 4  # torso markers that find the root reliably: two pairs, as in the paper's sets
+_PELVIS = 2  # number of these on the pelvis: with one alone a bent back looks like a turned root
 
 
 @dataclass(frozen=True)
 class MarkerChoice:
-    """Markers in the order of their choice.
-
-    Args:
-        expected_m: (N,) expected RMS error of the joints with the markers up to each.
-    """
+    """Markers in the order of their choice."""
 
     names: tuple[str, ...]
-    expected_m: Array
+    expected_m: Array  # (N,) expected RMS error of the joints with the markers up to each
 
 
 def choose_markers(
@@ -43,25 +39,26 @@ def choose_markers(
 ) -> MarkerChoice:
     """Return the markers of a subject that together determine the body best.
 
-    The first four are of the torso, and two of these on the pelvis, if the subject wears as many there.
+    The first four are on the torso, and two of these on the pelvis, if the subject wears as many there.
 
     Args:
-        subject: with all its markers calibrated.
-        database: motion of the kind to solve.
-        among: names to choose from; default all.
+        subject: Subject with all markers calibrated.
+        database: Motion of the kind to solve.
+        count: Number of markers.
+        among: Names to choose from; default all.
 
     Raises:
-        MarkerSetError: there are fewer markers than `count`, or fewer than three of the torso.
+        MarkerSetError: There are fewer markers than `count`, or fewer than three on the torso.
     """
     markers = subject.marker_set.markers
     free = [i for i, marker in enumerate(markers) if among is None or marker.name in among]
     torso = [i for i in free if markers[i].torso]
     pelvis = [i for i in torso if markers[i].joint == subject.skeleton.names[0]]
-    if not _FEWEST_TORSO <= count <= len(free) or len(torso) < _FEWEST_TORSO:
+    if not FEWEST_TORSO <= count <= len(free) or len(torso) < FEWEST_TORSO:
         raise MarkerSetError(
             f"{count} of {len(free)} markers, {len(torso)} of them of the torso, cannot be chosen",
             where=f"marker set {subject.marker_set.name}",
-            advice=f"choose at least {_FEWEST_TORSO} and no more than the take has, so many of them on the torso",
+            advice=f"choose at least {FEWEST_TORSO} markers, all of which the take has, and as many on the torso",
         )
     covariance = _covariance(subject, database)
     size = 3 * len(subject.skeleton)
@@ -79,7 +76,7 @@ def choose_markers(
 
 
 def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
-    """Return the subject with some markers; MarkerSetError for unknown or too few."""
+    """Return the subject with these markers only; MarkerSetError for unknown or too few."""
     unknown = [name for name in names if name not in subject.marker_set.names]
     if unknown:
         raise MarkerSetError(
@@ -93,16 +90,16 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
 def worn_in(take: MarkerTake, subject: Subject) -> Subject:
     """Return the subject with the markers of a take only.
 
-    Unchanged where the take's markers have no names, or too few of the torso are among them.
+    The subject is unchanged if the take's markers are not labelled, or too few are on the torso.
     """
     kept = [marker for marker in subject.marker_set.markers if marker.name in take.names]
-    if is_unnamed(take) or sum(marker.torso for marker in kept) < _FEWEST_TORSO:
+    if is_unnamed(take) or sum(marker.torso for marker in kept) < FEWEST_TORSO:
         return subject
     return with_markers(subject, [marker.name for marker in kept])
 
 
 def _covariance(subject: Subject, database: Database) -> Array:
-    """Return the covariance (3 J + 3 M, 3 J + 3 M) of joints and markers, root free."""
+    """Return the covariance (3 J + 3 M, 3 J + 3 M) of joints and markers with a free root."""
     frames = np.unique(np.linspace(0, database.frames - 1, _SAMPLES).astype(np.int64))
     model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
     poses = np.asarray(database.poses[frames], dtype=np.float64)
@@ -118,13 +115,13 @@ def _covariance(subject: Subject, database: Database) -> Array:
 
 
 def _seen(covariance: Array, size: int, marker: int) -> tuple[Array, Array]:
-    """Return the covariances of all with a marker (N, 3), of its measurement (3, 3)."""
+    """Return the covariances (N, 3) of all entries with a marker, and that of its measurement (3, 3)."""
     columns = slice(size + 3 * marker, size + 3 * marker + 3)
     return covariance[:, columns], covariance[columns, columns] + _MARKER_SIGMA_M**2 * np.eye(3)
 
 
 def _gain(covariance: Array, size: int, marker: int) -> float:
-    """Return the reduction of the joints' variance by a marker, metres squared."""
+    """Return the reduction of the joints' variance by a marker, m^2."""
     across, own = _seen(covariance, size, marker)
     return float(np.einsum("ij,ij->", np.linalg.solve(own, across[:size].T).T, across[:size]))
 

@@ -1,8 +1,8 @@
-"""Learned prior: a Gaussian of pose and root from the markers' last half second.
+"""Learned prior: a Gaussian of pose and root from the markers of the last half second.
 
 A small network, trained by `tools/train_prior.py` on recorded motion with random bodies and marker sets. Each marker
 passes one layer with weights of its joint; markers are summed by part of the body; three layers follow. All inputs are
-relative to a body frame found from the torso markers, so position and heading do not matter.
+relative to a body frame fitted to the torso markers, so position and heading do not matter.
 """
 
 import json
@@ -27,12 +27,12 @@ from .root import root_from_torso
 from .subject_model import RootPose, SubjectModel, exponential_and_right_jacobian
 
 VERSION = 1
-_OFFSET_SCALE = 10.0  # offsets are centimetres, the other inputs decimetres to metres
-_LAG_FLOOR_S = 0.03  # movements are divided by their lag plus this
-_BY_ONE_CAMERA = 0.5  # of a marker that both cameras see: its place along the ray is a guess
-_FASTEST_M_S = 12.0  # earlier markers that are further away were elsewhere: a cut, or another label
-LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits of the outputs, in their units
-_ROOT = 6  # outputs of the root: turn, position
+_OFFSET_SCALE = 10.0  # brings offsets (centimetres) to the range of the other inputs (decimetres to metres)
+_LAG_FLOOR_S = 0.03  # added to a lag when movements are divided by it
+_BY_ONE_CAMERA = 0.5  # certainty of a marker on a ray, whose depth is a guess
+_FASTEST_M_S = 12.0  # speed from which an earlier marker does not count: a cut, or another label
+LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits of the outputs' log deviations and means, in their units
+_ROOT = 6  # outputs of the root: rotation, position
 WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
 
 
@@ -47,52 +47,35 @@ class PriorEstimate:
 
 @dataclass(frozen=True)
 class Network:
-    """Numbers of a trained network.
+    """A trained network with F features, H and W hidden units, P parts of the body and O outputs."""
 
-    F features, H and W hidden units, P parts of the body, O outputs.
-
-    Args:
-        lags_s: ascending times looked back at the markers, the first 0.
-        mean_rotations: (J, 4) that its poses are relative to.
-        part_of_joint: (J,) part that a joint's markers are summed into.
-        bones: (2, J - 1) mean and scale of the bones' lengths.
-        marker_weights, marker_biases: (J, F, H), (J, H).
-        first_weights: (P H + J - 1, W).
-        weights, biases: (2, W, W), (3, W).
-        output_weights, output_biases: (W, 2 O), (2 O,): outputs, and logarithms of their standard deviations.
-        outputs: (2, O) mean and scale of the outputs.
-        correlation: (O, O) of the errors on people that it has not seen.
-        spread: (2, O) factor of the standard deviations, from the same errors, and their least values.
-        facts: what it was trained on.
-    """
-
-    lags_s: Array
-    mean_rotations: Array
-    part_of_joint: IntArray
-    bones: FloatArray
-    marker_weights: FloatArray
-    marker_biases: FloatArray
-    first_weights: FloatArray
-    weights: FloatArray
-    biases: FloatArray
-    output_weights: FloatArray
-    output_biases: FloatArray
-    outputs: FloatArray
-    correlation: Array
-    spread: Array
-    facts: dict[str, Any]
+    lags_s: Array  # ascending lags of the markers, the first 0
+    mean_rotations: Array  # (J, 4) that its poses are relative to
+    part_of_joint: IntArray  # (J,) part that a joint's markers are summed into
+    bones: FloatArray  # (2, J - 1) mean and scale of the bones' lengths
+    marker_weights: FloatArray  # (J, F, H)
+    marker_biases: FloatArray  # (J, H)
+    first_weights: FloatArray  # (P H + J - 1, W)
+    weights: FloatArray  # (2, W, W)
+    biases: FloatArray  # (3, W)
+    output_weights: FloatArray  # (W, 2 O) outputs and their log standard deviations
+    output_biases: FloatArray  # (2 O,)
+    outputs: FloatArray  # (2, O) mean and scale of the outputs
+    correlation: Array  # (O, O) of the errors on unseen people
+    spread: Array  # (2, O) factor of the standard deviations on unseen people, and their least values
+    facts: dict[str, Any]  # what it was trained on
 
 
 def open_network(path: Path) -> Network | None:
     """Return the network of a file; None if there is no file.
 
     Raises:
-        FormatError: the file is damaged or of another version.
+        FormatError: The file is damaged or of another version.
     """
     if not path.is_file():
         return None
-    with reading(path, FormatError, "install the extension again", "is no motion prior of this version"):
-        arrays = read_arrays(path, what="is no motion prior of this version")
+    with reading(path, FormatError, "install the extension again", "is not a motion prior of this version"):
+        arrays = read_arrays(path, what="is not a motion prior of this version")
         facts = json.loads(str(arrays.pop("facts")))
         for name in arrays:
             kind = np.int64 if name == "part_of_joint" else np.float32 if name in (*WEIGHTS, "bones") else np.float64
@@ -124,15 +107,10 @@ def _fits(network: Network) -> bool:
 
 @dataclass(frozen=True)
 class RecentMarkers:
-    """Markers of a frame and of earlier ones.
+    """Markers of a frame and of earlier ones."""
 
-    Args:
-        points_m: (L, M, 3) in the world at each lag, NaN where not located.
-        single: (M,) markers that one camera alone sees in the frame: their points are guesses along its rays.
-    """
-
-    points_m: Array
-    single: Mask
+    points_m: Array  # (L, M, 3) in the world at each lag, NaN where not located
+    single: Mask  # (M,) markers seen by one camera: their current points are guesses along its rays
 
 
 class MotionPrior:
@@ -168,14 +146,14 @@ class MotionPrior:
 
     @property
     def lags_s(self) -> tuple[float, ...]:
-        """Ascending times looked back, the first 0."""
+        """Ascending lags, the first 0."""
         return tuple(self._network.lags_s.tolist())
 
     def recent(self, observation: Observation, observed: LaggedHistory, time_s: float) -> RecentMarkers:
         """Return the markers of this frame and of earlier ones.
 
         Args:
-            observation: its markers of a single camera back-projected, if they are to count.
+            observation: Observation with back-projected single-camera markers, if these are to count.
         """
         unknown = np.full_like(observation.points_m, np.nan)
         earlier = observed.before(time_s, self.lags_s[1:])
@@ -183,18 +161,15 @@ class MotionPrior:
         return RecentMarkers(points_m, observation.cameras >= 0)
 
     def estimate(self, recent: RecentMarkers, root: RootPose) -> PriorEstimate:
-        """Return the Gaussian expected for markers now and earlier.
+        """Return the Gaussian expected for current and earlier markers.
 
         Args:
-            root: where the body is if too few torso markers show it.
+            root: Root to use if too few torso markers are located.
         """
         return self._estimates([recent], [self._frame(recent, root) or root])[0]
 
     def estimate_all(self, recent: Sequence[RecentMarkers]) -> list[PriorEstimate | None]:
-        """Return the Gaussians of many frames at once, in a fraction of the time.
-
-        None is returned where torso markers are too few.
-        """
+        """Return the Gaussians of many frames at once; None where too few torso markers are located."""
         frames = [self._frame(each, None) for each in recent]
         known = [(each, frame) for each, frame in zip(recent, frames, strict=True) if frame]
         if not known:
@@ -203,16 +178,16 @@ class MotionPrior:
         return [next(found) if frame else None for frame in frames]
 
     def _frame(self, recent: RecentMarkers, root: RootPose | None) -> RootPose | None:
-        """Return where the body is by its torso markers, or the root's place."""
+        """Return the body frame fitted to the torso markers, or shifted from `root`."""
         return root_from_torso(Observation.of_points(recent.points_m[0]), self._rest, self._body, root)
 
     def _estimates(self, recent: Sequence[RecentMarkers], frames: Sequence[RootPose]) -> list[PriorEstimate]:
-        """Return the same as `estimate` for the places of bodies."""
+        """Return the Gaussians for given body frames."""
         in_frames = np.array([frame.to_root_frame(each.points_m) for each, frame in zip(recent, frames, strict=True)])
         single = np.array([each.single for each in recent])
         rest = np.broadcast_to(self._rest, (len(frames), *self._rest.shape))
         features = marker_features(in_frames, single, rest, self._offsets_m, self._network.lags_s)
-        # whatever the markers are, what follows is finite
+        # bounded inputs keep the outputs finite
         within = np.minimum(np.maximum(features, -_FASTEST_M_S), _FASTEST_M_S).astype(np.float32)
         means, sigmas = self._run(within, np.isfinite(in_frames[..., 0]).any(axis=1))
         turns = rot.multiply(np.array([frame.rotation for frame in frames]), rot.from_rotation_vector(means[:, :3]))
@@ -225,7 +200,7 @@ class MotionPrior:
         return result
 
     def _run(self, features: FloatArray, seen: Mask) -> tuple[Array, Array]:
-        """Return the outputs (N, O) and their deviations, of (N, M, F) and seen (N, M)."""
+        """Return outputs (N, O) and their deviations for features (N, M, F) and a mask (N, M) of seen markers."""
         network = self._network
         hidden = _silu(features.swapaxes(0, 1) @ self._weights + self._biases[:, None])
         hidden[~seen.T] = 0.0
@@ -257,10 +232,11 @@ def marker_features(points_m: Array, single: Mask, rest_m: Array, offsets_m: Arr
     """Return the network's inputs (..., M, F).
 
     Args:
-        points_m: (..., L, M, 3) at each lag in the body frame, NaN where not located.
-        single: (..., M) markers that one camera alone sees now.
-        rest_m: (..., M, 3) markers of the mean pose.
-        offsets_m: (..., M, 3) of the markers in their joints' axes.
+        points_m: Markers (..., L, M, 3) at each lag in the body frame, NaN where not located.
+        single: (..., M) Markers that one camera alone sees now.
+        rest_m: Markers (..., M, 3) of the mean pose.
+        offsets_m: Offsets (..., M, 3) of the markers in their joints' axes.
+        lags_s: Lags (L,).
     """
     points = points_m.swapaxes(-3, -2)
     seen = np.isfinite(points[..., 0])
@@ -283,4 +259,4 @@ def marker_features(points_m: Array, single: Mask, rest_m: Array, offsets_m: Arr
 
 
 def _silu(x: FloatArray) -> FloatArray:
-    return 0.5 * x * (1.0 + np.tanh(0.5 * x))  # which nothing overflows
+    return 0.5 * x * (1.0 + np.tanh(0.5 * x))  # in a form that cannot overflow

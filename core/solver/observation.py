@@ -1,4 +1,4 @@
-"""The labelled markers of one moment, as the solver takes them."""
+"""Labelled markers of one moment, as the solver uses them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,21 +11,13 @@ from ..geometry.camera import Camera
 
 @dataclass(frozen=True)
 class Observation:
-    """Markers of a marker set in one frame.
+    """Markers of a marker set in one frame."""
 
-    Args:
-        points_m: (M, 3) world positions, NaN where a marker was not located in space.
-        cameras: (M,) index of the one camera that saw the marker, -1 where none or where it was located in space.
-        image_points: (M, 2) undistorted normalised coordinates in that camera, NaN elsewhere.
-        rig: the cameras that `cameras` refers to.
-        noise_m: (M,) standard deviations of the positions' coordinates, None for exact ones.
-    """
-
-    points_m: Array
-    cameras: IntArray
-    image_points: Array
-    rig: tuple[Camera, ...] = ()
-    noise_m: Array | None = None
+    points_m: Array  # (M, 3) world positions, NaN where a marker was not located
+    cameras: IntArray  # (M,) index of the one camera that saw the marker, -1 where none did or it was located
+    image_points: Array  # (M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
+    rig: tuple[Camera, ...] = ()  # cameras that `cameras` refers to
+    noise_m: Array | None = None  # (M,) standard deviations of the positions' coordinates; None: exact
 
     @classmethod
     def of_points(cls, points_m: Array, noise_m: Array | None = None) -> "Observation":
@@ -34,18 +26,14 @@ class Observation:
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan), noise_m=noise_m)
 
     def smoothed(self, points_m: Array, noise_m: Array) -> "Observation":
-        """Return the observation with other positions (M, 3) and their noise (M,).
-
-        Markers that one camera sees keep to its ray.
-        """
+        """Return the observation with other positions (M, 3) and their noise (M,); rays stay."""
         points_m = np.where(self.single[:, None], np.nan, points_m)
         return Observation(points_m, self.cameras, self.image_points, self.rig, noise_m)
 
     def back_projected(self, markers_m: Array) -> "Observation":
-        """Return the observation with single-camera markers at points on their rays.
+        """Return the observation with single-camera markers at the points of their rays closest to markers (M, 3).
 
-        Each point is the closest to the expected marker (M, 3). Root and search use the points; the pose is fitted to
-        the rays, as the error lies along them.
+        Root and search use the points; the pose is fitted to the rays, as the error lies along them.
         """
         if not self.single.any():
             return self
@@ -57,11 +45,10 @@ class Observation:
         return replace(self, points_m=points)
 
     def with_torso_in_space(self, torso: Mask, markers_m: Array | None) -> "Observation":
-        """Return the observation, back-projected if it locates too little of the torso.
+        """Return the observation, back-projected if it locates fewer than three torso markers.
 
         Args:
-            torso: (M,) markers that show the root; three locate it.
-            markers_m: (M, 3) that are expected, None if nothing is.
+            markers_m: Expected markers (M, 3), None if unknown.
         """
         if markers_m is None or np.count_nonzero(torso & self.located) >= 3:
             return self
@@ -69,12 +56,12 @@ class Observation:
 
     @cached_property
     def located(self) -> Mask:
-        """(M,) markers located in space."""
+        """(M,) located markers."""
         return np.asarray(np.logical_and.reduce(np.isfinite(self.points_m), axis=-1))
 
     @cached_property
     def seen(self) -> Mask:
-        """(M,) markers that one camera or more see."""
+        """(M,) markers that some camera sees."""
         return self.located | (self.cameras >= 0)
 
     @cached_property
@@ -86,7 +73,7 @@ class Observation:
 def control_residual(observation: Observation, markers_m: Array) -> Array:
     """Return marker minus observation (Eq. 7), metres.
 
-    Rows: 3 for each located marker, then 2 for each single-camera marker: its distance across the ray.
+    There are three rows for each located marker, then two for the distance of each single-camera marker from its ray.
     """
     located, single = observation.located, observation.single
     parts = [(markers_m[located] - observation.points_m[located]).ravel()]
@@ -101,7 +88,7 @@ def control_residual(observation: Observation, markers_m: Array) -> Array:
 
 
 def control_jacobian(observation: Observation, jacobian: Array) -> Array:
-    """Return d `control_residual` from d markers (M, 3, n): its twin."""
+    """Return the Jacobian of `control_residual` from that of the markers (M, 3, n)."""
     located, single = observation.located, observation.single
     if located.all():
         return jacobian.reshape(-1, jacobian.shape[-1])

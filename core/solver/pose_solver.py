@@ -24,17 +24,17 @@ from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
-_JUMP_M = 0.07  # RMS over the markers between two frames, from which the past may mislead
-_CUT_M = 0.3  # the same, from which the past is of another motion: nobody moves all limbs so fast
-_RETRY_S = 0.04  # after a vain look for a pose without a past, until the next
-_NEARER = 0.6  # share of the distance to the closest example, below which a pose without a past is the right one
+_JUMP_M = 0.07  # RMS movement of the markers between two frames from which the history may mislead
+_CUT_M = 0.3  # RMS movement from which the history is of another motion: nobody moves all limbs so fast
+_RETRY_S = 0.04  # pause after a failed re-initialisation
+_NEARER = 0.6  # share of the distance to the closest example below which a re-initialised pose replaces the other
 
 
 class PoseSolver:
     """Solves one frame after another for one subject with one database.
 
     Attributes:
-        initial_state: state before the first frame.
+        initial_state: State before the first frame.
     """
 
     def __init__(self, subject: SubjectModel, database: Database, settings: SolveSettings) -> None:
@@ -62,7 +62,7 @@ class PoseSolver:
         return self._locator.visited
 
     def backwards(self) -> "PoseSolver":
-        """Return the solver of time that runs backwards, by the method "best"."""
+        """Return a solver for the time-reversed take, with the method "best"."""
         found = copy(self)
         found._method = self.best.backwards()
         found._trajectory_check = self._trajectory_check.backwards() if self._trajectory_check else None
@@ -70,27 +70,27 @@ class PoseSolver:
 
     @property
     def best(self) -> BestMethod:
-        """The method "best"; other methods have no way to go back."""
+        """The method "best", the only one that can be reversed in time."""
         if not isinstance(self._method, BestMethod):
             raise TypeError(self.settings.method)
         return self._method
 
     def forget_poses(self, state: SolverState) -> SolverState:
-        """Return a state that knows only where the root was."""
+        """Return a state without history that keeps the root."""
         return replace(self.initial_state, root=state.root)
 
     def begin_at_torso(self, solution: Solution) -> SolverState:
-        """Return a first state that knows where a solution's torso is, and its shape."""
+        """Return a state without history that keeps a solution's root and expected markers."""
         return replace(self.initial_state, root=solution.root, markers_m=solution.markers_m)
 
     def closest_m(self, state: SolverState, observation: Observation) -> float:
-        """Return the RMS distance (m) of markers to the closest example; NaN if unseen."""
+        """Return the RMS distance (m) of the markers from the closest example, NaN without markers."""
         in_space = self._in_space(state, observation)
         located = self._locator.locate(state, in_space, hurried=True)
         return _nearest_distance(in_space, *located[:2]) if located is not None else float("nan")
 
     def negative_log_likelihood(self, state: SolverState) -> float:
-        """Return minus the log of the last markers' density (m); 0 except for "best"."""
+        """Return minus the log density (m) of the last markers; 0 for other methods than "best"."""
         return 0.0 if state.expectation is None else state.expectation.negative_log_likelihood(self.subject)
 
     def step(
@@ -105,15 +105,15 @@ class PoseSolver:
         """Return the pose of the next frame and the state after it.
 
         Args:
-            state: after the frame before, or the initial one. Its markers may be set beforehand, for first frames with
-                markers that only one camera sees.
-            time_s: of the frame; default a frame of the database after the last.
-            hurried: whether the frame has cost much already, so that a first frame's pose is not refined.
-            limit_m: distance of the markers to the closest example, from which a first frame is not solved.
-            learned: see `BestMethod.learned_priors`; default from the markers of the frames before.
+            state: State after the last frame, or the initial one. For a first frame with rays only, it can hold the
+                expected markers.
+            time_s: Time of the frame; by default one frame of the database after the last.
+            hurried: The frame was expensive already, so a first frame's pose is not refined.
+            limit_m: Distance of the markers from the closest example at which a first frame is not solved.
+            learned: Learned prior, if known (see `BestMethod.learned_priors`).
 
         Returns:
-            No pose as long as too few torso markers show where the body is.
+            No pose until enough torso markers show where the body is.
         """
         state = replace(state, time_s=state.time_s + self._frame_s if time_s is None else time_s, learned=learned)
         if state.pose is None:
@@ -134,12 +134,13 @@ class PoseSolver:
     def reinitialise(
         self, state: SolverState, observation: Observation, solution: Solution, after: SolverState, nearer: float
     ) -> tuple[Solution, SolverState]:
-        """Return the pose solved without a past if the database is nearer to it.
+        """Return the pose solved without history if it is nearer to the database.
 
         Args:
-            state: before the frame, with its time.
-            solution, after: of the frame, returned if they are better.
-            nearer: share of their distance, below which a pose without a past is better.
+            state: State before the frame, with the frame's time.
+            solution: Solution with history, returned if it is better.
+            after: State after it.
+            nearer: Share of its distance below which the pose without history is better.
         """
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s, learned=state.learned)
         seen = observation.located
@@ -157,7 +158,7 @@ class PoseSolver:
         solution: Solution,
         state: SolverState,
     ) -> tuple[Solution, SolverState]:
-        """Return the pose solved without earlier poses once these are proven wrong."""
+        """Return the pose solved without earlier poses if these are proven wrong."""
         in_space = self._in_space(before, observation)
         if state.found is None:
             return solution, state
@@ -175,7 +176,7 @@ class PoseSolver:
     ) -> tuple[Solution | None, SolverState]:
         """Return the pose of a first frame and the state after it.
 
-        It is solved twice unless hurried: the second time the torso and the neighbours of its own pose are known.
+        It is solved twice unless hurried: the second time with the torso and the neighbours of its own pose.
         """
         in_space = self._in_space(state, observation)
         located = self._locator.locate(state, in_space, hurried)
@@ -186,13 +187,13 @@ class PoseSolver:
         return (again, second) if again is not None else (first, after)
 
     def _nearer_if_misled(self, state: SolverState, observation: Observation, solution: Solution) -> float:
-        """Return `nearer` for `reinitialise`; 0 where the past does no harm.
+        """Return `nearer` for `reinitialise`; 0 where the history is not misleading.
 
-        After a cut a pose without the past must only be no further.
+        After a cut the pose without history must only not be farther.
         """
         waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
-            return 0.0  # an example is off anyway
+            return 0.0  # an example's distance says nothing
         seen = observation.located
         before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)

@@ -7,7 +7,7 @@ from ..geometry.rigid_transform import fit_rigid
 from .observation import Observation
 from .subject_model import RootPose, SubjectModel
 
-_CARRIED_BY_ROOT = 4.0  # weight of markers on the root itself against torso markers on the spine and shoulders
+_CARRIED_BY_ROOT = 4.0  # weight of markers on the pelvis against those on spine and shoulders
 
 
 def root_from_torso(
@@ -21,8 +21,8 @@ def root_from_torso(
     With fewer than three torso markers the previous root is shifted; None without one.
 
     Args:
-        local_markers_m: (M, 3) markers of the assumed pose in the root's frame.
-        previous: root of the last frame, None at the start.
+        local_markers_m: Markers (M, 3) of the assumed pose in the root's frame.
+        previous: Root of the last frame, None at the start.
     """
     seen = subject.torso & observation.located
     if np.count_nonzero(seen) >= 3:
@@ -34,7 +34,7 @@ def root_from_torso(
 
 
 def _moved(previous: RootPose, observation: Observation, local_markers_m: Array) -> RootPose:
-    """Return the previous root, shifted to the located markers but not turned."""
+    """Return the previous root shifted to the located markers, with the same rotation."""
     seen = observation.located
     if not np.any(seen):
         return previous

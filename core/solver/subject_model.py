@@ -38,7 +38,7 @@ class RootPose:
 
 
 _UNIT = np.eye(3)
-_SMALLEST_RAD = 1e-5  # of smaller angles the divisions below are as of this: none of them changes by more than 1e-11
+_SMALLEST_RAD = 1e-5  # angle that replaces smaller ones in the divisions below, which changes them by less than 1e-11
 ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
 
 
@@ -56,17 +56,17 @@ class SubjectModel:
         self.joints = subject.marker_set.joint_indices(self.skeleton)
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
-        self._body, self._carrying = self.skeleton.carrying(self.joints)  # other joints move no marker
+        self._body, self._carrying = self.skeleton.carrying(self.joints)  # the other joints move no marker
         self._carriers = np.argmax(self._carrying == self.joints[:, None], axis=1)
         self._moving = self.skeleton.is_ancestor[self.joints]
         self._columns = np.concatenate(([0], 1 + self._carrying))
         self._mean_matrices = rot.to_matrix(mean_rotations)[self._carrying[1:]]
 
     def hidden_joints(self, seen: Mask) -> Mask:
-        """Return the joints but the root (J - 1,) that move hidden markers alone.
+        """Return a mask (J - 1,) of the joints that move only hidden markers.
 
         Args:
-            seen: (M,) markers that are not hidden.
+            seen: (M,) Markers that are not hidden.
         """
         moving = self._moving
         return np.asarray(moving[~seen].any(axis=0) & ~moving[seen].any(axis=0))[1:]
@@ -85,9 +85,11 @@ class SubjectModel:
     def markers_and_jacobian(self, pose: Array, root: RootPose) -> tuple[Array, Array]:
         """Return markers (..., M, 3) and their Jacobian (..., M, 3, 6 + 3 (J - 1)).
 
-        Of poses (..., J - 1, 3) and as many roots. Columns: root translation, root rotation, pose.
+        Its columns are root translation, root rotation on the right, R exp(d), and rotation vectors of the pose.
 
-        The root's rotation is varied on its right, R exp(d); the pose is varied as the rotation vectors it is.
+        Args:
+            pose: Poses (..., J - 1, 3).
+            root: As many roots.
         """
         turns, right_jacobians = exponential_and_right_jacobian(pose.take(self._carrying[1:] - 1, axis=-2))
         markers, positions, axes = self._posed(turns, root)

@@ -1,8 +1,8 @@
-"""Whether other parts of the database follow the markers better than the present.
+"""Check whether other parts of the database explain the recent markers better than the current examples.
 
-Examples are searched near the motion so far, so a wrong start can lead on for seconds where all markers are explained.
-Now and then the markers of the last moments are compared with a sample of the whole database: on a right course few
-frames are nearer than the present examples, on a wrong one some always are.
+Examples are searched near the motion so far, so a wrong start can persist for seconds even where all markers are
+explained. From time to time the markers of the last moments are compared with a sample of the whole database: on a
+right trajectory few frames are nearer than the current examples, on a wrong one some always are.
 """
 
 from copy import copy
@@ -18,41 +18,36 @@ from .search.sample import SampleSearch
 from .solution import SolverState
 from .subject_model import RootPose
 
-INTERVAL_S = 0.1  # between two comparisons
-PROVEN = 0.5  # evidence above which another course is the right one
-_USUAL = 0.85  # distance of the nearest frame of all, as a share of the nearest example's, on a right course
-_NEAREST = 24  # frames of the sample that are compared with their neighbours in time,
-_PER_SAMPLE = 16  # with so many of each at first, and with all that are beside
-_BESIDE = 8  # of the nearest
-_EXAMPLES = 64
+INTERVAL_S = 0.1  # wait between two comparisons
+PROVEN = 0.5  # evidence above which another trajectory is right, nats
+_USUAL = 0.85  # nearest frame's distance on a right trajectory, as a share of the nearest example's
+_NEAREST = 24  # frames of the sample that are compared with their neighbours in time
+_PER_SAMPLE = 16  # neighbours of each compared at first, evenly spread; near the nearest ones all are compared
+_BESIDE = 8  # number of these nearest ones
+_EXAMPLES = 64  # examples compared
 
 
 class TrajectoryCheck:
-    """Compares the present examples with the whole database.
-
-    Args:
-        sample: of the database.
-        earlier: markers before these.
-    """
+    """Compares the current examples with a sample of the whole database."""
 
     def __init__(self, sample: SampleSearch, markers: DatabaseMarkers, earlier: LaggedMarkers) -> None:
         self._sample, self._markers, self._earlier = sample, markers, earlier
-        # frames that follow each other are alike: those between some are looked at only where these are near
+        # successive frames are alike: all are compared only where some are near
         self._apart = max(1, sample.step // _PER_SAMPLE)
 
     def backwards(self) -> "TrajectoryCheck":
-        """Return the same for time that runs backwards."""
+        """Return a time-reversed copy."""
         found = copy(self)
         found._earlier = self._earlier.backwards()
         return found
 
     def evidence(self, state: SolverState, observation: Observation, root: RootPose, examples: IntArray) -> float:
-        """Return the evidence against the present course after one more comparison.
+        """Return the evidence against the current trajectory after one more comparison.
 
         Args:
-            state: before the frame, with its time.
-            root: solved.
-            examples: (K,) frames near the motion so far, nearest first.
+            state: State before the frame, with the frame's time.
+            root: Solved root.
+            examples: Frames (K,) near the motion so far, nearest first.
         """
         query = Query(root.to_root_frame(observation.points_m), None, 1.0, 0.0)
         free = self._sample.around(self._sample.nearest(query, _NEAREST), apart=self._apart)
@@ -67,9 +62,9 @@ class TrajectoryCheck:
         return max(state.evidence + float(np.log(_USUAL / share)), 0.0)
 
     def _distances(self, state: SolverState, observation: Observation, root: RootPose, frames: IntArray) -> Array:
-        """Return squared distances (2, K), m^2, of markers, now and earlier, to frames.
+        """Return squared distances (2, K), m^2, of current and earlier markers from frames.
 
-        The second row compares earlier markers about their mean: on a treadmill a body stays where it is.
+        The second row compares earlier markers relative to their mean, for bodies on a treadmill.
         """
         seen = observation.located
         now = root.to_root_frame(observation.points_m[seen])

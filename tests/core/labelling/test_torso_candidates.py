@@ -5,7 +5,8 @@ from itertools import permutations
 import numpy as np
 import pytest
 from perfanim.core.labelling.label_search import WORK
-from perfanim.core.labelling.torso_candidates import FEWEST, TORSO, TorsoCandidates
+from perfanim.core.labelling.torso_candidates import TORSO, TorsoCandidates
+from perfanim.core.markers.marker_set import FEWEST_TORSO
 
 TORSO_M = np.array([[0.0, 0.5, 0.1], [-0.2, 0.4, 0.0], [0.2, 0.4, 0.0], [0.05, 0.0, 0.15]])
 SPREAD_M, LEAST_SPREAD_M = 0.06, 0.05  # standard deviation of the examples' markers, and the least counted of distances
@@ -38,7 +39,7 @@ def all_choices(examples_m, points_m):
     mean, sigma = of_examples.mean(axis=0), np.maximum(of_examples.std(axis=0), LEAST_SPREAD_M)
     found = {}
     count = len(TORSO_M)
-    for chosen in set(permutations([*range(len(points_m)), *[-1] * (count - FEWEST)], count)):
+    for chosen in set(permutations([*range(len(points_m)), *[-1] * (count - FEWEST_TORSO)], count)):
         seen = np.flatnonzero(np.array(chosen) >= 0)
         pair = np.ix_(seen, seen)
         spans = spans_of(points_m[np.array(chosen)[seen]])
@@ -72,7 +73,7 @@ def test_a_hidden_marker_has_no_point_and_fewer_than_three_points_are_no_torso()
     candidates = TorsoCandidates(examples(0.01))
     assert choose(candidates, TORSO_M)[0].tolist() == [0, 1, 2, 3]
     assert choose(candidates, TORSO_M[[3, 1, 0]])[0].tolist() == [2, 1, -1, 0]
-    for count in range(FEWEST):
+    for count in range(FEWEST_TORSO):
         assert choose(candidates, TORSO_M[:count]).shape == (0, 4)
 
 

@@ -56,7 +56,7 @@ def test_names_are_told_by_hand(tmp_path):
     assert named.names == ("LKNE", "other LKNE", "x")
     with pytest.raises(TakeError, match="none of the labels Q is among its Knee 1, LKNE, x"):
         rename_labels(take, {"Q": "LKNE"})
-    with pytest.raises(TakeError, match="LKNE would be several"):
+    with pytest.raises(TakeError, match="several labels are given to LKNE"):
         rename_labels(take, {"Knee 1": "LKNE", "x": "LKNE"})
     for text in ("", "[names]\na = 1\n", 'names = "a"', '[names]\na = ""\n'):
         (tmp_path / "names.toml").write_text(text)
