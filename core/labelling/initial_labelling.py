@@ -29,16 +29,16 @@ class InitialSettings:
     labellings: int = 40  # labellings kept while limbs are added
     best: int = 6  # labellings kept of each torso
     limb_points: int = 12  # points tried for each limb
-    margin_m: float = 0.3  # distance beyond the farthest limb of all examples from which a point is no limb
+    margin_m: float = 0.3  # distance beyond the farthest limb of all examples from which a point is not a limb
     fewest_found: float = 0.6  # share of the markers that must be found
-    unlikely: float = 3.6  # cost per marker found above which points are no body
+    unlikely: float = 3.6  # cost per marker found above which the points are not a body
     torso_sigma_m: float = 0.05  # standard deviation of a torso marker from the examples'
     missed_torso_cost: float = TORSO.missed_cost
     up_sigma_rad: float = 0.25  # standard deviation of the vertical from the examples'
     up_tail: float = 2.0  # heavy tail of the vertical, so that handstands stay possible; smaller is heavier
     limb_sigma_m: float = 0.1  # standard deviation of a limb marker from the examples'
     missed_limb_cost: float = 6.0  # cost of a limb marker without a point
-    ghost_cost: float = 4.0  # cost of a point that is no marker
+    ghost_cost: float = 4.0  # cost of a ghost: a point that is not a marker
     hopeless_torso: float = 15.0  # cost above the cheapest torso from which a torso is dropped
     hopeless: float = 6.0  # cost above the cheapest labelling from which a torso is dropped
     back_cost: float = 6.0  # cost of facing away from the cameras: many a crouch also fits the opposite heading
@@ -140,7 +140,7 @@ class InitialLabeller:
             markers_m: Markers (M, 3), NaN where hidden.
             followed_m: Markers (M, 3) of a tracked body, which place it when too few of the torso are seen; without
                 one the cost is then infinite.
-            ghosts: Number of points that are no marker.
+            ghosts: Number of points that are not markers.
         """
         seen = np.all(np.isfinite(markers_m), axis=1)
         placing, torso = markers_m, np.where(seen[self._torso], self._torso, -1)

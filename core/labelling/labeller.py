@@ -20,8 +20,8 @@ from ..markers.marker_frame import MarkerFrame, undistort_blobs
 class LabellerSettings:
     """Settings of `Labeller`, tuned on takes with crossing limbs and returning markers (tuning log).
 
-    A marker is looked for within a gate around its predicted place. A limb's marker that was hidden may be further
-    away: it takes a point that no other marker can have and that has stayed for some frames. False matches of two
+    A marker takes a point within a gate around its predicted position. A limb's marker that was hidden may be farther
+    away: it takes a point that no other marker can have and that has stayed for some frames, as false matches of two
     cameras come and go.
     """
 

@@ -36,14 +36,14 @@ class PropSettings:
     tried: int = 6  # matches of points from which poses are fitted to the images
     elsewhere_m: float = 0.03  # distance of a marker from which two poses are different
     clearly_m2: float = 0.005**2  # mean square distance by which the best pose must beat others without images
-    gate_m: float = 0.10  # distance within which a tracked prop's markers are looked for
+    gate_m: float = 0.10  # largest distance of a tracked prop's markers from their predicted positions
     gate_speed_share: float = 0.5  # growth of this gate, as a share of the predicted movement
     gate_hidden_m_s: float = 2.0  # its growth with the time that the prop has been hidden
     held_s: float = 0.25  # time after which a hidden prop is lost
     claim_s: float = 0.10  # time for which a poorly visible prop keeps the blobs at its predicted markers
     claim_m: float = 0.03  # distance of these blobs
     confirmed_s: float = 0.10  # time for which a find that may be chance (three markers, few blobs) must last
-    sure_blobs: int = 7  # blobs from which a find is no chance
+    sure_blobs: int = 7  # blobs from which a find is not chance
     near_px: float = 4.0  # distance of a blob from a marker of a candidate pose
     expected_px: float = 20.0  # the same for the expected pose
     fit_px: float = 1.5  # error from which a blob is not the prop's

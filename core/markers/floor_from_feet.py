@@ -33,7 +33,7 @@ class FloorSettings:
     lean_rad: float = math.radians(3.0)  # standard deviation of a performer's mean lean from upright
     height_sigma_m: float = 0.01  # standard deviation of a resting marker's height
     frames_per_stand: float = 10.0  # frames that repeat each other's errors
-    trimmed: float = 3.0  # median deviations of the height from which a frame is no stand
+    trimmed: float = 3.0  # median deviations of the height from which a frame is an outlier
     trim_rounds: int = 5
     upright_samples: int = 60  # frames that tell the vertical
 

@@ -10,11 +10,11 @@ def frame_rate(times_s: Array, numbers: IntArray | None = None) -> float:
     """Return the frames per second of ascending times, rounded if almost whole.
 
     Args:
-        times_s: (F,) of the frames; those that are not finite are left out.
-        numbers: (F,) of the frames, where some may be missing; None: they follow each other.
+        times_s: Times (F,) of the frames; NaN are left out.
+        numbers: Numbers (F,) of the frames, if some may be missing.
 
     Raises:
-        TakeError: there are not two frames with times that differ.
+        TakeError: There are no two frames with different times.
     """
     steps = np.diff(times_s[np.isfinite(times_s)]) if numbers is None else np.diff(times_s) / np.diff(numbers).clip(1)
     steps = steps[np.isfinite(steps)]

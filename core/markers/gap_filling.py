@@ -41,7 +41,7 @@ _S = GapSettings()
 
 @dataclass(frozen=True)
 class Gap:
-    """Frames `start` to before `stop` without a marker (column of the take)."""
+    """Frames from `start` to before `stop` in which a marker (column of the take) is hidden."""
 
     marker: int
     start: int

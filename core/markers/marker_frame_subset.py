@@ -11,12 +11,12 @@ from .marker_frame import MarkerFrame
 
 
 def without_points(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
-    """Return the frame without the points (N,) that are taken; their blobs stay."""
+    """Return the frame without the points in a mask (N,); their blobs stay."""
     return _without(frame, taken, ("points_m", "covariances_m2", "labels", "point_blobs"))
 
 
 def without_rays(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
-    """Return the frame without the rays (R,) that are taken; their blobs stay."""
+    """Return the frame without the rays in a mask (R,); their blobs stay."""
     return _without(frame, taken, ("single_cameras", "single_blobs", "single_points", "single_labels"))
 
 
@@ -29,14 +29,14 @@ def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
     """Return the frame without some blobs, and without the points and rays of these.
 
     Args:
-        taken: for each camera the indices of its blobs that are taken.
+        taken: Indices of the blobs to remove, for each camera.
     """
     if not any(len(rows) for rows in taken):
         return frame
     kept = [np.ones(len(blobs), dtype=bool) for blobs in frame.blobs]
     for rows, left in zip(taken, kept, strict=True):
         left[rows] = False
-    # each blob's new place, -1 for one that is taken; one more at the end, for the -1 of no blob
+    # new index of each blob, -1 for removed ones; the additional last entry maps -1 to itself
     places = [np.append(np.where(left, np.cumsum(left) - 1, -1), -1) for left in kept]
     point_blobs = np.stack([place[column] for place, column in zip(places, frame.point_blobs.T, strict=True)], axis=1)
     lost = np.any((frame.point_blobs >= 0) & (point_blobs < 0), axis=1)

@@ -1,7 +1,7 @@
 """Noise of each marker, from its trajectory alone.
 
-Bodies move smoothly: a cubic through four positions predicts a fifth to a fraction of a millimetre at 60 Hz.
-What differs is noise. The median over time leaves out the moments at which the body did accelerate suddenly.
+Bodies move smoothly: a cubic through four positions predicts the next one to a fraction of a millimetre at 60 Hz. The
+difference is noise. The median over time ignores sudden accelerations.
 """
 
 from collections import deque
@@ -10,10 +10,10 @@ import numpy as np
 
 from ..geometry.arrays import Array
 
-_POSITIONS = 5  # that are compared
-_MEDIAN_LENGTH = 1.538  # of a vector of three standard normal coordinates (chi distribution)
-_LATEST_S = 1.0
-_FEWEST = 10  # comparisons of a marker; with fewer it is taken as the others
+_POSITIONS = 5  # successive positions that are compared
+_MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
+_LATEST_S = 1.0  # time over which a live estimate is taken
+_FEWEST = 10  # comparisons needed for a marker's own estimate
 
 
 class MarkerNoise:
@@ -23,16 +23,16 @@ class MarkerNoise:
         self._times_s: deque[float] = deque(maxlen=_POSITIONS)
         self._points_m: deque[Array] = deque(maxlen=_POSITIONS)
         self._known_s: deque[float] = deque()
-        self._differences: Array = np.empty((0, 0))  # a row for each of these times
+        self._differences: Array = np.empty((0, 0))  # one row for each of these times
 
     def step(self, time_s: float, points_m: Array) -> Array:
         """Return the standard deviation (M,) of each marker's coordinates, metres.
 
         Args:
-            points_m: (M, 3), NaN where a marker was not located.
+            points_m: Markers (M, 3), NaN where hidden.
 
         Returns:
-            0 while unknown; where one marker is unknown, the median of the others.
+            0 while unknown; for a marker without an estimate of its own, the median of the others.
         """
         self._times_s.append(time_s)
         self._points_m.append(points_m)
@@ -48,16 +48,16 @@ class MarkerNoise:
 
 
 def marker_noise(times_s: Array, points_m: Array) -> Array:
-    """Return the same for positions (F, M, 3) of a take at ascending times (F,)."""
+    """Return the noise (M,) of a take's markers (F, M, 3) at ascending times (F,)."""
     starts = range(len(times_s) - _POSITIONS + 1)
     rows = [_differences(times_s[i : i + _POSITIONS], points_m[i : i + _POSITIONS]) for i in starts]
     return _sigmas(np.array(rows).reshape(-1, points_m.shape[1]))
 
 
 def _differences(times_s: Array, points_m: Array) -> Array:
-    """Return distances (M,) of markers from a cubic, of one position's variance.
+    """Return distances (M,) of markers from a cubic, scaled to the variance of one position.
 
-    The weights are those of a divided difference (Newton), scaled to keep the variance of independent noise.
+    They are Newton's divided differences, with weights that keep the variance of independent noise.
     """
     apart = times_s[:, None] - times_s
     apart.flat[:: len(apart) + 1] = 1.0
@@ -69,13 +69,13 @@ def _differences(times_s: Array, points_m: Array) -> Array:
 
 def _sigmas(differences: Array) -> Array:
     """Return standard deviations (M,) from differences (N, M), NaN where unknown."""
-    ordered = np.sort(differences.T)  # in memory as it is sorted; NaN last
+    ordered = np.sort(differences.T)  # NaN last
     frames = len(differences)
     if frames >= _FEWEST and not np.isnan(ordered[:, -1]).any():
         return np.asarray(0.5 * (ordered[:, (frames - 1) // 2] + ordered[:, frames // 2]) / _MEDIAN_LENGTH)
     counts = np.isfinite(differences).sum(axis=0)
     known = counts >= _FEWEST
-    if not known.any():  # soon after the start: all together
+    if not known.any():  # soon after the start: one estimate for all markers
         return np.full(len(counts), np.nanmedian(differences) / _MEDIAN_LENGTH if counts.sum() >= _FEWEST else 0.0)
     middle = np.maximum(counts - 1, 0)
     each = np.arange(len(counts))

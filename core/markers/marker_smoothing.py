@@ -1,7 +1,7 @@
-"""Smoothing of markers by their own noise, without delay.
+"""Zero-lag smoothing of markers by their own noise.
 
-Each marker is followed by filters for a body that stands, one that moves, one that strikes (`MultipleModelFilter`).
-Exact markers pass as they are. A marker that is hidden for a moment goes on as it moved, with how far it may be off.
+Each marker passes a multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact
+markers pass unchanged. A marker that is hidden for a moment is extrapolated, with a growing standard deviation.
 """
 
 import numpy as np
@@ -11,16 +11,16 @@ from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
 from .marker_noise import MarkerNoise, marker_noise
 
 _MODELS = MotionModels(
-    changes=(0.01e-3, 0.1e-3, 1e-3),  # of markers that stand, move, strike, m
+    changes=(0.01e-3, 0.1e-3, 1e-3),  # markers that stand, move, strike; m
     least_sigma=0.2e-3,  # skin and optics
     jump=0.05,
     first_speed=2.0,
     first_acceleration=20.0,
 )
-_UNKNOWN_SIGMA_M = 1e-3  # in the first frames
-_MOST_SIGMA_M = 4e-3  # beyond that it is sudden motion at a low rate
-# Hidden markers of development takes, with noise and without, were 1.2 to 1.8 times as far off as the filters expect;
-# those known less closely than this are left to the database.
+_UNKNOWN_SIGMA_M = 1e-3  # noise assumed in the first frames
+_MOST_SIGMA_M = 4e-3  # largest noise; more is sudden motion at a low frame rate
+# Factor of the filters' expected error for hidden markers (1.2 to 1.8 on development takes, with noise and without),
+# and the largest standard deviation with which a hidden marker is used.
 _SUDDEN, _KNOWN_M = 1.75, 0.09
 
 
@@ -28,7 +28,7 @@ class MarkerSmoother:
     """Smooths the markers of one body, frame by frame.
 
     Args:
-        markers: their number M.
+        markers: Number of markers M.
     """
 
     def __init__(self, markers: int) -> None:
@@ -39,8 +39,7 @@ class MarkerSmoother:
         """Return smoothed markers (M, 3) and deviations (M,) of a coordinate, metres.
 
         Args:
-            time_s: ascending.
-            points_m: (M, 3), NaN where a marker was not located; it stays so but for a moment.
+            points_m: Markers (M, 3), NaN where hidden; these are extrapolated for a moment only.
         """
         self._follower.predict(time_s)
         noise_m = np.minimum(self._noise.step(time_s, points_m), _MOST_SIGMA_M)
@@ -49,13 +48,13 @@ class MarkerSmoother:
 
 
 def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
-    """Return a take's markers (F, M, 3) smoothed, and their deviations (F, M).
+    """Return a take's markers (F, M, 3), smoothed by a forward and a backward filter, and their deviations (F, M).
 
-    By earlier and later ones: two filters, one of them backwards (Fraser and Potter 1969).
+    (Fraser and Potter 1969.)
 
     Args:
-        times_s: (F,) ascending.
-        points_m: metres, NaN where a marker was not located; it stays so but for a moment.
+        times_s: Ascending times (F,).
+        points_m: Markers (F, M, 3), NaN where hidden; these are extrapolated for a moment only.
     """
     noise_m = np.minimum(marker_noise(times_s, points_m), _MOST_SIGMA_M)
     smoothed, deviations = np.full(points_m.shape, np.nan), np.full(points_m.shape[:2], np.inf)
@@ -77,9 +76,9 @@ def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
 
 
 def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> Mask:
-    """Correct the prediction; return the markers (M,) that go on from where they were.
+    """Correct the prediction; return a mask (M,) of markers that continue their motion.
 
-    After a cut, hidden ones do not: they are elsewhere, too.
+    After a cut, hidden ones do not.
     """
     followed, located = follower.followed, np.isfinite(points_m[:, 0])
     continued = follower.observe(points_m, noise_m)
@@ -90,7 +89,7 @@ def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> 
 
 
 def _known(points_m: Array, means_m: Array, deviations_m: Array, goes_on: Mask) -> tuple[Array, Array]:
-    """Return the means and deviations of located markers and of known hidden ones."""
+    """Return the means and deviations of located markers and of well-known hidden ones."""
     located = np.isfinite(points_m[:, 0])
     deviations_m = np.where(located, 1.0, _SUDDEN) * deviations_m
     known = located | (goes_on & (deviations_m < _KNOWN_M))

@@ -123,8 +123,8 @@ class LabelCheck:
         is_certain = self._is_certain(suspect)
         self._were_certain |= is_certain
         likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0
-        in_doubt = not is_certain and likely
-        return WORK if in_doubt or _strays(frame, pose.observed_m) else WORK_UNHURRIED
+        unclear = not is_certain and likely
+        return WORK if unclear or _strays(frame, pose.observed_m) else WORK_UNHURRIED
 
     def _is_due(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> bool:
         """Return whether to start a search now."""

@@ -219,7 +219,7 @@ def _backward_trajectory(
     state = replace(solver.initial_state, markers_m=poses[-1].markers_m)
     seen = [(observation, pose.markers_m) for observation, pose in zip(observations, poses, strict=True)]
     times_s = np.array([pose.time_s for pose in poses])
-    learned: list[PriorEstimate | None] = []  # of the frames to come, the next one last
+    learned: list[PriorEstimate | None] = []  # learned priors of the next frames, the next one last
     for done, index in enumerate(reversed(range(len(poses)))):
         if done % _REPORT_EVERY == 0:
             progress(done / len(poses))

@@ -56,10 +56,10 @@ def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | Non
 def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
     """Return a sentence that says how good captures will be, with the best advice."""
     severity, advice = max(_problems(figures, marker_texts))
-    doubt = (1.0 - figures.confidence) / (1.0 - _CONFIDENCE)
-    if severity < 1.0 <= doubt:  # all markers are seen well, so the motion is the cause
+    unfamiliarity = (1.0 - figures.confidence) / (1.0 - _CONFIDENCE)
+    if severity < 1.0 <= unfamiliarity:  # all markers are seen well, so the motion is the cause
         advice = "the motion is unlike the database: add motion like yours"
-    severity = max(severity, doubt)
+    severity = max(severity, unfamiliarity)
     verdict = "good" if severity < 1.0 else "usable" if severity < _POOR else "poor"
     is_known = severity < 1.0 and np.isfinite(figures.error_deg)  # the expected error is reliable only for a good walk
     within = f", joints within about {figures.error_deg:.0f} degrees" if is_known else ""

@@ -32,7 +32,7 @@ def choose_search(name: str, database: Database, markers: DatabaseMarkers) -> Se
     """Return the search of a name.
 
     Args:
-        name: "exhaustive", "graph" (the paper's), "cells" (inverted file) or "auto", the same.
+        name: "exhaustive", "graph" (the paper's), "cells" (inverted file) or "auto", which is "cells".
         database: Its graph is built here (half a minute for a million frames).
     """
     poses = np.asarray(database.poses).reshape(database.frames, -1)

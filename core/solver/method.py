@@ -10,29 +10,23 @@ from .subject_model import RootPose
 
 @dataclass(frozen=True)
 class FrameProblem:
-    """One frame as a method gets it.
+    """One frame to solve."""
 
-    Args:
-        state: motion up to the last frame, with the time of this one.
-        root: first estimate of the root.
-        examples: closest examples under that root.
-    """
-
-    state: SolverState
+    state: SolverState  # motion up to the last frame, with the time of this one
     observation: Observation
-    root: RootPose
-    examples: Examples
+    root: RootPose  # first estimate of the root
+    examples: Examples  # closest examples under that root
 
 
 class Method(Protocol):
     """A method prepared for one subject and one database.
 
     Attributes:
-        examples: number of closest examples to search.
-        fits_markers: whether its poses are fitted to the markers, more closely than an example is.
-        query_pose_m_per_rad: metres of marker distance that a radian of pose counts in its search.
-        others_distance: factor of the distances of other bodies' frames, where the database has the subject's.
-        longest_s: longest time looked back at markers and solved poses.
+        examples: Number of closest examples to search.
+        fits_markers: Its poses are fitted to the markers.
+        query_pose_m_per_rad: Weight of a radian of pose against a metre of marker distance in its search.
+        others_distance: Factor of the distances of other bodies' frames, where the database has the subject's.
+        longest_s: Longest lag of earlier markers and solved poses.
     """
 
     examples: int

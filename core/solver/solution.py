@@ -29,7 +29,7 @@ class Solution:
     neighbours: int  # K of the local model; 1 for the nearest example
     dimensions: int  # B of the local model
     nearest_m: float  # RMS distance of the observed markers from those of the closest example; NaN without markers
-    iterations: int  # of Levenberg-Marquardt or Gauss-Newton
+    iterations: int  # steps of Levenberg-Marquardt or Gauss-Newton
     sigmas_rad: Array | None = None  # (J - 1, 3) uncalibrated standard deviations; None for other methods than "best"
     reinitialised: bool = False  # the pose was also solved without history, which is expensive
 
@@ -41,12 +41,12 @@ class SolverState:
     States are immutable, so several continuations of one state are independent.
     """
 
-    time_s: float = 0.0  # of the last frame
+    time_s: float = 0.0  # time of the last frame
     learned: PriorEstimate | None = None  # learned prior of the last frame's markers, where it was given
-    root: RootPose | None = None  # of the last frame
+    root: RootPose | None = None  # root of the last frame
     markers_m: Array | None = None  # (M, 3) expected in the world, those of the last solution
-    pose: Array | None = None  # (D,) of the last frame
-    previous_pose: Array | None = None  # (D,) of the frame before
+    pose: Array | None = None  # (D,) pose of the last frame
+    previous_pose: Array | None = None  # (D,) pose of the frame before
     found: IntArray | None = None  # frames of the last search, from which the next may start
     observed: LaggedHistory = field(default_factory=LaggedHistory)  # earlier observed markers
     solved: LaggedHistory = field(default_factory=LaggedHistory)  # earlier solved poses

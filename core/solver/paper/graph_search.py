@@ -15,21 +15,21 @@ from ...geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..search.exhaustive import ExhaustiveSearch, Query, closest
 from .neighbour_graph import NeighbourGraph, weigh_poses
 
-_VISITED = 6.0  # frames visited for each one wanted, besides the first representatives, after which a search ends
-_EXPANDED = 0.15  # of the frames wanted: how many of the closest are looked at with their neighbours at once
-_STEPS = 3  # from a representative to closer and closer frames
-_BEAM, _START_BEAM = 2, 128  # frames that such a step is made from at once
-_IDLE = 3  # looks in a row that bring none into the closer half, after which the graph is followed no further
-_PROMISING = 2.0  # times the distance of the middle one found last, up to which a representative is followed
-_SAMPLED = 16  # frames of a cluster, evenly through it, of which the most central stands for it
+_VISITED = 6.0  # frames visited per frame wanted, in addition to the first representatives
+_EXPANDED = 0.15  # share of the frames wanted that are expanded at once
+_STEPS = 3  # steps from a representative to closer and closer frames
+_BEAM, _START_BEAM = 2, 128  # frames expanded in each such step, later and at the start
+_IDLE = 3  # successive expansions without a closer frame after which the graph is left
+_PROMISING = 2.0  # distance up to which a representative is followed, relative to the last frame's median
+_SAMPLED = 16  # frames of a cluster, the most central of which represents it
 
 
 class GraphSearch:
     """Search among the frames found last, their neighbours, and representatives.
 
     Args:
-        markers_m: (F, M, 3) markers of the database frames with the root at rest.
-        poses: (F, D) poses of the database frames.
+        markers_m: Markers (F, M, 3) of the database frames with the root at rest.
+        poses: Poses (F, D) of the database frames.
     """
 
     def __init__(self, markers_m: FloatArray, poses: FloatArray, graph: NeighbourGraph) -> None:
@@ -65,11 +65,11 @@ class GraphSearch:
         return self.nearest(query, count, start)[0]
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
-        """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
+        """Return the candidate frames sorted by their Eq. 2 distances, and these."""
         return self._frames.nearest_among(query, candidates)
 
     def _enter(self, visit: "_Visit", representatives: IntArray, limit: float) -> None:
-        """Look at representatives, and follow those that are near."""
+        """Visit representatives, and follow those that are near."""
         representatives, distances = visit.add(representatives)
         near = distances < limit
         self._descend(visit, representatives[near], distances[near], _BEAM)
@@ -86,9 +86,9 @@ class GraphSearch:
         """Follow the graph from the closest visited frames.
 
         Args:
-            groups: representatives to visit once the graph leads no closer.
-            limit: distance up to which representatives are followed.
-            most: frames to visit at most.
+            groups: Representatives to visit when the graph leads no closer.
+            limit: Distance up to which representatives are followed.
+            most: Largest number of visited frames.
         """
         followed: list[IntArray] = []
         batch = max(1, int(_EXPANDED * count))
@@ -111,7 +111,7 @@ class GraphSearch:
                 if group is None:
                     break
                 self._enter(visit, group, limit)
-                idle = _IDLE - 1  # one look from these, more if they are closer
+                idle = _IDLE - 1  # one expansion from these, more if they are closer
         for frames in followed:
             self._followed[frames] = False
 
@@ -120,8 +120,8 @@ class _Visit:
     """Frames visited for one query, each once, and the closest of them.
 
     Args:
-        seen: (F,) false everywhere, and again after `end`.
-        wanted: number of the closest frames to keep.
+        seen: Mask (F,) that is false everywhere, and again after `end`.
+        wanted: Number of closest frames to keep.
     """
 
     def __init__(self, frames: ExhaustiveSearch, query: Query, seen: Mask, wanted: int) -> None:
@@ -165,13 +165,13 @@ class _ClusterRepresentatives:
     """One frame of every cluster of poses, in groups of similar ones.
 
     Args:
-        poses: (F, D) poses of the database frames.
-        clusters: (F,) cluster of each frame, none empty.
+        poses: Poses (F, D) of the database frames.
+        clusters: Cluster (F,) of each frame; none is empty.
 
     Attributes:
-        frames: (C,) one of each cluster.
-        groups: the same frames in about sqrt(C) groups.
-        leaders: (G,) the most central frame of each group.
+        frames: One frame (C,) of each cluster.
+        groups: The same frames in about sqrt(C) groups.
+        leaders: Most central frame (G,) of each group.
     """
 
     def __init__(self, poses: FloatArray, clusters: NDArray[np.int32]) -> None:

@@ -6,26 +6,19 @@ import numpy as np
 
 from ...geometry.arrays import Array, IntArray, Mask
 
-_VARIANCE_FLOOR = 1e-8  # rad^2: keeps directions in which the neighbours do not differ from being infinitely stiff
-_VALIDATION_DIRECTIONS = 32  # cross-validation looks at the neighbours in so many directions, which hold nearly all
-_FEWEST_KEPT = 8  # neighbours from which a model can still be learned
+_VARIANCE_FLOOR = 1e-8  # least variance, rad^2: directions in which the neighbours agree are not infinitely stiff
+_VALIDATION_DIRECTIONS = 32  # principal directions used in the cross-validation, which hold nearly all variance
+_FEWEST_KEPT = 8  # fewest neighbours that give a model
 
 
 @dataclass(frozen=True)
 class LocalModel:
-    """q = mean + basis w, with the variances of w among the neighbours.
+    """q = mean + basis w, with the variances of w among the neighbours."""
 
-    Args:
-        mean: (D,) p_t of Eq. 3.
-        basis: (D, B) U_t, orthonormal columns.
-        variances: (B,) eigenvalues, descending.
-        neighbours: K.
-    """
-
-    mean: Array
-    basis: Array
-    variances: Array
-    neighbours: int
+    mean: Array  # (D,) p_t of Eq. 3
+    basis: Array  # (D, B) U_t, orthonormal columns
+    variances: Array  # (B,) eigenvalues, descending
+    neighbours: int  # K
 
     @property
     def dimensions(self) -> int:
@@ -82,12 +75,13 @@ def cross_validate(
     by least squares).
 
     Args:
-        poses: (K_max, D) neighbours, closest first.
-        markers: (K_max, m) their marker coordinates, metres.
-        groups: (K_max,) frames of equal number are left out together.
-        neighbours, dimensions: candidates, ascending.
-        marker_variance_m2: variance of a marker coordinate in the control term.
-        examples: number of the closest to leave out.
+        poses: Neighbours (K_max, D), closest first.
+        markers: Their marker coordinates (K_max, m), metres.
+        groups: Group (K_max,) of each; a group is left out together.
+        neighbours: Ascending candidates for K.
+        dimensions: Ascending candidates for B.
+        marker_variance_m2: Variance of a marker coordinate in the control term.
+        examples: Number of closest examples to leave out.
     """
     sizes = [k for k in neighbours if k <= len(poses)] or [len(poses)]
     space = fit(poses, max(_VALIDATION_DIRECTIONS, dimensions[-1]))

@@ -11,7 +11,7 @@ from ..solution import Estimate, Examples
 from ..subject_model import RootPose, SubjectModel
 from . import local_model, synthesis
 
-_SYNTHESIS_PASSES = 2  # synthesis needs the root and the root needs the synthesized torso
+_SYNTHESIS_PASSES = 2  # alternations: the synthesis depends on the root, and the root on the synthesized torso
 
 
 def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, root: RootPose) -> RootPose:
@@ -50,13 +50,13 @@ class LwrMethod(NearestMethod):
         count = min(self._neighbours, len(examples.poses) - 1)
         distances = np.sqrt(np.maximum(examples.distances[: count + 1], 0.0))
         weights = (1.0 - (distances[:count] / max(distances[count], 1e-12)) ** 3) ** 3
-        weights += 1e-9  # all equally far: all count
+        weights += 1e-9  # so that equally distant examples all count
         pose = weights @ examples.poses[:count] / weights.sum()
         return Estimate(pose, _settle_root(self._subject, problem.observation, pose, problem.root), count)
 
 
 class LocalPcaMethod:
-    """The paper's: pose of least energy in a local model (Eq. 9)."""
+    """The paper's method: pose of least energy in a local model (Eq. 9)."""
 
     fits_markers = True
     others_distance = 1.0

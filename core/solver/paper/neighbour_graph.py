@@ -2,7 +2,7 @@
 
 The paper joins every two frames closer than a threshold, so its graph grows with the square of the density. Here every
 frame keeps a bounded number of neighbours: the frames before and after it, then the closest ones, one for each time
-that a clip comes near before a second of the same pass. They are looked for within coarse clusters of poses and the
+that a clip comes near before a second of the same pass. Neighbours are searched within coarse clusters of poses and the
 clusters beside them, not among all pairs. Distances weigh each joint by how far it moves head, hands and feet, because
 the search compares those (Eq. 2).
 """
@@ -21,18 +21,18 @@ from ...geometry.arrays import FloatArray
 
 IntArray = NDArray[np.int32]
 
-_NEIGHBOURS = 24
-_ONE_CLUSTER = 2048  # frames up to which all pairs are compared
-_MOST_COMPARED = 4096  # frames that a cluster's are compared with; of more, every second or third ... is taken
+_NEIGHBOURS = 24  # neighbours of a frame
+_ONE_CLUSTER = 2048  # number of frames up to which all pairs are compared
+_MOST_COMPARED = 4096  # frames that a cluster's are compared with; larger sets are thinned
 _CLUSTERS_PER_ROOT = 2.0  # clusters per square root of the number of frames
-_BESIDE = 3  # clusters that are searched beside a frame's own
-_STRETCH = 4  # frames of a pass of which the closest one is a candidate
-_STRETCHES_PER_NEIGHBOUR = 4  # at least, or every frame is a candidate
-_SAME_PASS = np.float32(1e6)  # squared radians added where a pass comes closer before or after
-_NEVER = np.float32(1e30)  # squared distance of frames that are no candidates; inf would make matrix products NaN
+_BESIDE = 3  # further clusters that are searched for a frame's neighbours
+_STRETCH = 4  # length of the stretches of a pass, the closest frame of each of which is a candidate
+_STRETCHES_PER_NEIGHBOUR = 4  # fewest stretches per neighbour; with fewer every frame is a candidate
+_SAME_PASS = np.float32(1e6)  # penalty for frames that are not a local minimum of the distance, squared radians
+_NEVER = np.float32(1e30)  # squared distance of excluded frames; infinity would make matrix products NaN
 _BLOCK = 1 << 20  # distances held at once by each thread
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
-_OWN_WEIGHT = 0.1  # m^2 per rad^2 that a joint's turn counts beside what it moves
+_OWN_WEIGHT = 0.1  # weight of a joint's rotation in addition to what it moves, m^2 per rad^2
 
 
 @dataclass(frozen=True)
@@ -65,16 +65,15 @@ def build_graph(poses: FloatArray, clip_of_frame: NDArray[Any], most: int = _NEI
     """Return the neighbour graph of poses.
 
     Args:
-        poses: (F, D) float32 rotation vectors relative to the joints' means.
-        clip_of_frame: (F,) clip index of each frame; frames that follow each other in a clip are always joined.
-        most: neighbours kept per frame, at least 2, however far they are. Eq. 4 joins those within a radius only,
-            which leaves what moves like nothing else out of reach; with all, the search was 2.6 times as close to the
-            exhaustive one for as many visits.
+        poses: Float32 rotation vectors (F, D) relative to the reference pose.
+        clip_of_frame: Clip (F,) of each frame; successive frames of a clip are always joined.
+        most: Neighbours kept per frame, at least 2, however far they are. Eq. 4 joins those within a radius only, which
+            isolates unusual motion; this search was 2.6 times as close to the exhaustive one for as many visits.
     """
     scaled = weigh_poses(poses)
     neighbours = np.full((len(poses), most), -1, dtype=np.int32)
     _join_consecutive(neighbours, clip_of_frame)
-    with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy computes outside Python's lock
+    with ThreadPoolExecutor(os.cpu_count()) as threads:  # NumPy releases the GIL
         centres = _centres(scaled, threads)
         used, clusters = np.unique(nearest_centres(scaled, centres, threads.map), return_inverse=True)
         clusters = clusters.reshape(-1)
@@ -123,15 +122,15 @@ class _Candidates:
     """Frames that the frames of a cluster are compared with.
 
     Args:
-        frames: (C,) the candidates, ascending.
-        stride: most that two of them lie apart if one pass of a clip holds both.
+        frames: Candidates (C,), ascending.
+        stride: Largest difference of two successive candidates of one pass of a clip.
     """
 
     def __init__(self, poses: FloatArray, frames: NDArray[np.int64], stride: int, most: int) -> None:
         self._poses = poses
         self._most = min(most, len(frames))
         self._length = _STRETCH if len(frames) > _STRETCHES_PER_NEIGHBOUR * _STRETCH * most else 1
-        # passes are cut into stretches of one length; what lacks at a pass's end is filled with its last frame
+        # passes are cut into stretches of equal length; the last one is filled up with its last frame
         last = np.diff(frames, append=frames[-1] + stride + 1) > stride
         lacking = -np.diff(np.flatnonzero(last), prepend=-1) % self._length
         copies = np.ones(len(frames), dtype=np.int64)
@@ -139,20 +138,19 @@ class _Candidates:
         self._frames = np.repeat(frames, copies)
         self._goes_on = ~np.repeat(last, copies)[self._length - 1 : -1 : self._length]
         near = poses[self._frames]
-        self._origin = near.mean(axis=0)  # squares of small numbers round little
+        self._origin = near.mean(axis=0)  # small numbers have small rounding errors
         near -= self._origin
         squares = np.einsum("cd,cd->c", near, near)
         squares[1:][self._frames[1:] == self._frames[:-1]] = _NEVER  # a frame counts once
         self._near = np.column_stack((near, squares))
 
     def closest(self, rows: NDArray[np.int64]) -> IntArray:
-        """Return the candidates (R, most or all) closest to each frame, closest first.
+        """Return the candidates (R, most or all) closest to each frame, closest first, filled up with -1.
 
-        One per pass if there are enough passes. A frame and those before and after it are no candidates of its own;
-        -1 where no other is left.
+        There is one per pass if there are enough passes. A frame, its predecessor and its successor are excluded.
         """
         mine = self._poses[rows] - self._origin
-        # all but the square of `mine`, which every candidate shares
+        # without the square of `mine`, which is the same for all candidates
         distances = self._near @ np.column_stack((-2.0 * mine, np.ones(len(rows), dtype=np.float32))).T
         for step in (-1, 0, 1):
             places = np.minimum(np.searchsorted(self._frames, rows + step), len(self._frames) - 1)

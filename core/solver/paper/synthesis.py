@@ -10,32 +10,22 @@ from ..observation import Observation, control_jacobian, control_residual
 from ..subject_model import RootPose, SubjectModel
 from .local_model import LocalModel
 
-_ITERATIONS = 12
-_RELATIVE_DECREASE = 1e-4  # of the energy, below which it is done
+_ITERATIONS = 12  # largest number of iterations
+_RELATIVE_DECREASE = 1e-4  # decrease of the energy that ends the iterations
 _DAMPING_START, _DAMPING_DOWN, _DAMPING_UP, _DAMPING_MAX = 1e-3, 0.3, 8.0, 1e6
 
 
 @dataclass(frozen=True)
 class SynthesisProblem:
-    """Eq. 9 for one frame, apart from its solution.
+    """Eq. 9 for one frame."""
 
-    Args:
-        model: local model (the hard constraint of Eq. 9).
-        subject: markers from poses.
-        root: z_t.
-        observation: c_t.
-        continued_pose: (D,) 2 q_{t-1} - q_{t-2}, None at the start.
-        control_weight: factor of the squared marker distances, 1/m^2.
-        smoothness_weight: factor of the squared pose differences, 1/rad^2.
-    """
-
-    model: LocalModel
-    subject: SubjectModel
-    root: RootPose
-    observation: Observation
-    continued_pose: Array | None
-    control_weight: float
-    smoothness_weight: float
+    model: LocalModel  # hard constraint of Eq. 9
+    subject: SubjectModel  # markers from poses
+    root: RootPose  # z_t
+    observation: Observation  # c_t
+    continued_pose: Array | None  # (D,) 2 q_{t-1} - q_{t-2}, None at the start
+    control_weight: float  # factor of the squared marker distances, 1/m^2
+    smoothness_weight: float  # factor of the squared pose differences, 1/rad^2
 
     def residual(self, weights: Array) -> Array:
         """Return prior, control and smoothness; the squared sum is Eq. 9 + constant."""

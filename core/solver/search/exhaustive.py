@@ -13,22 +13,16 @@ from ...geometry.arrays import Array, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Query:
-    """Markers and pose to search for.
+    """Markers and pose to search for, with the weights of their squared distances."""
 
-    Args:
-        markers_m: (M, 3) markers in the root's frame, NaN where not located.
-        pose: (D,) pose that continues the motion, 2 q_{t-1} - q_{t-2}; None at the start.
-        marker_weight, pose_weight: factors of the squared distances.
-    """
-
-    markers_m: Array
-    pose: Array | None
+    markers_m: Array  # (M, 3) in the root's frame, NaN where not located
+    pose: Array | None  # (D,) pose that continues the motion, 2 q_{t-1} - q_{t-2}; None at the start
     marker_weight: float
     pose_weight: float
 
     @cached_property
     def single_precision(self) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-        """Markers (3 M,), 0 where hidden, weights of these, and the pose if it counts."""
+        """Markers (3 M,), 0 where hidden, their weights, and the pose if it counts."""
         seen = np.isfinite(self.markers_m.ravel())
         target = np.where(seen, self.markers_m.ravel(), 0.0).astype(np.float32)
         pose = self.pose.astype(np.float32) if self.pose is not None and self.pose_weight > 0.0 else None
@@ -39,7 +33,7 @@ class Search(Protocol):
     """A search of the closest database frames.
 
     Attributes:
-        visited: number of distances that `nearest` has computed so far.
+        visited: Number of distances computed by `nearest` so far.
     """
 
     visited: int
@@ -48,29 +42,28 @@ class Search(Protocol):
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances.
 
         Args:
-            start: frames found for the frame before, each once, from which a search may begin.
+            start: Unique frames found for the last frame, from which a search may start.
         """
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return the `count` closest frames found, or more, the closest first."""
+        """Return at least the `count` closest frames found, closest first."""
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
-        """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
+        """Return the candidate frames sorted by their Eq. 2 distances, and these."""
 
 
 class ExhaustiveSearch:
     """Compares the query with every frame.
 
     Args:
-        markers_m: (F, M, 3) markers of the database frames with the root at rest.
-        poses: (F, D) poses of the database frames.
+        markers_m: Markers (F, M, 3) of the database frames with the root at rest.
+        poses: Poses (F, D) of the database frames.
 
     Attributes:
-        pose_norms: (F,) squared lengths of the poses.
+        pose_norms: Squared lengths (F,) of the poses.
     """
 
     def __init__(self, markers_m: FloatArray, poses: FloatArray) -> None:
-        # columns are contiguous so that a hidden marker's are simply left out
         self._markers = np.ascontiguousarray(markers_m.reshape(len(markers_m), -1))
         self._poses = np.asarray(poses)
         self.pose_norms = np.einsum("fd,fd->f", self._poses, self._poses)
@@ -98,7 +91,7 @@ class ExhaustiveSearch:
         return self.nearest(query, count)[0]
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
-        """Return the candidate frames by their Eq. 2 distances, ascending, and these."""
+        """Return the candidate frames sorted by their Eq. 2 distances, and these."""
         order, distances = closest(self.distances(query, candidates), len(candidates))
         return candidates[order], distances
 
@@ -120,8 +113,8 @@ def distances_between(query: Query, markers_m: FloatArray, poses: FloatArray, fr
     """Return the Eq. 2 distances (K,) of frames.
 
     Args:
-        markers_m: (K, 3 M) of the frames; overwritten.
-        poses: (F, D) of all frames.
+        markers_m: Markers (K, 3 M) of these frames; overwritten.
+        poses: Poses (F, D) of all frames.
     """
     target, weights, pose = query.single_precision
     markers_m -= target
@@ -136,7 +129,7 @@ def distances_between(query: Query, markers_m: FloatArray, poses: FloatArray, fr
 
 def times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
     """Return rows @ vector by SciPy's OpenBLAS; Blender's NumPy may be slow."""
-    if len(rows) == 0:  # which it refuses
+    if len(rows) == 0:  # BLAS rejects empty matrices
         return np.zeros(0, dtype=np.float32)
     return np.asarray(sgemv(1.0, rows.T, vector, trans=1))
 

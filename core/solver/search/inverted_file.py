@@ -1,7 +1,8 @@
-"""Search in the cells nearest to the query (Jegou, Douze and Schmid 2011).
+"""Search in the cells nearest to the query, an inverted file (Jegou, Douze and Schmid 2011).
 
-Their frames are ranked by markers and the strongest principal components of poses; only the best are compared in full.
-So a search takes hardly longer in a larger database (cells grow with its root), and no frame depends on the one before.
+The cells' frames are ranked by markers and the strongest principal components of poses; only the best are compared in
+full. So the time of a search hardly grows with the database (the number of cells grows with its root), and no frame
+depends on the last one.
 """
 
 import math
@@ -14,26 +15,26 @@ from ...geometry.principal_components import principal_components
 from ..database_markers import BESIDE, MOST, DatabaseMarkers
 from .exhaustive import Query, closest, distances_between, times
 
-_SCANNED = 6144  # frames in the cells that are looked through, about
-_FIRST_SCANNED = 2  # times as many without a pose: cells are of poses and markers
+_SCANNED = 6144  # frames in the cells that are scanned, about
+_FIRST_SCANNED = 2  # factor of this number for queries without a pose
 _COMPONENTS = BESIDE - 1
-_SAMPLES = 4096  # frames that the components are taken from
-_COMPARED = 2.0  # frames compared in full for each one wanted
-_FIRST = 64  # closest frames that are in order
-# Cosine of the angle, on takes that a database lacks, between all that the components leave out of the query's pose and
-# of a near one: with it the estimated distances rank frames best.
+_SAMPLES = 4096  # frames that give the components
+_COMPARED = 2.0  # frames compared in full per frame wanted
+_FIRST = 64  # closest frames that are sorted
+# Cosine of the angle between the remainders of the query's pose and of a near one, which the components leave out; with
+# this value the estimated distances rank frames best, on takes that a database lacks.
 _ALIKE = 0.5
-_ROOM = 1.25  # of the stored facts beyond those of the sample; larger ones count as such
-_CHUNK = 8192  # frames
+_ROOM = 1.25  # largest stored fact relative to those of the sample; larger ones are clipped
+_CHUNK = 8192  # frames processed at once
 
 
 class CellSearch:
     """Searches the cells nearest to the query.
 
     Args:
-        markers: of this search alone, which stores its numbers beside them.
-        poses: (F, D) of the database frames.
-        scanned: frames to look at, about.
+        markers: Markers that this search alone uses; it stores its numbers beside them.
+        poses: Poses (F, D) of the database frames.
+        scanned: Approximate number of frames to scan.
     """
 
     def __init__(self, markers: DatabaseMarkers, poses: FloatArray, scanned: int = _SCANNED) -> None:
@@ -56,14 +57,11 @@ class CellSearch:
         return self.nearest_among(query, self.near(query, count), count)
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return the frames most likely among the `count` closest, and as many more.
-
-        The first ones are the closest, ascending.
-        """
+        """Return the frames most likely among the `count` closest, and as many more; the first ones are sorted."""
         target, weights = self._target(query)
         rows = self._rows_near(query, target, weights, count)
         stored = self._markers.rows.take(rows, axis=0).astype(np.float32)
-        # but for the square of the target, which all share
+        # without the square of the target, which is the same for all
         estimates = times(stored, -2.0 * weights * target) + times(np.square(stored, out=stored), weights)
         compared = min(math.ceil(_COMPARED * count), len(rows) - 1)
         chosen = np.argpartition(estimates, (min(_FIRST, compared), compared))[: compared + 1]
@@ -73,20 +71,20 @@ class CellSearch:
         return frames
 
     def nearest_among(self, query: Query, candidates: IntArray, count: int | None = None) -> tuple[IntArray, Array]:
-        """Return the closest, or all, candidates (ascending) and their Eq. 2 distances."""
+        """Return the closest `count` or all candidates, sorted, and their Eq. 2 distances."""
         rows = self._markers.take(candidates).reshape(len(candidates), -1)
         distances = distances_between(query, rows, self._poses, candidates)
         order, ascending = closest(distances, count or len(candidates))
         return candidates[order], ascending
 
     def _facts_of(self, poses: FloatArray) -> FloatArray:
-        """Return strongest components of poses, and the lengths of the rest."""
+        """Return the strongest components of poses, and the lengths of the remainders."""
         strongest = np.asarray(sgemm(1.0, self._components.T, poses.T)).T
         rest = np.einsum("fd,fd->f", poses, poses) - np.einsum("fc,fc->f", strongest, strongest)
         return np.column_stack((strongest, np.sqrt(np.maximum(rest, 0.0))))
 
     def _target(self, query: Query) -> tuple[FloatArray, FloatArray]:
-        """Return the target of rows, in their units, and weights of squares."""
+        """Return the target of rows in their units, and the weights of squares."""
         target, weights = np.zeros((2, len(self._units)), dtype=np.float32)
         target[:-BESIDE], weights[:-BESIDE], pose = query.single_precision
         if pose is not None:
@@ -95,7 +93,7 @@ class CellSearch:
         return target / self._units, weights * self._square_units
 
     def _rows_near(self, query: Query, target: FloatArray, weights: FloatArray, count: int) -> IntArray:
-        """Return the rows of the cells nearest to a query: so many frames at least."""
+        """Return the rows of the cells nearest to a query, enough for `count` frames."""
         known = 1 if query.pose is not None else _FIRST_SCANNED
         scanned = max(self._scanned * known, math.ceil(_COMPARED * count))
         if scanned >= len(self._markers):
@@ -109,5 +107,5 @@ class CellSearch:
             cells = cells[: 1 + int(np.searchsorted(np.cumsum(self._sizes[cells]), _COMPARED * count))]
         sizes = self._sizes[cells]
         stops = np.cumsum(sizes)
-        self.visited += int(stops[-1]) + len(away)  # means of cells count like frames
+        self.visited += int(stops[-1]) + len(away)  # cell means count like frames
         return np.arange(stops[-1]) + np.repeat(self._markers.starts[cells] - stops + sizes, sizes)

@@ -1,4 +1,4 @@
-"""Search among every nth frame of the database, for where time is short."""
+"""Search among every nth frame of the database, for frames with little time."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from ...geometry.arrays import FloatArray, IntArray
 from ..database_markers import DatabaseMarkers
 from .exhaustive import ExhaustiveSearch, Query
 
-_FRAMES = 8192  # that stand for all
+_FRAMES = 8192  # largest sample
 
 
 class SampleSearch:
-    """Search of so many frames in a database of any size.
+    """Search of a limited number of frames in a database of any size.
 
     Args:
-        poses: (F, D) of the database frames.
+        poses: Poses (F, D) of the database frames.
 
     Attributes:
-        step: frames that each one of the sample stands for.
+        step: Number of database frames that a frame of the sample represents.
     """
 
     def __init__(self, markers: DatabaseMarkers, poses: FloatArray) -> None:
@@ -34,11 +34,11 @@ class SampleSearch:
         return self.step * self._search.nearest(query, count)[0]
 
     def around(self, frames: IntArray, least: int = 0, apart: int = 1) -> IntArray:
-        """Return the frames that the first of some frames of the sample stand for.
+        """Return the database frames that frames of the sample represent.
 
         Args:
-            least: frames to bring; by default those of all.
-            apart: one in so many is returned.
+            least: Number of frames wanted, from the first of the sample; by default those of all.
+            apart: One frame in so many is returned.
         """
         chosen = frames[: -(-least // self.step)] if least else frames
         before, after = self.step // 2 // apart, -(-(self.step - self.step // 2) // apart)
