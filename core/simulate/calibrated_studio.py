@@ -1,6 +1,4 @@
-"""Calibrate the simulated cameras as a user calibrates real ones, floor included."""
-
-from typing import Any
+"""Calibration of the simulated cameras as a user calibrates real ones, floor included."""
 
 import numpy as np
 
@@ -8,35 +6,37 @@ from ..errors import CaptureError
 from ..geometry.camera import CameraRig
 from ..geometry.triangulation import triangulate
 from ..vision.calibration.calibrate import CalibrationResult, calibrate_from_points
-from ..vision.calibration.calibration_board import find_board
+from ..vision.calibration.calibration_board import Board, BoardView, find_board
 from ..vision.calibration.rig_fit import CameraViews
 from ..vision.calibration.rig_on_floor import rig_on_floor
 from .studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures, draw_board
+from .studio.render import Renderer
 from .studio.simulated_source import SimulatedSource
 
-_BOARD_VIEWS = 24
+
+def views_of_board(renderer: Renderer, board: Board, count: int) -> dict[str, dict[str, BoardView]]:
+    """Return each camera's views of a board in `count` positions, by the number of the position."""
+    views: dict[str, dict[str, BoardView]] = {camera.name: {} for camera in renderer.rig.cameras}
+    for picture in board_pictures(renderer, board, count):
+        for seen, image in zip(views.values(), picture.images, strict=True):
+            view = find_board(image, board)
+            if view is not None:
+                seen[f"{picture.number:06d}"] = view
+    return views
 
 
 def calibrate_studio(source: SimulatedSource) -> CalibrationResult:
     """Return the cameras calibrated from their pictures of the board."""
-    board = DEFAULT_BOARD
-    names = [camera.name for camera in source.rig.cameras]
-    views: list[dict[str, Any]] = [{} for _ in names]
-    for picture in board_pictures(source.renderer, board, _BOARD_VIEWS):
-        for i, image in enumerate(picture.images):
-            view = find_board(image, board)
-            if view is not None:
-                views[i][f"{picture.number:06d}"] = view
-    sizes = [camera.image_size for camera in source.rig.cameras]
-    cameras = [CameraViews(name, size, seen) for name, size, seen in zip(names, sizes, views, strict=True)]
-    return calibrate_from_points(board.points_m, cameras)
+    views = views_of_board(source.renderer, DEFAULT_BOARD, 24)
+    cameras = [CameraViews(camera.name, camera.image_size, views[camera.name]) for camera in source.rig.cameras]
+    return calibrate_from_points(DEFAULT_BOARD.points_m, cameras)
 
 
 def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
-    """Return the cameras with the world on the floor, from one board picture each.
+    """Return the cameras with the world on the floor, from one picture of the board for each.
 
     Raises:
-        CaptureError: a camera does not show the board.
+        CaptureError: A camera does not show the board.
     """
     board = DEFAULT_BOARD
     pose, before_m = board_on_floor(board)

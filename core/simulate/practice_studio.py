@@ -1,35 +1,31 @@
-"""Simulated studios with one fault, or none, to practise on and to test the check.
+"""Simulated studios with one fault or none, to practise on and to test the setup check.
 
-Each is another performer, light, exposure and marker set, drawn from a random generator.
+Each has a random performer, light, exposure and marker set.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
 
 from ..body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, Image
+from ..geometry.arrays import Image
 from ..geometry.camera import CameraRig
 from ..markers.marker_set import MarkerSet
 from ..subjects.setup_check.finding import Fault
-from ..vision.calibration.calibration_board import Board, BoardView, find_board
+from ..vision.calibration.calibration_board import Board, BoardView
 from ..vision.sources.image_set import ImageSet
-from .studio.boards import DEFAULT_BOARD, board_pictures
+from .calibrated_studio import views_of_board
+from .studio.boards import DEFAULT_BOARD
 from .studio.discs import draw_disc
-from .studio.render import Renderer
 from .studio.simulated_source import SimulatedSource, open_simulated
 
 Generator = np.random.Generator
-Change = Callable[[int, Image], Image]  # camera's number and image to image
+Change = Callable[[int, Image], Image]  # from number and image of a camera to the image
 
 FPS, SECONDS, EMPTY_FRAMES = 30.0, 6.0, 6
-_MARKER_SETS = ("locomotion", "boxing")
-_BEHAVIOURS = ("walking", "running", "hopping", "jumping")
-_BOARD_VIEWS = 6
 
 
 @dataclass(frozen=True)
@@ -37,9 +33,9 @@ class Studio:
     """Pictures of a studio, and the calibration that its user has.
 
     Args:
-        empty: per moment the images of the empty room.
-        moments: the performer in a T pose, then moving.
-        height_m: of the performer.
+        empty: Images of the empty room, by moment.
+        moments: Images of the performer in a T pose, then moving.
+        height_m: Height of the performer.
     """
 
     rig: CameraRig
@@ -55,21 +51,15 @@ def studio_with(fault: Fault | None, rng: Generator) -> Studio:
 
 
 def board_views(rng: Generator, small: bool) -> tuple[Board, dict[str, list[BoardView]]]:
-    """Return a board, small or large enough, and each camera's views of it."""
+    """Return a board, too small or large enough, and each camera's views of it."""
     square_m = rng.uniform(0.025, 0.035) if small else rng.uniform(0.07, 0.09)
     board = replace(DEFAULT_BOARD, square_m=square_m)
-    renderer = Renderer(_source(rng, {}).rig)
-    views: dict[str, list[BoardView]] = {camera.name: [] for camera in renderer.rig.cameras}
-    for picture in board_pictures(renderer, board, _BOARD_VIEWS):
-        for camera, image in zip(renderer.rig.cameras, picture.images, strict=True):
-            view = find_board(image, board)
-            if view is not None:
-                views[camera.name].append(view)
-    return board, views
+    views = views_of_board(_source(rng).renderer, board, 6)
+    return board, {name: list(seen.values()) for name, seen in views.items()}
 
 
-def _source(rng: Generator, settings: Mapping[str, Any]) -> SimulatedSource:
-    """Return a random healthy studio, with some of its settings given."""
+def _source(rng: Generator, **settings: float) -> SimulatedSource:
+    """Return a random studio without faults but for some settings."""
     studio = {
         "marker_radius_m": rng.uniform(0.010, 0.015),
         "marker_brightness": rng.uniform(170.0, 255.0),
@@ -84,19 +74,19 @@ def _source(rng: Generator, settings: Mapping[str, Any]) -> SimulatedSource:
     }
     return open_simulated(
         {
-            "behaviour": str(rng.choice(_BEHAVIOURS)),
+            "behaviour": str(rng.choice(("walking", "running", "hopping", "jumping"))),
             "seconds": 2.0,
             "mirrored": bool(rng.random() < 0.5),
             "height_m": rng.uniform(1.5, 1.95),
-            "marker_set": str(rng.choice(_MARKER_SETS)),
+            "marker_set": str(rng.choice(("locomotion", "boxing"))),
             "fps": FPS,
-            "studio": studio | dict(settings),
+            "studio": studio | settings,
         }
     )
 
 
-def _studio(rng: Generator, settings: Mapping[str, Any] | None = None) -> Studio:
-    return _film(_source(rng, settings or {}))
+def _studio(rng: Generator, **settings: float) -> Studio:
+    return _film(_source(rng, **settings))
 
 
 def _film(source: SimulatedSource) -> Studio:
@@ -104,10 +94,8 @@ def _film(source: SimulatedSource) -> Studio:
     moments = [ImageSet(frame.number, frame.times_s, frame.images) for frame in frames]
     usual = default_skeleton()
     size = np.linalg.norm(source.motion.skeleton.offsets_m) / np.linalg.norm(usual.offsets_m)
-    height_m = DEFAULT_HEIGHT_M * float(size)
-    return Studio(
-        source.rig, list(source.background_frames(EMPTY_FRAMES)), moments, source.subject.marker_set, height_m
-    )
+    empty, height_m = list(source.background_frames(EMPTY_FRAMES)), DEFAULT_HEIGHT_M * float(size)
+    return Studio(source.rig, empty, moments, source.subject.marker_set, height_m)
 
 
 def _change_images(studio: Studio, change: Change, with_empty: bool = True) -> Studio:
@@ -123,15 +111,17 @@ def _some_cameras(rng: Generator) -> set[int]:
 
 
 def _dark(rng: Generator) -> Studio:
-    return _studio(rng, {"marker_brightness": rng.uniform(15.0, 80.0), "light": rng.uniform(0.02, 0.1)})
+    return _studio(rng, marker_brightness=rng.uniform(15.0, 80.0), light=rng.uniform(0.02, 0.1))
 
 
 def _bright(rng: Generator) -> Studio:
     gain, cameras = rng.uniform(4.0, 8.0), _some_cameras(rng)
-    studio = _studio(rng, {"light": rng.uniform(0.5, 0.8)})
-    return _change_images(
-        studio, lambda i, image: np.asarray(cv2.convertScaleAbs(image, alpha=gain)) if i in cameras else image
-    )
+    studio = _studio(rng, light=rng.uniform(0.5, 0.8))
+
+    def change(number: int, image: Image) -> Image:
+        return np.asarray(cv2.convertScaleAbs(image, alpha=gain)) if number in cameras else image
+
+    return _change_images(studio, change)
 
 
 def _blurred(rng: Generator) -> Studio:
@@ -142,11 +132,11 @@ def _blurred(rng: Generator) -> Studio:
         noisy = soft + noise_sigma * rng.standard_normal(image.shape, dtype=np.float32)
         return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
-    return _change_images(_studio(rng, {"noise_sigma": 0.0}), change)
+    return _change_images(_studio(rng, noise_sigma=0.0), change)
 
 
 def _slow_shutter(rng: Generator) -> Studio:
-    return _studio(rng, {"exposure_s": rng.uniform(0.014, 0.03)})
+    return _studio(rng, exposure_s=rng.uniform(0.014, 0.03))
 
 
 def _reflections(rng: Generator) -> Studio:
@@ -180,14 +170,10 @@ def _bumped(rng: Generator) -> Studio:
 
 
 def _moved(rng: Generator, towards_m: float) -> Studio:
-    source = _source(rng, {})
-    return _film(replace(source, performance=_shifted(source, np.array([0.0, 0.0, towards_m]))))
-
-
-def _shifted(source: SimulatedSource, shift_m: Array) -> Any:
+    source, shift_m = _source(rng), np.array([0.0, 0.0, towards_m])
     old = source.performance
     starts_m, ends_m, markers_m = (positions + shift_m for positions in (old.starts_m, old.ends_m, old.markers_m))
-    return replace(old, starts_m=starts_m, ends_m=ends_m, markers_m=markers_m)
+    return _film(replace(source, performance=replace(old, starts_m=starts_m, ends_m=ends_m, markers_m=markers_m)))
 
 
 def _wrong_square(rng: Generator) -> Studio:
@@ -198,7 +184,7 @@ def _wrong_square(rng: Generator) -> Studio:
 
 
 def _without_marker(rng: Generator) -> Studio:
-    source = _source(rng, {})
+    source = _source(rng)
     old, lost = source.performance, int(rng.integers(len(source.performance.marker_names)))
     names = (*old.marker_names[:lost], *old.marker_names[lost + 1 :])
     worn = replace(old, marker_names=names, markers_m=np.delete(old.markers_m, lost, axis=1))

@@ -1,6 +1,6 @@
-"""Demo: simulated performer, cameras, calibration, tracking, solve and report.
+"""Demo: simulated performer, cameras, calibration, tracking, solving and report.
 
-Nothing of the truth is used but to measure the result, and the true cameras only to bring both into one world for it.
+The truth only serves to measure the result.
 """
 
 import time
@@ -45,7 +45,7 @@ from .preview import (
     side_by_side,
     write_contact_sheet,
 )
-from .shipped_performance import DEMO
+from .shipped_performance import DEMO, T_POSE_S
 from .shipped_performance import performance as play
 from .studio.render import Renderer
 from .studio.simulated_source import SimulatedSource, simulated_source
@@ -54,22 +54,34 @@ from .studio.studio_rig import default_rig
 from .studio.video import write_video
 
 MARKER_SET = "boxing"
-_EMPTY_FRAMES = 60
-_VIDEO_EVERY = 2  # of 60 frames a second every second one is drawn
-_SHEET_PICTURES = 12
-_T_POSE_S = 2.0
-_POSES_BEFORE = ("hanging", "motorcycle")  # what the performance itself does not begin with
-_HELD_S = 1.0
+_VIDEO_EVERY = 2  # the video shows every second frame
+_POSES_BEFORE = ("hanging", "motorcycle")  # calibration poses that the performance does not begin with
+_FIGURES = (
+    "deg_per_joint",
+    "deg_per_angle",
+    "mpjpe_mm",
+    "mpjpe_absolute_mm",
+    "bone_direction_deg",
+    "twist_deg",
+    "jitter_ratio",
+    "foot_skate_cm_s",
+    "worst_frames",
+)
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Marker frames and images that the cameras made of the performance."""
+    """Marker frames of the performance.
+
+    Args:
+        pictures: Images of the left camera that the preview shows, by frame.
+        seconds: Time that tracking took.
+    """
 
     source: SimulatedSource
     rig: CameraRig
     frames: tuple[MarkerFrame, ...]
-    pictures: dict[int, tuple[Image, ...]]  # camera images of the frames that the preview shows
+    pictures: dict[int, Image]
     seconds: float
 
 
@@ -82,7 +94,7 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
     out.mkdir(parents=True, exist_ok=True)
     database = embedded_database(out / "embedded.pfdb", progress)
     performed = play(DEMO, seconds)  # begins in the T pose
-    motion = with_poses(performed, _POSES_BEFORE, _HELD_S)
+    motion = with_poses(performed, _POSES_BEFORE, 1.0)
     before = motion.frames - performed.frames
     source = simulated_source(motion, MARKER_SET, Renderer(default_rig()))
     progress(0.05, "calibrating the cameras")
@@ -91,7 +103,7 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
     recording = _record(source, rig, progress)
     progress(0.5, "calibrating the subject")
     subject = subject_from_recording(
-        recording.frames[: before + round(_T_POSE_S * source.fps)],
+        recording.frames[: before + round(T_POSE_S * source.fps)],
         source.fps,
         load_marker_set(MARKER_SET),
         load_bodies(),
@@ -102,11 +114,13 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
     solved = motion_of(poses, subject, "demo", source.fps)
     truth = sliced(source.motion, 0, len(poses))
     outputs = _write(out, recording, subject, solved, truth, poses, progress)
-    total = recording.seconds + float(np.sum(solve_seconds))
-    performance, true_performance = (sliced(motion, before, len(poses)) for motion in (solved, truth))
-    return _figures(evaluate(performance, true_performance), poses[before:], solve_seconds) | {
+    measures = evaluate(sliced(solved, before, len(poses)), sliced(truth, before, len(poses)))
+    return {key: measures[key] for key in _FIGURES} | {
+        "confidence": float(np.mean([pose.confidence for pose in poses[before:]])),
+        "solve_ms_median": 1e3 * float(np.median(solve_seconds)),
+        "solve_ms_p99": 1e3 * float(np.percentile(solve_seconds, 99)),
         "frames": len(poses),
-        "frames_per_s": len(poses) / total,
+        "frames_per_s": len(poses) / (recording.seconds + float(np.sum(solve_seconds))),
         "stereo_rms_px": calibration.stereo_rms_px,
         "subject_residual_mm": 1e3 * subject.residual_m,
         "outputs": outputs,
@@ -114,25 +128,25 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
 
 
 def embedded_database(path: Path, progress: Progress) -> Database:
-    """Build the embedded motion's database at `path` (about a second); return it."""
+    """Build the database of the embedded motion, in about a second, and return it."""
     progress(0.0, "building the embedded motion database")
     build_database([MOTION], path)
     return open_database(path)
 
 
 def _record(source: SimulatedSource, rig: CameraRig, progress: Progress) -> Recording:
-    """Take and evaluate every image set of the performance."""
+    """Film and track the performance."""
     pipeline = MarkerPipeline(rig)
-    pipeline.learn_empty(list(source.background_frames(_EMPTY_FRAMES)))
+    pipeline.learn_empty(list(source.background_frames(60)))
     frames: list[MarkerFrame] = []
-    pictures: dict[int, tuple[Image, ...]] = {}
+    pictures: dict[int, Image] = {}
     spent = 0.0
     for images in source:
         start = time.perf_counter()
         frames.append(pipeline.process(images))
         spent += time.perf_counter() - start
         if images.number % _VIDEO_EVERY == 0:
-            pictures[images.number] = images.images[:1]
+            pictures[images.number] = images.images[0]
         if images.number % 30 == 0:
             progress(0.1 + 0.4 * images.number / source.frames, "filming and tracking the performance")
     return Recording(source, rig, tuple(frames), pictures, spent)
@@ -150,25 +164,6 @@ def _solve(
         if i % 30 == 0:
             progress(0.5 + 0.2 * i / len(recording.frames), "solving")
     return poses, np.array(seconds)
-
-
-def _figures(measures: dict[str, Any], poses: list[PerformerPose], seconds: Array) -> dict[str, Any]:
-    kept = (
-        "deg_per_joint",
-        "deg_per_angle",
-        "mpjpe_mm",
-        "mpjpe_absolute_mm",
-        "bone_direction_deg",
-        "twist_deg",
-        "jitter_ratio",
-        "foot_skate_cm_s",
-        "worst_frames",
-    )
-    return {key: measures[key] for key in kept} | {
-        "confidence": float(np.mean([pose.confidence for pose in poses])),
-        "solve_ms_median": 1e3 * float(np.median(seconds)),
-        "solve_ms_p99": 1e3 * float(np.percentile(seconds, 99)),
-    }
 
 
 def _write(
@@ -194,7 +189,7 @@ def _write(
     save_rig(recording.rig, files["cameras"])
     save_subject(subject, files["subject"])
     numbers = sorted(recording.pictures)
-    shown = set(numbers[:: max(1, len(numbers) // _SHEET_PICTURES)][:_SHEET_PICTURES])
+    shown = set(numbers[:: max(1, len(numbers) // 12)][:12])
     sheet: list[Image] = []
 
     def drawn() -> Iterator[Image]:
@@ -211,14 +206,14 @@ def _write(
 
 
 def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list[PerformerPose]) -> Iterator[Image]:
-    """Yield the left camera's picture, detections drawn, beside the solved character."""
+    """Yield the left camera's images with detections, beside the solved character."""
     camera = preview_camera(np.array([pose.root_position_m for pose in poses]))
     stage = floor_image(camera)
     solved_painter = CharacterPainter(camera, subject.skeleton)
     truth_painter = CharacterPainter(camera, truth.skeleton, TRUTH)
-    for number, images in sorted(recording.pictures.items()):
+    for number, image in sorted(recording.pictures.items()):
         pose = poses[number]
-        film = brightened(images[0])
+        film = brightened(image)
         draw_detections(film, recording.frames[number].blobs[0][:, :2])
         draw_caption(film, "left camera", f"frame {number}")
         picture = stage.copy()
@@ -229,7 +224,7 @@ def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list
 
 
 def write_report(path: Path, report: dict[str, Any]) -> None:
-    """Write the figures of `run_demo` as a page of Markdown."""
+    """Write the report of `run_demo` as Markdown."""
     rows = [(key, value) for key, value in report.items() if isinstance(value, int | float)]
     lines = ["# Demo", "", "| figure | value |", "|---|---|"]
     lines += [f"| {key} | {value:.4g} |" for key, value in rows]

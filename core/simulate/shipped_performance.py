@@ -1,7 +1,7 @@
-"""Shipped performances that the simulated performer plays.
+"""Shipped performances of the simulated performer.
 
-Each file in assets/performances holds one behaviour, T pose first, made by tools/motion_synthesis. None of them is in
-the embedded motion database, which only holds motion like theirs.
+Each file in assets/performances holds a T pose and one behaviour, made by tools/motion_synthesis. None of them is in
+the embedded motion database, which holds motion like theirs only.
 """
 
 from dataclasses import replace
@@ -14,17 +14,15 @@ from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
 from ..errors import SettingsError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
 from ..system.assets import PERFORMANCES
 
 DEMO = "demo"
 BEHAVIOURS = ("walking", "running", "hopping", "jumping", "boxing", "kendo")
-T_POSE_S = 2.0  # how long each performance stands in it at its start
+T_POSE_S = 2.0  # at the start of each performance
 RADIANS_A_STEP = np.pi / 32767  # rotation vectors are stored as 16-bit integers: 0.005 degrees
 METRES_A_STEP = 1e-4
 _LEAST_S = 5.0
 _MOST_FRAMES = 300_000  # 280 MB; 83 minutes at 60 Hz
-_RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
 
 def load_performance(behaviour: str) -> tuple[Motion, int]:
@@ -34,7 +32,7 @@ def load_performance(behaviour: str) -> tuple[Motion, int]:
         behaviour: "demo", or one of `BEHAVIOURS` or its beginning ("walk").
 
     Raises:
-        SettingsError: no behaviour, or several, begin like this.
+        SettingsError: No behaviour, or several, begin like this.
     """
     fitting = [name for name in (DEMO, *BEHAVIOURS) if name.startswith(behaviour)]
     if len(fitting) != 1:
@@ -56,18 +54,18 @@ def performance(
     skeleton: Skeleton | None = None,
     mirrored: bool = False,
 ) -> Motion:
-    """Return T pose and behaviour, as long and as large as asked.
+    """Return T pose and behaviour in a given length and size.
 
     Args:
-        seconds: length; the behaviour is cut or repeated. As shipped without.
-        skeleton: body with the standard skeleton's joints; the file's own without.
+        seconds: Length, for which the behaviour is cut or repeated; None leaves it.
+        skeleton: Body with the standard skeleton's joints; None for the file's.
+        mirrored: Swap left and right.
 
     Raises:
-        SettingsError: unknown behaviour; less than five seconds or too many frames; a rate that no camera has.
+        SettingsError: The behaviour is unknown, or length or frame rate are out of range.
     """
     if not LEAST_FPS <= fps <= MOST_FPS:
-        advice = f"use {LEAST_FPS:g} to {MOST_FPS:g}"
-        raise SettingsError(f"a frame rate of {fps:g} per second cannot be", advice=advice)
+        raise SettingsError(f"frame rate {fps:g} is out of range", advice=f"use {LEAST_FPS:g} to {MOST_FPS:g}")
     motion, start = load_performance(behaviour)
     if mirrored:
         motion = replace(
@@ -90,9 +88,9 @@ def performance(
 
 
 def with_return(motion: Motion) -> Motion:
-    """Return the motion with a smooth way back to its first pose, so it can repeat."""
+    """Return the motion with a smooth way back to its first pose within 1.5 s, so that it can repeat."""
     last, first = ((motion.rotations[frame], motion.root_positions_m[frame]) for frame in (-1, 0))
-    back, way = eased_between(last, first, max(round(_RETURN_S * motion.fps), 1))
+    back, way = eased_between(last, first, max(round(1.5 * motion.fps), 1))
     return replace(
         motion,
         rotations=np.concatenate((motion.rotations, back)),
@@ -115,6 +113,5 @@ def _lasting(motion: Motion, start: int, seconds: float) -> Motion:
 
 
 def _sole_depth_m(skeleton: Skeleton) -> float:
-    """Return how far below the root the lowest joint lies in the rest pose."""
-    depths: Array = -skeleton.rest_positions_m[:, 1]
-    return float(depths.max())
+    """Return the depth of the lowest joint below the root in the rest pose."""
+    return float(-skeleton.rest_positions_m[:, 1].min())

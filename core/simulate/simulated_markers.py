@@ -1,4 +1,4 @@
-"""Marker takes made from motion, with everything known about them."""
+"""Marker takes made from motion."""
 
 import numpy as np
 
@@ -10,29 +10,27 @@ from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 
-_MEAN_GAP_S = 0.15  # how long a lost marker stays lost on average
-
 
 def simulate_markers(
     motion: Motion, markers: MarkerSet | Subject, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
 ) -> tuple[MarkerTake, Motion]:
-    """Return the marker take of an ideal system, disturbed as asked, and its truth.
+    """Return the marker take of an ideal system with noise and gaps, and the motion.
 
     Args:
-        motion: on a skeleton with the joints that carry the markers.
-        markers: marker set with offsets, or a subject; bones are the motion's.
-        noise_mm: standard deviation of Gaussian noise on each coordinate.
-        dropout: share of marker positions that are missing, in gaps of 0.15 s on average.
+        motion: Motion of a skeleton with the joints that carry the markers.
+        markers: Marker set with offsets, or a subject; the bones are the motion's.
+        noise_mm: Standard deviation of Gaussian noise on each coordinate.
+        dropout: Share of missing marker positions, in gaps of 0.15 s on average.
 
     Raises:
-        SettingsError: noise or dropout out of range.
-        MarkerSetError: the set has no offsets.
-        SkeletonError: the motion lacks a joint that carries a marker.
+        SettingsError: Noise or dropout is out of range.
+        MarkerSetError: The set has no offsets.
+        SkeletonError: The motion lacks a joint that carries a marker.
     """
     if not (np.isfinite(noise_mm) and noise_mm >= 0.0):
         raise SettingsError(f"marker noise of {noise_mm} mm is out of range", advice="give 0 or more")
     if not 0.0 <= dropout < 1.0:
-        raise SettingsError(f"dropout of {dropout} is out of range", advice="give 0 up to, without, 1")
+        raise SettingsError(f"dropout of {dropout} is out of range", advice="give 0 or more, and less than 1")
     chosen = markers.marker_set if isinstance(markers, Subject) else markers
     generator = np.random.default_rng(seed)
     positions = marker_positions(
@@ -46,9 +44,8 @@ def simulate_markers(
 
 
 def _gaps(generator: np.random.Generator, frames: int, markers: int, dropout: float, fps: float) -> Mask:
-    """Return (F, M) bool: missing markers, from a two-state chain of share `dropout`."""
-    mean_gap = max(_MEAN_GAP_S * fps, 1.0)
-    come_back = 1.0 / mean_gap
+    """Return a mask (F, M) of missing markers, from a two-state chain with a share of `dropout`."""
+    come_back = 1.0 / max(0.15 * fps, 1.0)
     get_lost = min(come_back * dropout / (1.0 - dropout), 1.0)
     missing = np.zeros((frames, markers), dtype=bool)
     state = generator.random(markers) < dropout

@@ -1,7 +1,8 @@
-"""Calibration boards before the simulated cameras."""
+"""Calibration boards in front of the simulated cameras."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 
 import cv2
 import numpy as np
@@ -18,35 +19,28 @@ from .studio_rig import looking_at
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
 
-_SAMPLES = 4  # to a pixel each way
-_MARGIN = 0.7  # white rim about the squares, in squares
-_DARK, _WHITE = 26.0, 205.0
-_LENS_BLUR_PX = 0.5
-_CANDIDATES = 600
-_CELL_PX = 64
+_SAMPLES = 4  # per pixel and axis
+_RIM = 1.7  # from the outer corners to the edge of the paper, in squares
+_CELL_PX = 64  # image parts that board positions should cover
 _FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, apart from those of performances
-_PRINT_PX = 120  # of a square of a ChArUco board; fields of codes are whole pixels for usual sizes
-_CARRIED_FPS = 8.0
-_CARRIED_FRAMES, _HELD_FRAMES = 3, 6
-_CARRIED_SAMPLES = 2
-_BEFORE_PERFORMER_M = 0.6  # all cameras see all of a board that lies there
+_PRINT_PX = 120  # side of a printed ChArUco square; fields of codes are whole pixels for usual sizes
 
 
 @dataclass(frozen=True)
 class BoardPose:
-    """Where the board is: p_world = world_from_board @ p_board + position_m."""
+    """Pose of a board: p_world = world_from_board @ p_board + position_m."""
 
     world_from_board: Array
     position_m: Array
 
     def points(self, board_points_m: Array) -> Array:
-        """Return points of the board (..., 3) in the world."""
+        """Return points (..., 3) of the board in world axes."""
         return np.asarray(board_points_m @ self.world_from_board.T + self.position_m)
 
 
 @dataclass(frozen=True)
 class BoardPicture:
-    """One position of the board: image per camera, true corners (C, K, 2) in pixels."""
+    """Images of a board in one position, and its true corners (C, K, 2), pixels."""
 
     number: int
     pose: BoardPose
@@ -55,18 +49,17 @@ class BoardPicture:
 
 
 def board_poses(rig: CameraRig, board: Board, count: int = 24) -> tuple[BoardPose, ...]:
-    """Return well tilted board positions that all cameras see whole.
+    """Return tilted board positions that all cameras see whole.
 
-    They are picked one by one from random candidates: always the one that covers most of the images' parts that
-    are covered least so far.
+    Of random candidates, the next one is always that which best covers the image parts covered least so far.
 
     Raises:
-        SettingsError: no position is seen by all cameras.
+        SettingsError: No position is seen by all cameras.
     """
     rng = np.random.default_rng([0, 4])
     focus = _focus(rig)
     candidates = []
-    for _ in range(_CANDIDATES):
+    for _ in range(600):
         pose = _candidate(rig, board, focus, rng)
         cells = _covered(rig, board, pose)
         if cells is not None:
@@ -84,62 +77,56 @@ def board_poses(rig: CameraRig, board: Board, count: int = 24) -> tuple[BoardPos
 
 
 def board_pictures(renderer: Renderer, board: Board = DEFAULT_BOARD, count: int = 24) -> Iterator[BoardPicture]:
-    """Yield `count` pictures of the board before the cameras, with the true corners."""
+    """Yield `count` pictures of the board, with the true corners."""
     for number, pose in enumerate(board_poses(renderer.rig, board, count)):
-        images = []
-        for i, camera in enumerate(renderer.rig.cameras):
-            image = renderer.lit_room(i)
-            draw_board(image, camera, board, pose)
-            renderer.add_noise(image, i, _FIRST_NUMBER + number)
-            images.append(image)
+        images = _with_noise(renderer, _drawn(renderer, board, pose), number)
         corners = np.array([camera.project(pose.points(board.points_m)) for camera in renderer.rig.cameras])
-        yield BoardPicture(number, pose, tuple(images), corners)
+        yield BoardPicture(number, pose, images, corners)
+
+
+def _drawn(renderer: Renderer, board: Board, pose: BoardPose, samples: int = _SAMPLES) -> list[Image]:
+    """Return the room with a board in all cameras, without noise."""
+    images = [renderer.lit_room(i) for i in range(len(renderer.rig))]
+    for image, camera in zip(images, renderer.rig.cameras, strict=True):
+        draw_board(image, camera, board, pose, samples)
+    return images
+
+
+def _with_noise(renderer: Renderer, drawn: Sequence[Image], number: int) -> tuple[Image, ...]:
+    images = tuple(image.copy() for image in drawn)
+    for i, image in enumerate(images):
+        renderer.add_noise(image, i, _FIRST_NUMBER + number)
+    return images
 
 
 def board_on_floor(board: Board = DEFAULT_BOARD) -> tuple[BoardPose, float]:
-    """Return the pose of a board on the floor and its distance to the origin, metres."""
-    flat = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    return BoardPose(flat, [0.0, 0.0, _BEFORE_PERFORMER_M] - flat @ board.points_m.mean(axis=0)), _BEFORE_PERFORMER_M
+    """Return the pose of a board on the floor and its distance from the origin, metres."""
+    flat, before_m = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), 0.6  # seen whole by all cameras
+    return BoardPose(flat, [0.0, 0.0, before_m] - flat @ board.points_m.mean(axis=0)), before_m
 
 
 class CarriedBoard(ClosableSource):
-    """Image source of a board that is carried about and held still in each place."""
+    """Image source of a board that is carried about and held still for six images in each place."""
 
     def __init__(self, renderer: Renderer, board: Board, poses: Sequence[BoardPose]) -> None:
-        self.fps = _CARRIED_FPS
+        self.fps = 8.0
         self._renderer = renderer
         self._board = board
         self._poses = tuple(poses)
 
     def __iter__(self) -> Iterator[ImageSet]:
         """Yield image sets until the board has been in all places, or `close`."""
-        number = 0
-        last: BoardPose | None = None
-        for pose in self._poses:
-            for step in range(_CARRIED_FRAMES if last is not None else 0):
-                between = _between(last or pose, pose, (step + 1) / (_CARRIED_FRAMES + 1))
-                yield self._taken(number, self._drawn(between, _CARRIED_SAMPLES))
-                number += 1
-            drawn = self._drawn(pose, _SAMPLES)
-            for _ in range(_HELD_FRAMES):
-                if self._closed:
-                    return
-                yield self._taken(number, drawn)
-                number += 1
-            last = pose
+        for number, drawn in enumerate(self._all_drawn()):
+            if self._closed:
+                return
+            images = _with_noise(self._renderer, drawn, number)
+            yield ImageSet(number, (number / self.fps,) * len(images), images)
 
-    def _drawn(self, pose: BoardPose, samples: int) -> list[Image]:
-        images = []
-        for i, camera in enumerate(self._renderer.rig.cameras):
-            images.append(self._renderer.lit_room(i))
-            draw_board(images[-1], camera, self._board, pose, samples)
-        return images
-
-    def _taken(self, number: int, drawn: Sequence[Image]) -> ImageSet:
-        images = [image.copy() for image in drawn]
-        for i, image in enumerate(images):
-            self._renderer.add_noise(image, i, _FIRST_NUMBER + number)
-        return ImageSet(number, (number / self.fps,) * len(images), tuple(images))
+    def _all_drawn(self) -> Iterator[list[Image]]:
+        for number, pose in enumerate(self._poses):
+            for step in (1, 2, 3) if number else ():
+                yield _drawn(self._renderer, self._board, _between(self._poses[number - 1], pose, step / 4), 2)
+            yield from repeat(_drawn(self._renderer, self._board, pose), 6)
 
 
 def _between(start: BoardPose, end: BoardPose, f: float) -> BoardPose:
@@ -151,7 +138,8 @@ def _between(start: BoardPose, end: BoardPose, f: float) -> BoardPose:
 def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samples: int = _SAMPLES) -> None:
     """Draw a board into an image, in place: bent by the lens, anti-aliased, blurred.
 
-    `samples` is how many a pixel is the mean of each way.
+    Args:
+        samples: Samples per pixel and axis.
     """
     outline = camera.project(pose.points(_outline(board)))
     pad = 3
@@ -168,7 +156,7 @@ def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samp
     )
     paper, ink = (_shrunk(layer, bottom - top, right - left, samples) for layer in _pattern(board, x / w, y / w))
     light = 0.72 + 0.28 * abs(float(camera_from_board[2, 2]))
-    value = light * (_WHITE * (paper - ink) + _DARK * ink)
+    value = light * (205.0 * (paper - ink) + 26.0 * ink)
     patch = image[top:bottom, left:right]
     patch[:] = np.clip(np.rint(patch * (1.0 - paper[..., None]) + value[..., None]), 0, 255).astype(np.uint8)
 
@@ -181,8 +169,7 @@ def _pattern(board: Board, x: Array, y: Array) -> tuple[FloatArray, FloatArray]:
     """Return paper (0 or 1) and darkness (0 or 1) at board positions, metres."""
     column, row = x / board.square_m, y / board.square_m
     columns, rows = board.corner_grid
-    rim = 1.0 + _MARGIN
-    paper = (column > -rim) & (column < columns - 1 + rim) & (row > -rim) & (row < rows - 1 + rim)
+    paper = (column > -_RIM) & (column < columns - 1 + _RIM) & (row > -_RIM) & (row < rows - 1 + _RIM)
     squares = (column > -1.0) & (column < columns) & (row > -1.0) & (row < rows)
     if board.kind == "chessboard":
         dark = squares & ((np.floor(column) + np.floor(row)) % 2 == 0)
@@ -195,14 +182,13 @@ def _pattern(board: Board, x: Array, y: Array) -> tuple[FloatArray, FloatArray]:
 
 
 def _shrunk(layer: FloatArray, height: int, width: int, samples: int) -> Array:
-    blurred = cv2.GaussianBlur(layer, (0, 0), _LENS_BLUR_PX * samples, borderType=cv2.BORDER_REPLICATE)
+    blurred = cv2.GaussianBlur(layer, (0, 0), 0.5 * samples, borderType=cv2.BORDER_REPLICATE)
     return np.asarray(blurred.reshape(height, samples, width, samples).mean(axis=(1, 3)), dtype=np.float64)
 
 
 def _outline(board: Board) -> Array:
-    """Points (N, 3) along the rim of the paper, metres."""
-    rim = 1.0 + _MARGIN
-    low, high = np.array([-rim, -rim]), np.array(board.corner_grid) - 1 + rim
+    """Return points (N, 3) along the edge of the paper, metres."""
+    low, high = np.array([-_RIM, -_RIM]), np.array(board.corner_grid) - 1 + _RIM
     f = np.linspace(0.0, 1.0, 12)[:, None]
     corners = [low, np.array([high[0], low[1]]), high, np.array([low[0], high[1]])]
     sides = [a + f * (b - a) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
@@ -217,13 +203,13 @@ def _focus(rig: CameraRig) -> Array:
         across = np.eye(3) - np.outer(camera.rotation[2], camera.rotation[2])
         normal += across
         right += across @ camera.centre_m
-    # a little weight on 3 m before the cameras decides when the axes are parallel or there is one camera
+    # a small weight on 3 m ahead decides for parallel axes and for a single camera
     ahead = np.mean([camera.centre_m + 3.0 * camera.rotation[2] for camera in rig.cameras], axis=0)
     return np.linalg.solve(normal + 1e-3 * np.eye(3), right + 1e-3 * ahead)
 
 
 def _candidate(rig: CameraRig, board: Board, focus: Array, rng: np.random.Generator) -> BoardPose:
-    """Return a random board pose before the cameras, turned roughly towards them."""
+    """Return a random board pose, turned roughly towards the cameras."""
     middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     place = focus + rng.uniform(-0.05, 0.62) * (middle - focus) + rng.uniform(-1.0, 1.0, 3) * (1.3, 1.0, 0.2)
     # board axes: x right, y down as the cameras see it, so its normal points away from them
@@ -235,7 +221,7 @@ def _candidate(rig: CameraRig, board: Board, focus: Array, rng: np.random.Genera
 
 
 def _covered(rig: CameraRig, board: Board, pose: BoardPose) -> Array | None:
-    """Return the image parts (0 or 1) that the corners reach; None unless all see all."""
+    """Return the image parts (0 or 1) with corners, or None unless all cameras see the whole board."""
     cells = []
     rim, corners = pose.points(_outline(board)), pose.points(board.points_m)
     for camera in rig.cameras:

@@ -1,6 +1,6 @@
 """Round cones: spheres swept along segments while their radius changes linearly.
 
-Every limb of the simulated body is one. Points are world metres.
+The simulated body consists of them. Points are in world axes, metres.
 """
 
 from dataclasses import dataclass
@@ -9,12 +9,10 @@ import numpy as np
 
 from ...geometry.arrays import Array, Mask
 
-_TINY = 1e-12
-
 
 @dataclass(frozen=True)
 class RoundCones:
-    """P round cones: axes' starts and ends (P, 3), radii (P,) at each, metres."""
+    """P round cones: starts and ends (P, 3) of their axes, and the radii (P,) there, metres."""
 
     starts: Array
     ends: Array
@@ -26,13 +24,15 @@ class RoundCones:
 
 
 def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array | None = None) -> Array:
-    """Distance along each ray to its first hit on each cone, infinity where it misses.
+    """Return the distance (N, P) along each ray to its first hit on each cone, infinity where it misses.
 
-    origin (3,), directions (N, 3) of unit length; scale (N, P) multiplies the radii for single pairs.
-    Returns (N, P). Hits behind the origin do not count.
+    The surface is the envelope of the spheres |p - c(s)| = r(s): with F = |p - c(s)|^2 - r(s)^2 the condition
+    dF/ds = 0 gives s as a linear function of p, and F = 0 becomes quadratic in the distance.
 
-    The surface is the envelope of the spheres |p - c(s)| = r(s): with F = |p - c(s)|^2 - r(s)^2 the
-    condition dF/ds = 0 gives s as a linear function of p, and F = 0 becomes quadratic in the distance.
+    Args:
+        origin: Start (3,) of the rays; hits behind it do not count.
+        directions: Unit vectors (N, 3).
+        scale: Factors (N, P) of the radii for each pair of ray and cone.
     """
     scale = np.ones((1, 1)) if scale is None else scale
     r0 = cones.start_radii * scale
@@ -44,7 +44,7 @@ def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array
     qw = np.sum(to_origin * axis, axis=-1)
     qq = np.sum(to_origin * to_origin, axis=-1)
     growth = r1 - r0
-    spread = np.maximum(np.sum(axis * axis, axis=-1) - growth * growth, _TINY)
+    spread = np.maximum(np.sum(axis * axis, axis=-1) - growth * growth, 1e-12)
     k = qw + growth * r0
     distance, along = _envelope(dw, dq, qq - r0 * r0, k, spread)
     side = np.where((along >= 0.0) & (along <= 1.0) & (distance > 0.0), distance, np.inf)
@@ -56,20 +56,20 @@ def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array
 
 
 def _envelope(dw: Array, dq: Array, c0: Array, k: Array, spread: Array) -> tuple[Array, Array]:
-    """Return the first root of the envelope's quadratic and its place along the axis."""
+    """Return the first root of the envelope's quadratic, and s there."""
     a = 1.0 - dw * dw / spread
     b = dq - k * dw / spread
     c = c0 - k * k / spread
     root = b * b - a * c
     with np.errstate(invalid="ignore", divide="ignore"):
         distance = (-b - np.sqrt(root)) / a
-    distance = np.where((root >= 0.0) & (a > _TINY), distance, np.inf)
+    distance = np.where((root >= 0.0) & (a > 1e-12), distance, np.inf)
     along = (k + np.where(np.isfinite(distance), distance, 0.0) * dw) / spread
     return distance, along
 
 
 def _sphere(dq: Array, c: Array) -> Array:
-    """First positive distance along rays to spheres: |q|^2 - r^2 = c and d . q = dq."""
+    """Return the first positive distance along rays to spheres: |q|^2 - r^2 = c and d . q = dq."""
     root = dq * dq - c
     with np.errstate(invalid="ignore"):
         distance = -dq - np.sqrt(root)
@@ -79,7 +79,7 @@ def _sphere(dq: Array, c: Array) -> Array:
 def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
     """Return distances (N, P) of points to the axes, and the cones' radii there."""
     axis = cones.ends - cones.starts
-    length2 = np.maximum(np.sum(axis * axis, axis=-1), _TINY)
+    length2 = np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
     offset = points[:, None, :] - cones.starts
     along = np.clip(np.sum(offset * axis, axis=-1) / length2, 0.0, 1.0)
     nearest = cones.starts + along[..., None] * axis
@@ -89,15 +89,15 @@ def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
 
 
 def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) -> Mask:
-    """Return (N,) bool: points (N, 3) seen from `origin` (3,) past the cones.
+    """Return a mask (N,) of the points (N, 3) that are seen from `origin` (3,) past the cones.
 
-    A point that lies in or on a cone is a marker worn on that limb (or on one that the limb touches): the
-    cone is made thinner, for this point only, until the point stands `margin_m` off its surface. So a
-    marker is seen from its own side of the limb and hidden from the other.
+    A point in or on a cone is a marker worn on that limb (or on one that the limb touches): for this point the cone is
+    made thinner until the point is `margin_m` off its surface. So a marker is seen from its own side of the limb and
+    hidden from the other.
     """
     distance, radius = axis_distances(points, cones)
     room = np.maximum(distance - margin_m, 0.1 * radius)
-    scale = np.minimum(1.0, room / np.maximum(radius, _TINY))
+    scale = np.minimum(1.0, room / np.maximum(radius, 1e-12))
     ray = points - origin
     length = np.linalg.norm(ray, axis=-1)
     hits = first_hits(origin, ray / length[:, None], cones, scale)

@@ -1,7 +1,7 @@
-"""Bright discs drawn through a lens with a little blur, centred exactly.
+"""Bright discs drawn through a slightly blurred lens, centred exactly.
 
-A sharp disc a few pixels wide, sampled by square pixels, has a centroid that is off by up to 0.02 pixels; a real
-lens never is that sharp. The disc is therefore covered exactly on a finer grid, then blurred and summed into pixels.
+A sharp disc a few pixels wide, sampled by square pixels, has a centroid that is off by up to 0.02 pixels; no real lens
+is that sharp. The coverage of the disc is therefore exact on a finer grid, then blurred and summed into pixels.
 """
 
 from functools import lru_cache
@@ -11,15 +11,17 @@ from scipy.special import ndtr
 
 from ...geometry.arrays import Array, Image
 
-_LINES = 16  # lines to a pixel in y
-_CELLS = 4  # cells to a pixel in x, covered exactly
+_LINES = 16  # lines per pixel in y
+_CELLS = 4  # cells per pixel in x, covered exactly
 
 
 def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
     """Return a disc's light in its pixels: left, top, shares (height, width).
 
-    centres: (S, 2) pixels (x, y) that the centre passes during the exposure, averaged; pixel centres lie at whole
-    numbers. radius and blur_px (sigma of the lens) in pixels.
+    Args:
+        centres: Pixels (S, 2) of the centre during the exposure, which are averaged; pixel centres are whole numbers.
+        radius: Radius in pixels.
+        blur_px: Standard deviation of the lens's blur.
     """
     low = np.floor(centres.min(axis=0) - radius + 0.5).astype(int)
     columns, rows = (np.floor(centres.max(axis=0) + radius + 0.5).astype(int) - low + 1).tolist()
@@ -28,7 +30,7 @@ def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int,
     edges = low[0] - 0.5 + np.arange(columns * _CELLS + 1) / _CELLS
     x = centres[:, :1]
     filled = np.minimum(np.maximum(edges, (x - half)[..., None]), (x + half)[..., None])
-    # length of the chord left of each edge; the difference between edges is what lies in a cell
+    # length of the chord left of each edge; differences between edges are lengths within cells
     length = filled[..., 1:] - filled[..., :-1]
     inside = (length[0] if len(length) == 1 else length.sum(axis=0) / len(length)) * _CELLS
     light: Array = _gather(rows, _LINES, blur_px) @ inside @ _gather(columns, _CELLS, blur_px).T
@@ -42,7 +44,7 @@ def _margin(blur_px: float) -> int:
 
 @lru_cache(maxsize=256)
 def _gather(pixels: int, cells: int, blur_px: float) -> Array:
-    """Return weights (pixels and margins, cells): light of each cell in each pixel."""
+    """Return weights (pixels and margins, cells): the light of each cell in each pixel."""
     margin = _margin(blur_px)
     place = -0.5 + (np.arange(pixels * cells) + 0.5) / cells
     offset = place - np.arange(-margin, pixels + margin)[:, None]
@@ -53,10 +55,7 @@ def _gather(pixels: int, cells: int, blur_px: float) -> Array:
 
 
 def draw_disc(image: Image, centres: Array, radius: float, colour: Array, blur_px: float = 0.0) -> None:
-    """Blend a disc of a BGR colour into an image, in place.
-
-    centres: (S, 2) positions during the exposure (one, if it does not move). What lies outside the image is cut off.
-    """
+    """Blend a disc of a BGR colour into an image, in place; see `disc_light` for the arguments."""
     rows, columns = image.shape[:2]
     left, top, light = disc_light(centres, radius, blur_px)
     right, bottom = left + light.shape[1], top + light.shape[0]

@@ -1,8 +1,8 @@
-"""Write a simulated recording: videos, background, board pictures and all truth."""
+"""Simulated recordings on disk: videos, background, board pictures and all truth."""
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...formats.motion.bvh import write_bvh
+from ...geometry.arrays import Image
 from ...geometry.npz import write_arrays
 from ...geometry.rig_file import save_rig
 from ...markers.marker_take import MarkerTake, save_take
@@ -24,12 +25,12 @@ from .render import FrameTruth
 from .simulated_source import SimulatedSource
 from .video import LOSSLESS, open_video
 
-_BOARD_SHARE, _BACKGROUND_SHARE = 0.15, 0.05  # of the work, for the progress shown
+_Write = Callable[[Sequence[Image]], None]
 
 
 @dataclass(frozen=True)
 class RecordingFiles:
-    """Contents of a recording beside the performance: background, board, codec."""
+    """Contents of a recording besides the performance: background, board, codec."""
 
     background_frames: int = 60
     board_views: int = 24
@@ -38,28 +39,39 @@ class RecordingFiles:
 
 
 def export_recording(
-    source: SimulatedSource, out: str | Path, files: RecordingFiles | None = None, progress: Progress | None = None
+    source: SimulatedSource, out: str | Path, files: RecordingFiles | None = None, progress: Progress = no_progress
 ) -> dict[str, Any]:
     """Write a simulated recording into a new folder and return a summary.
 
-    The folder holds, per camera NAME: `NAME.mkv`, `background/NAME.mkv`, `board/NAME/000.png`, ...; and in `truth`
-    cameras.toml, subject.toml, motion.bvh, markers.take.npz, image_truth.npz and board_truth.npz.
-    It appears only when it is complete.
+    The folder holds, for each camera NAME: `NAME.mkv`, `background/NAME.mkv`, `board/NAME/000.png`, ...; and in `truth`
+    cameras.toml, subject.toml, motion.bvh, markers.take.npz, image_truth.npz and board_truth.npz. It appears only when
+    it is complete.
 
     Raises:
-        CaptureError: the folder exists and is not empty, or cannot be written.
+        CaptureError: The folder exists and is not empty, or cannot be written.
     """
-    files, progress = files or RecordingFiles(), progress or no_progress
+    files = files or RecordingFiles()
+    names = [camera.name for camera in source.rig.cameras]
     with _new_folder(Path(out)) as folder:
-        _write_board(source, folder, files, progress)
-        _write_background(source, folder, files, progress)
-        truths = _write_videos(source, folder, files, progress)
+        for sub in ("truth", "background", *(f"board/{name}" for name in names)):
+            (folder / sub).mkdir(parents=True)
+        _write_board(source, folder, files.board_views, progress)
+        with _videos(source, folder / "background", files) as write:
+            for number, images in enumerate(source.background_frames(files.background_frames)):
+                progress(0.15 + 0.05 * number / files.background_frames, "taking the empty room")
+                write(images)
+        truths = []
+        with _videos(source, folder, files) as write:
+            for frame in source:
+                progress(0.2 + 0.8 * frame.number / source.frames, "taking images of the performer")
+                write(frame.images)
+                truths.append(frame.truth)
         _write_truth(source, folder / "truth", truths)
     visible = np.array([truth.visible for truth in truths])
     return {
         "frames": len(truths),
         "fps": source.fps,
-        "cameras": [camera.name for camera in source.rig.cameras],
+        "cameras": names,
         "time_offsets_ms": [1e3 * offset_s for offset_s in _time_offsets_s(source)],
         "markers": list(source.performance.marker_names),
         "visible_in_two_fraction": float((visible.sum(axis=1) >= 2).mean()),
@@ -72,7 +84,7 @@ def export_recording(
 
 @contextmanager
 def _new_folder(target: Path) -> Iterator[Path]:
-    """Yield a temporary folder that replaces `target` at the end, or goes on an error."""
+    """Yield a temporary folder that becomes `target` at the end, or is removed after an error."""
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise CaptureError("exists and is not an empty folder", where=str(target), advice="give a new folder")
     with writing(target, "choose another folder", CaptureError):
@@ -89,60 +101,40 @@ def _new_folder(target: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _write_board(source: SimulatedSource, folder: Path, files: RecordingFiles, progress: Progress) -> None:
-    names = [camera.name for camera in source.rig.cameras]
-    for name in names:
-        (folder / "board" / name).mkdir(parents=True)
-    (folder / "truth").mkdir()
-    rows = []
-    if files.board_views:
-        for picture in board_pictures(source.renderer, DEFAULT_BOARD, files.board_views):
-            progress(_BOARD_SHARE * picture.number / files.board_views, "taking pictures of the board")
-            for name, image in zip(names, picture.images, strict=True):
-                cv2.imwrite(str(folder / "board" / name / f"{picture.number:03d}.png"), image)
-            rows.append(picture)
+def _write_board(source: SimulatedSource, folder: Path, views: int, progress: Progress) -> None:
+    pictures = []
+    for picture in board_pictures(source.renderer, DEFAULT_BOARD, views) if views else ():
+        progress(0.15 * picture.number / views, "taking pictures of the board")
+        for camera, image in zip(source.rig.cameras, picture.images, strict=True):
+            cv2.imwrite(str(folder / "board" / camera.name / f"{picture.number:03d}.png"), image)
+        pictures.append(picture)
     write_arrays(
         folder / "truth" / "board_truth.npz",
         {
-            "corners_px": [row.corners for row in rows],
-            "world_from_board": [row.pose.world_from_board for row in rows],
-            "positions_m": [row.pose.position_m for row in rows],
+            "corners_px": [picture.corners for picture in pictures],
+            "world_from_board": [picture.pose.world_from_board for picture in pictures],
+            "positions_m": [picture.pose.position_m for picture in pictures],
             "points_m": DEFAULT_BOARD.points_m,
         },
     )
 
 
-def _write_background(source: SimulatedSource, folder: Path, files: RecordingFiles, progress: Progress) -> None:
-    (folder / "background").mkdir()
-    with _videos(source, folder / "background", files) as videos:
-        for number, images in enumerate(source.background_frames(files.background_frames)):
-            done = number / max(files.background_frames, 1)
-            progress(_BOARD_SHARE + _BACKGROUND_SHARE * done, "taking the empty room")
-            for video, image in zip(videos, images, strict=True):
-                video.write(image)
-
-
-def _write_videos(source: SimulatedSource, folder: Path, files: RecordingFiles, progress: Progress) -> list[FrameTruth]:
-    before = _BOARD_SHARE + _BACKGROUND_SHARE
-    truths = []
-    with _videos(source, folder, files) as videos:
-        for frame in source:
-            progress(before + (1.0 - before) * frame.number / source.frames, "taking images of the performer")
-            for video, image in zip(videos, frame.images, strict=True):
-                video.write(image)
-            truths.append(frame.truth)
-    return truths
-
-
 @contextmanager
-def _videos(source: SimulatedSource, folder: Path, files: RecordingFiles) -> Iterator[list[Any]]:
+def _videos(source: SimulatedSource, folder: Path, files: RecordingFiles) -> Iterator[_Write]:
+    """Yield a function that appends an image set to one video for each camera."""
     with ExitStack() as stack:
-        yield [
+        writers = [
             stack.enter_context(
                 open_video(folder / f"{camera.name}{files.extension}", source.fps, camera.image_size, files.codec)
             )
             for camera in source.rig.cameras
         ]
+
+        def write(images: Sequence[Image]) -> None:
+            for writer, image in zip(writers, images, strict=True):
+                writer(image)
+
+        yield write
 
 
 def _write_truth(source: SimulatedSource, folder: Path, truths: list[FrameTruth]) -> None:
@@ -174,5 +166,5 @@ def _write_truth(source: SimulatedSource, folder: Path, truths: list[FrameTruth]
 
 
 def _time_offsets_s(source: SimulatedSource) -> list[float]:
-    """Return how much later than the videos' frames say each camera takes its images."""
+    """Return the delay of each camera against the frames of its video."""
     return [source.renderer.settings.time_offset_s(i) for i in range(len(source.rig))]

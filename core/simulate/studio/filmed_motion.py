@@ -1,4 +1,4 @@
-"""Body and markers before the cameras at any moment of a motion."""
+"""Body and markers in front of the cameras at any moment of a motion."""
 
 from dataclasses import dataclass, replace
 
@@ -15,12 +15,13 @@ from .performer_body import Body, make_body, with_sticks
 
 @dataclass(frozen=True)
 class Performance:
-    """A motion with markers, ready to be looked at between its frames too.
+    """A motion with body and markers, which can be sampled between its frames.
 
     Args:
-        starts_m, ends_m: (F, P, 3) ends of the body's cones in every frame, world metres.
-        markers_m: (F, M, 3) marker centres in every frame, world metres.
-        partners: who else is there; their markers follow the performer's.
+        starts_m: Starts (F, P, 3) of the body's cones in world axes.
+        ends_m: Ends (F, P, 3) of the body's cones in world axes.
+        markers_m: Marker centres (F, M, 3) in world axes.
+        partners: Further performers; their markers follow the performer's.
     """
 
     motion: Motion
@@ -33,18 +34,16 @@ class Performance:
 
     @property
     def everybody(self) -> "tuple[Performance, ...]":
-        """The performer and the partners, each alone."""
+        """The performer and the partners, each without partners."""
         return (replace(self, partners=()), *self.partners)
 
     def cones_at(self, time_s: float) -> RoundCones:
-        """Return the performer's body at a time, seconds; still outside the motion."""
-        return self.body.placed(
-            _sampled(self.starts_m, self.motion.fps, np.array([time_s]))[0],
-            _sampled(self.ends_m, self.motion.fps, np.array([time_s]))[0],
-        )
+        """Return the performer's body at a time; it is still before and after the motion."""
+        times = np.array([time_s])
+        return self.body.placed(*(_sampled(ends, self.motion.fps, times)[0] for ends in (self.starts_m, self.ends_m)))
 
     def markers_at(self, times_s: ArrayLike) -> Array:
-        """Return all performers' marker centres (N, M, 3) at N times, seconds."""
+        """Return all performers' marker centres (N, M, 3) at times (N,)."""
         times = np.asarray(times_s, dtype=np.float64)
         own = _sampled(self.markers_m, self.motion.fps, times)
         return np.concatenate((own, *(one.markers_at(times) for one in self.partners)), axis=1)
@@ -60,8 +59,9 @@ def make_performance(
     """Put markers on a performer.
 
     Args:
-        joints: (M,) joint index that carries each marker; offsets_m: (M, 3) in the joint's axes, metres.
-        carried: a prop in the hand; its markers follow the performer's.
+        joints: Joint (M,) that carries each marker.
+        offsets_m: Markers (M, 3) in the joints' axes.
+        carried: Prop in the hand; its markers follow the performer's.
     """
     carriers, places = np.asarray(joints, dtype=np.int64), np.asarray(offsets_m, dtype=np.float64)
     body = with_sticks(make_body(motion.skeleton), carriers, places)
@@ -76,7 +76,7 @@ def make_performance(
 
 
 def _sampled(values: Array, fps: float, times_s: Array) -> Array:
-    """Return values (F, ...) at any times by a Catmull-Rom curve; the ends are held."""
+    """Return values (F, ...) at times (N,) on a Catmull-Rom curve, constant before and after it."""
     last = len(values) - 1
     place = np.clip(times_s * fps, 0.0, last)
     nearest = np.round(place)

@@ -1,4 +1,4 @@
-"""Image source of markers that lie on the floor before the simulated cameras."""
+"""Image source of markers that lie on the floor in front of the simulated cameras."""
 
 from collections.abc import Iterator
 
@@ -17,11 +17,9 @@ from .studio_settings import StudioSettings
 SETTINGS = StudioSettings(draw_body=False, occlusion=False)
 PLACES_M = np.array([[-0.5, 0.85], [0.45, 0.9], [0.5, 0.35], [-0.45, 0.3]])  # x and z
 
-_SECONDS = 3.0
-
 
 class FloorMarkers(ClosableSource):
-    """Four markers on the floor that all cameras see; nobody stands there."""
+    """Four markers on the floor of an empty room, seen by all cameras."""
 
     def __init__(self, rig: CameraRig) -> None:
         self.fps = FPS
@@ -33,13 +31,13 @@ class FloorMarkers(ClosableSource):
         self._performance = make_performance(nobody, names, np.zeros(len(places), dtype=np.int64), places)
 
     def background_frames(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield images of the empty room, one per camera each time."""
+        """Yield images of the empty room, one for each camera."""
         for number in range(count):
             yield self._renderer.background(number)
 
     def __iter__(self) -> Iterator[StudioFrame]:
-        """Yield image sets for some seconds, or until `close`."""
-        for number in range(round(_SECONDS * self.fps)):
+        """Yield image sets for three seconds, or until `close`."""
+        for number in range(round(3.0 * self.fps)):
             if self._closed:
                 return
             yield self._renderer.render(self._performance, number / self.fps, number)

@@ -1,4 +1,4 @@
-"""Undistorted coordinates of whole pixel grids."""
+"""Undistorted coordinates of pixel grids."""
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
@@ -6,16 +6,12 @@ from scipy.interpolate import RectBivariateSpline
 from ...geometry.arrays import Array
 from ...geometry.camera import Camera
 
-_STEP_PX = 8.0
-
 
 def undistorted_grid(camera: Camera, xs: Array, ys: Array) -> Array:
-    """Return undistorted coordinates (len(ys), len(xs), 2) of a grid of pixels.
+    """Return undistorted coordinates (len(ys), len(xs), 2) of a grid of pixels; `xs` and `ys` ascend.
 
-    Both `xs` and `ys` rise.
-
-    The lens bends smoothly, so it is inverted on every eighth pixel and a cubic spline goes through these: exact to
-    about 1e-5 pixels, and many times faster than inverting it at every pixel.
+    The lens is inverted at every eighth pixel, with cubic splines between: exact to about 1e-5 pixels, and many times
+    faster than at every pixel.
     """
     nodes_x, nodes_y = _nodes(xs), _nodes(ys)
     coarse = camera.undistort(np.stack(np.meshgrid(nodes_x, nodes_y), axis=-1))
@@ -24,5 +20,5 @@ def undistorted_grid(camera: Camera, xs: Array, ys: Array) -> Array:
 
 
 def _nodes(values: Array) -> Array:
-    count = max(int(np.ceil((values[-1] - values[0]) / _STEP_PX)) + 1, 4)
+    count = max(int(np.ceil((values[-1] - values[0]) / 8.0)) + 1, 4)
     return np.linspace(values[0] - 1.0, values[-1] + 1.0, count)

@@ -1,6 +1,6 @@
 """Body of the performer: round cones on a skeleton, with usual adult proportions.
 
-It is drawn by the studio and by the preview, and it hides markers from the cameras.
+Studio and preview draw it, and it hides markers from the cameras.
 """
 
 from dataclasses import dataclass, replace
@@ -16,11 +16,6 @@ from ...geometry.arrays import Array, IntArray
 from .cones import RoundCones, axis_distances
 from .studio_settings import TABLES
 
-WOOD = "wood"  # material of things that are held
-
-_HELD_M = 0.2  # a marker farther than this from the body sits on something that is held
-_STICK_RADIUS_M = 0.012
-
 _PARTS: dict[str, list[dict[str, Any]]] = TABLES["body"]
 _THIN_CONE = {"ends": [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]], "radii": [0.03, 0.03], "material": "suit"}
 
@@ -30,10 +25,12 @@ class Body:
     """P round cones fixed to the joints of one skeleton.
 
     Args:
-        joints: (P,) joint that carries each cone.
-        starts_m, ends_m: (P, 3) ends of the cones' axes in the joint's own axes, metres.
-        start_radii_m, end_radii_m: (P,) radii there, metres.
-        materials: (P) "suit", "trousers", "skin", "shoes" or "wood".
+        joints: Joint (P,) that carries each cone.
+        starts_m: Starts (P, 3) of the cones' axes in the joint's axes.
+        ends_m: Ends (P, 3) of the cones' axes in the joint's axes.
+        start_radii_m: Radii (P,) at the starts.
+        end_radii_m: Radii (P,) at the ends.
+        materials: Materials (P): "suit", "trousers", "skin", "shoes" or "wood".
     """
 
     skeleton: Skeleton
@@ -51,18 +48,17 @@ class Body:
         return tuple(np.array([i for i, name in enumerate(names) if name == limb]) for limb in sorted(set(names)))
 
     def posed(self, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
-        """Return the axes' world starts and ends (..., P, 3) for rotations (..., J, 4)."""
+        """Return world starts and ends (..., P, 3) of the axes for rotations (..., J, 4)."""
         positions, world = forward_kinematics(self.skeleton, rotations, root_position_m)
         origin, turn = positions[..., self.joints, :], world[..., self.joints, :]
         return origin + rot.rotate(turn, self.starts_m), origin + rot.rotate(turn, self.ends_m)
 
     def cones(self, rotations: Array, root_position_m: Array) -> RoundCones:
-        """Return the body in one pose: (J, 4) rotations, (3,) root position."""
-        starts, ends = self.posed(rotations, root_position_m)
-        return self.placed(starts, ends)
+        """Return the body in one pose, rotations (J, 4) and root (3,)."""
+        return self.placed(*self.posed(rotations, root_position_m))
 
     def with_wood(self, joints: IntArray, starts_m: Array, ends_m: Array, radii_m: Array) -> "Body":
-        """Return the body with further cones (P,), of something held."""
+        """Return the body with further cones (P,) of something held."""
         return replace(
             self,
             joints=np.concatenate((self.joints, joints)),
@@ -70,18 +66,18 @@ class Body:
             ends_m=np.concatenate((self.ends_m, ends_m)),
             start_radii_m=np.concatenate((self.start_radii_m, radii_m)),
             end_radii_m=np.concatenate((self.end_radii_m, radii_m)),
-            materials=(*self.materials, *([WOOD] * len(joints))),
+            materials=(*self.materials, *(["wood"] * len(joints))),
         )
 
     def placed(self, starts: Array, ends: Array) -> RoundCones:
-        """Return the body with its axes at the given world positions, (P, 3) each."""
+        """Return the body with its axes at world positions (P, 3)."""
         return RoundCones(starts, ends, self.start_radii_m, self.end_radii_m)
 
 
 def make_body(skeleton: Skeleton) -> Body:
-    """Return the body of a skeleton: limbs with its lengths and an adult's girths.
+    """Return the body of a skeleton, with an adult's girths.
 
-    Joints that the product does not know get a thin cone along their bone.
+    Joints outside the standard skeleton get a thin cone along their bone.
     """
     scale = _size(skeleton)
     rows: list[tuple[Any, ...]] = []
@@ -96,23 +92,25 @@ def make_body(skeleton: Skeleton) -> Body:
 
 
 def with_sticks(body: Body, joints: IntArray, offsets_m: Array) -> Body:
-    """Return the body with a stick to every marker far from it, such as a sword's tip.
+    """Return the body with a stick to every marker farther than 0.2 m from it, such as a sword's tip.
 
-    joints (M,) carry the markers at offsets_m (M, 3) in their axes, metres.
+    Args:
+        joints: Joint (M,) that carries each marker.
+        offsets_m: Markers (M, 3) in the joints' axes.
     """
     sticks = []
     for marker, joint in enumerate(joints):
         own = body.joints == joint
         cones = RoundCones(body.starts_m[own], body.ends_m[own], body.start_radii_m[own], body.end_radii_m[own])
         distance, radius = axis_distances(offsets_m[marker][None], cones)
-        if own.any() and float((distance - radius).min()) > _HELD_M:
+        if own.any() and float((distance - radius).min()) > 0.2:
             sticks.append(marker)
     ends = offsets_m[sticks].reshape(-1, 3)
-    return body.with_wood(joints[sticks], np.zeros(ends.shape), ends, np.full(len(sticks), _STICK_RADIUS_M))
+    return body.with_wood(joints[sticks], np.zeros(ends.shape), ends, np.full(len(sticks), 0.012))
 
 
 def _parts_of(name: str) -> list[tuple[dict[str, Any], Array]]:
-    """Return the cones of a joint, and factors that mirror them to its side."""
+    """Return the cones of a joint, with factors that mirror them to its side."""
     left, right = np.array([1.0, 1.0, 1.0]), np.array([-1.0, 1.0, 1.0])
     if name in _PARTS:
         return [(part, side) for part in _PARTS[name] for side in ((left, right) if "paired" in part else (left,))]
@@ -134,8 +132,8 @@ def _size(skeleton: Skeleton) -> float:
     """Return the mean ratio of the bone lengths to the default skeleton's."""
     reference = default_skeleton()
     common = [name for name in skeleton.names if name in reference.names]
-    if not common:
-        return 1.0
-    own = np.linalg.norm(skeleton.offsets_m[[skeleton.index(name) for name in common]], axis=1).sum()
-    other = np.linalg.norm(reference.offsets_m[[reference.index(name) for name in common]], axis=1).sum()
+    own, other = (
+        np.linalg.norm(body.offsets_m[[body.index(name) for name in common]], axis=1).sum() if common else 0.0
+        for body in (skeleton, reference)
+    )
     return float(own / other) if own > 0.0 else 1.0

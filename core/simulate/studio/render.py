@@ -1,4 +1,4 @@
-"""Images of the simulated cameras: room, body, markers, noise, and their truth."""
+"""Images of the simulated cameras with room, body, markers and noise, and their truth."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -17,21 +17,18 @@ from .limb_outlines import draw_body
 from .room import FURNITURE, MOVED_OBJECT, Box, RoomView, view_room
 from .studio_settings import StudioSettings
 
-_NOISE_SPARE = 160  # the noise table is this much larger than the image each way, so that it can be shifted
-_MAX_BLUR_STEPS = 24
-
 
 @dataclass(frozen=True)
 class FrameTruth:
     """Truth of one set of images.
 
     Args:
-        time_s: time of the frame from the performance's start, seconds.
-        markers_m: (M, 3) marker centres at that time, world metres.
-        pixels: (C, M, 2) marker centres in each image, at the middle of that camera's exposure.
-        radii_px: (C, M) radii of the discs.
-        visible: (C, M) which markers each image shows.
-        ghosts: per camera (G, 2) centres of the false blobs drawn.
+        time_s: Time since the performance's start.
+        markers_m: Marker centres (M, 3) at that time in world axes.
+        pixels: Marker centres (C, M, 2) in each image, at the middle of that camera's exposure.
+        radii_px: Radii (C, M) of the discs.
+        visible: Markers (C, M) that each image shows.
+        ghosts: Centres (G, 2) of the false blobs in each image.
     """
 
     number: int
@@ -45,29 +42,20 @@ class FrameTruth:
 
 @dataclass(frozen=True)
 class StudioFrame(ImageSet):
-    """Images of all cameras, and the truth."""
+    """Images of all cameras (BGR, uint8), and the truth."""
 
     truth: FrameTruth = field(kw_only=True)
 
 
 @dataclass(frozen=True)
-class _Sight:
-    """Markers in one image: path (M, S, 2), centres (M, 2), radii, depth, seen (M,)."""
+class _ImagedMarkers:
+    """Markers in one image: paths (M, S, 2) during the exposure, centres (M, 2), radii, depths, seen (M,)."""
 
     paths: Array
     centres: Array
     radii: Array
     depth: Array
     seen: Mask
-
-
-@dataclass(frozen=True)
-class _Ghost:
-    """A false blob: centre (2,) and radius in pixels, BGR colour."""
-
-    centre: Array
-    radius: float
-    colour: Array
 
 
 class Renderer:
@@ -79,66 +67,56 @@ class Renderer:
         furniture = FURNITURE if self.settings.clutter else ()
         views = _views(rig, furniture)
         self._lit = tuple(view.image(1.0) for view in views)
-        self._empty = tuple(view.image(self.settings.light) for view in views)
-        self._rooms = self._empty
+        self._empty = self._rooms = tuple(view.image(self.settings.light) for view in views)
         if self.settings.moved_object:
             views = _views(rig, (*furniture, MOVED_OBJECT))
             self._rooms = tuple(view.image(self.settings.light) for view in views)
         self._noise = _noise_tables(rig, self.settings)
 
     def background(self, number: int) -> tuple[Image, ...]:
-        """Return images of the empty room with fresh noise, one per camera."""
+        """Return images of the empty room with fresh noise, one for each camera."""
         images = tuple(image.copy() for image in self._empty)
         for i, image in enumerate(images):
             self.add_noise(image, i, -1 - number)
         return images
 
     def lit_room(self, camera: int) -> Image:
-        """Return the empty room without noise at full light, as for pictures of the board."""
+        """Return the empty room without noise at full light, as in pictures of the board."""
         return self._lit[camera].copy()
 
     def render(self, performance: Performance, time_s: float, number: int) -> StudioFrame:
-        """Return the images of all cameras at a time, seconds, with their truth.
+        """Return the images of all cameras at a time, with their truth.
 
         The same number and seed give the same noise.
         """
-        times = self._times(time_s)
-        sights = self._sights(performance, times, number)
-        images = []
-        for i, (camera, time, sight) in enumerate(zip(self.rig.cameras, times, sights, strict=True)):
+        times = tuple(time_s + self.settings.time_offset_s(i) for i in range(len(self.rig)))
+        images, all_ghosts, imaged = [], [], []
+        for i, (camera, time) in enumerate(zip(self.rig.cameras, times, strict=True)):
+            markers, ghosts = self._imaged_markers(performance, time, number, i), self._ghosts(i, time)
             image = self._room(i, time)
             if self.settings.draw_body:
                 for one, cones in _from_afar(camera, performance, time):
                     draw_body(image, camera, one.body, cones, self.settings.light)
-            for ghost in self._ghosts(i, time):
-                draw_disc(image, ghost.centre[None], ghost.radius, ghost.colour, self.settings.lens_blur_px)
-            self._draw_markers(image, sight)
+            for centre, radius, brightness in ghosts:
+                draw_disc(image, centre[None], radius, np.full(3, brightness), self.settings.lens_blur_px)
+            self._draw_markers(image, markers)
             self.add_noise(image, i, number)
             images.append(image)
-        truth = self._truth(performance, time_s, number, sights)
-        return StudioFrame(number, tuple(times), tuple(images), truth=truth)
-
-    def _times(self, time_s: float) -> list[float]:
-        return [time_s + self.settings.time_offset_s(i) for i in range(len(self.rig))]
-
-    def _sights(self, performance: Performance, times: list[float], number: int) -> list[_Sight]:
-        rows = enumerate(zip(self.rig.cameras, times, strict=True))
-        return [self._sight(camera, performance, time, number, i) for i, (camera, time) in rows]
-
-    def _truth(self, performance: Performance, time_s: float, number: int, sights: list[_Sight]) -> FrameTruth:
-        ghosts = [[g.centre for g in self._ghosts(i, time)] for i, time in enumerate(self._times(time_s))]
-        return FrameTruth(
+            imaged.append(markers)
+            all_ghosts.append(np.array([centre for centre, _, _ in ghosts]).reshape(-1, 2))
+        truth = FrameTruth(
             number=number,
             time_s=time_s,
             markers_m=performance.markers_at([time_s])[0],
-            pixels=np.array([sight.centres for sight in sights]),
-            radii_px=np.array([sight.radii for sight in sights]),
-            visible=np.array([sight.seen for sight in sights]),
-            ghosts=tuple(np.array(centres).reshape(-1, 2) for centres in ghosts),
+            pixels=np.array([markers.centres for markers in imaged]),
+            radii_px=np.array([markers.radii for markers in imaged]),
+            visible=np.array([markers.seen for markers in imaged]),
+            ghosts=tuple(all_ghosts),
         )
+        return StudioFrame(number, times, tuple(images), truth=truth)
 
     def add_noise(self, image: Image, camera: int, number: int) -> None:
-        """Add this camera's sensor noise of frame `number` to an image, in place."""
+        """Add the sensor noise of one camera and frame to an image, in place."""
         if self._noise is None:
             return
         rng = np.random.default_rng([self.settings.seed, camera, number & 0xFFFFFFFF])
@@ -149,14 +127,11 @@ class Renderer:
         cv2.subtract(image, down[y : y + height, x : x + width], dst=image)
 
     def _room(self, camera: int, time_s: float) -> Image:
-        room = self._rooms[camera]
-        if self.settings.light_drift == 0.0:
-            return room.copy()
         factor = 1.0 + self.settings.light_drift * float(np.sin(0.5 * time_s))
-        return np.asarray(cv2.convertScaleAbs(room, alpha=factor), dtype=np.uint8)
+        return np.asarray(cv2.convertScaleAbs(self._rooms[camera], alpha=factor), dtype=np.uint8)
 
-    def _sight(self, camera: Camera, performance: Performance, time: float, number: int, index: int) -> _Sight:
-        settings = self.settings
+    def _imaged_markers(self, performance: Performance, time: float, number: int, index: int) -> _ImagedMarkers:
+        camera, settings = self.rig.cameras[index], self.settings
         count = sum(one.markers_m.shape[1] for one in performance.everybody)
         middles = np.full(count, time)
         if settings.rolling_shutter_s > 0.0:
@@ -166,7 +141,8 @@ class Renderer:
         depth = camera.to_camera(centres_m)[:, 2]
         radii = camera.focal_px * settings.marker_radius_m / np.maximum(depth, 0.05)
         centres = camera.project(centres_m)
-        seen = _inside(camera, centres)
+        with np.errstate(invalid="ignore"):
+            seen = np.all((centres > -0.5) & (centres < np.array(camera.image_size) - 0.5), axis=1)
         if settings.occlusion:
             for _, cones in _from_afar(camera, performance, time):
                 seen &= visible(camera.centre_m, centres_m, cones, 0.5 * settings.marker_radius_m)
@@ -174,51 +150,49 @@ class Renderer:
         if settings.dropout > 0.0:
             rng = np.random.default_rng([settings.seed, index, number, 1])
             seen &= rng.random(count) >= settings.dropout
-        paths = centres[:, None]
-        if settings.exposure_s > 0.0:
-            paths = self._smeared(camera, performance, middles)
-        return _Sight(paths, centres, radii, depth, seen)
+        paths = self._smeared(camera, performance, middles) if settings.exposure_s > 0.0 else centres[:, None]
+        return _ImagedMarkers(paths, centres, radii, depth, seen)
 
     def _smeared(self, camera: Camera, performance: Performance, middles: Array) -> Array:
-        """Return pixels (M, S, 2) at S moments of the exposure, two to a smeared pixel."""
+        """Return pixels (M, S, 2) at S moments of the exposure, two per pixel of motion."""
         half = 0.5 * self.settings.exposure_s
         ends = camera.project(_own_times(performance, middles[:, None] + np.array([-half, half])))
         longest = float(np.nanmax(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=-1), initial=0.0))
-        steps = int(np.clip(np.ceil(2.0 * longest), 1, _MAX_BLUR_STEPS))
+        steps = int(np.clip(np.ceil(2.0 * longest), 1, 24))
         moments = ((np.arange(steps) + 0.5) / steps * 2.0 - 1.0) * half
         return camera.project(_own_times(performance, middles[:, None] + moments))
 
-    def _draw_markers(self, image: Image, sight: _Sight) -> None:
-        for marker in np.argsort(-sight.depth):
-            if sight.seen[marker]:
+    def _draw_markers(self, image: Image, markers: _ImagedMarkers) -> None:
+        for marker in np.argsort(-markers.depth):
+            if markers.seen[marker]:
                 colour = np.full(3, self.settings.marker_brightness)
                 if marker < len(self.settings.marker_colours):
                     colour = np.array(self.settings.marker_colours[marker])
-                draw_disc(image, sight.paths[marker], float(sight.radii[marker]), colour, self.settings.lens_blur_px)
+                path, radius = markers.paths[marker], float(markers.radii[marker])
+                draw_disc(image, path, radius, colour, self.settings.lens_blur_px)
 
-    def _ghosts(self, camera: int, time_s: float) -> list[_Ghost]:
-        """Blobs that wander on slow curves and go out now and then."""
+    def _ghosts(self, camera: int, time_s: float) -> list[tuple[Array, float, float]]:
+        """Return centre, radius and brightness of false blobs that wander slowly and go out now and then."""
         shown = []
         size = np.array(self.rig.cameras[camera].image_size, dtype=np.float64)
         for ghost in range(self.settings.ghosts):
             rng = np.random.default_rng([self.settings.seed, camera, ghost, 2])
             middle, sway = rng.uniform(0.2, 0.8, 2), rng.uniform(0.03, 0.15, 2)
             rate, phase = rng.uniform(0.4, 1.5, 2), rng.uniform(0.0, 6.28, 2)
-            radius, brightness = float(rng.uniform(1.3, 2.8)), rng.uniform(200.0, 250.0)
+            radius, brightness = float(rng.uniform(1.3, 2.8)), float(rng.uniform(200.0, 250.0))
             if np.sin(0.7 * rate[0] * time_s + phase[1]) > -0.4:
-                centre = size * (middle + sway * np.sin(rate * time_s + phase))
-                shown.append(_Ghost(centre, radius, np.full(3, brightness)))
+                shown.append((size * (middle + sway * np.sin(rate * time_s + phase)), radius, brightness))
         return shown
 
 
 def _from_afar(camera: Camera, performance: Performance, time: float) -> list[tuple[Performance, RoundCones]]:
-    """Everybody with their bodies at a time, those far from the camera first."""
+    """Return everybody with their bodies at a time, those far from the camera first."""
     placed = [(one, one.cones_at(time)) for one in performance.everybody]
     return sorted(placed, key=lambda pair: -float(camera.to_camera(pair[1].starts)[:, 2].mean()))
 
 
 def _own_times(performance: Performance, times: Array) -> Array:
-    """World positions (M, S, 3) of every marker at its own times (M, S)."""
+    """Return world positions (M, S, 3) of every marker at its own times (M, S)."""
     count, steps = times.shape
     if np.all(times == times[0]):
         return np.swapaxes(performance.markers_at(times[0]), 0, 1)
@@ -227,34 +201,23 @@ def _own_times(performance: Performance, times: Array) -> Array:
     return every[own, :, own]
 
 
-def _inside(camera: Camera, pixels: Array) -> Mask:
-    width, height = camera.image_size
-    x, y = pixels[:, 0], pixels[:, 1]
-    with np.errstate(invalid="ignore"):
-        inside: Mask = (x > -0.5) & (y > -0.5) & (x < width - 0.5) & (y < height - 0.5)
-    return inside
-
-
 def _behind_another(centres: Array, radii: Array, depth: Array) -> Mask:
-    """Return (M,) bool: markers with their centre behind a nearer marker's ball."""
+    """Return a mask (M,) of markers with their centre behind a nearer marker's ball."""
     apart = np.linalg.norm(np.nan_to_num(centres)[:, None] - np.nan_to_num(centres), axis=-1)
     return np.asarray(np.any((apart < radii) & (depth < depth[:, None]), axis=1))
 
 
 def _views(rig: CameraRig, boxes: tuple[Box, ...]) -> tuple[RoomView, ...]:
-    """Draw the room for all cameras in parallel, the slowest part before the start."""
+    """Draw the room for all cameras in parallel, the slowest part of the start."""
     with ThreadPoolExecutor(len(rig)) as pool:
         return tuple(pool.map(view_room, rig.cameras, repeat(boxes)))
 
 
 def _noise_tables(rig: CameraRig, settings: StudioSettings) -> tuple[Image, Image] | None:
-    """Return noise to add and to subtract, larger than the largest image."""
+    """Return noise to add and to subtract, larger than the largest image so that it can be shifted."""
     if settings.noise_sigma == 0.0:
         return None
     rng = np.random.default_rng([settings.seed, 3])
-    width = max(camera.image_size[0] for camera in rig.cameras) + _NOISE_SPARE
-    height = max(camera.image_size[1] for camera in rig.cameras) + _NOISE_SPARE
+    width, height = np.max([camera.image_size for camera in rig.cameras], axis=0) + 160
     noise = np.rint(rng.standard_normal((height, width, 3), dtype=np.float32) * np.float32(settings.noise_sigma))
-    up = np.clip(noise, 0, 255).astype(np.uint8)
-    down = np.clip(-noise, 0, 255).astype(np.uint8)
-    return up, down
+    return np.clip(noise, 0, 255).astype(np.uint8), np.clip(-noise, 0, 255).astype(np.uint8)

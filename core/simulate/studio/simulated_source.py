@@ -1,7 +1,7 @@
-"""Simulated performer as an image source, live or as fast as it is drawn."""
+"""Simulated performer as an image source, live or as fast as the images are drawn."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,13 +12,13 @@ from ...body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
 from ...errors import SettingsError
 from ...geometry.arrays import Image
 from ...geometry.camera import CameraRig
-from ...markers.marker_set import MarkerSet, load_marker_set
-from ...markers.prop import load_prop
+from ...markers.marker_set import load_marker_set
+from ...markers.prop import Prop, load_prop
 from ...markers.subject import Subject
 from ...system.schema import Table
 from ...vision.sources.image_set import ClosableSource
 from ..shipped_performance import DEMO, performance, with_return
-from .carried_prop import Carried, in_hand
+from .carried_prop import in_hand
 from .filmed_motion import Performance, make_performance
 from .render import Renderer, StudioFrame
 from .simulated_performer import SIMULATED, SimulatedPerformer
@@ -26,25 +26,23 @@ from .stage_placement import with_poses
 from .studio_rig import FPS, default_rig
 from .studio_settings import StudioSettings
 
-_AROUND_S = 4.0  # of a performance: T pose, arms down, and a rest at the end
+_AROUND_S = 4.0  # T pose, arms down and rest around a behaviour
 _SPACING_M = 1.2  # between performers: both stay in the picture, and arms held out do not meet
 _MOST_PARTNERS = 7  # no room holds more, and each takes a second to prepare
-_RETURN_S = 1.5  # time in which a performer who starts again goes back to the first pose
 
 
 @dataclass(eq=False)
 class SimulatedSource(ClosableSource):
-    """Image sets of a performance, with their truth.
-
-    Iterate to take them; each has number, times_s and images.
+    """Image sets of a performance with their truth, by iteration.
 
     Args:
-        subject: the performer's true skeleton and marker offsets.
-        live: hand every frame over at its time on the clock, and leave out those that are late, as a camera does.
-        loop: start again when the performance is over.
+        subject: The performer's true skeleton and marker offsets.
+        live: Yield every frame at its time on the clock and drop late ones, as a camera does.
+        loop: Start again when the performance is over.
 
     Attributes:
-        first: number of the first frame that is handed over; live all begin at 0.
+        first: Number of the first frame; ignored live.
+        dropped: Number of frames dropped so far.
     """
 
     performance: Performance
@@ -68,11 +66,11 @@ class SimulatedSource(ClosableSource):
 
     @property
     def frames(self) -> int:
-        """Image sets in one run of the performance."""
+        """Number of image sets in one run of the performance."""
         return int(np.floor(self.motion.duration_s * self.fps + 1e-6)) + 1
 
     def background_frames(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield images of the empty room, one per camera, for learning the background."""
+        """Yield images of the empty room, one for each camera, to learn the background from."""
         for number in range(count):
             yield self.renderer.background(number)
 
@@ -109,41 +107,32 @@ def open_simulated(asked: SimulatedPerformer | Table) -> SimulatedSource:
     """Return the simulated performer as described.
 
     Raises:
-        SettingsError: An unknown key, behaviour or setting.
+        SettingsError: A key, behaviour or setting is unknown.
         MarkerSetError: The marker set is unknown or has no offsets.
         PropError: The prop is unknown or unusable.
     """
     if not isinstance(asked, SimulatedPerformer):
         asked = SIMULATED.read({"kind": "simulated", **asked}, "simulated performer")
     if len(asked.partners) > _MOST_PARTNERS:
-        raise SettingsError(
-            f"{len(asked.partners)} partners of the simulated performer", advice=f"ask for {_MOST_PARTNERS} at most"
-        )
-    partners = [asked.partner(partner) for partner in asked.partners]
-    places_m = _SPACING_M * (np.arange(1 + len(partners)) - 0.5 * len(partners))
-    motions = [with_poses(_motion(one), asked.poses, asked.held_s) for one in (asked, *partners)]
-    motion, *others = (
-        replace(motion, root_positions_m=motion.root_positions_m + np.array([place_m, 0.0, 0.0]))
-        for motion, place_m in zip(motions, places_m, strict=True)
-    )
-    carried = in_hand(load_prop(asked.prop)) if asked.prop else None
-    return simulated_source(
-        motion,
+        message = f"there cannot be {len(asked.partners)} partners of the simulated performer"
+        raise SettingsError(message, advice=f"ask for {_MOST_PARTNERS} at most")
+    everybody = [asked, *(asked.partner(partner) for partner in asked.partners)]
+    motions = []
+    for number, one in enumerate(everybody):
+        motion = with_poses(_motion(one), asked.poses, asked.held_s)
+        place_m = np.array([_SPACING_M * (number - 0.5 * len(asked.partners)), 0.0, 0.0])
+        motions.append(replace(motion, root_positions_m=motion.root_positions_m + place_m))
+    source = simulated_source(
+        motions[0],
         asked.marker_set,
         Renderer(default_rig(asked.cameras), studio_settings(asked.studio)),
         fps=asked.fps,
-        live=asked.live,
         loop=asked.live if asked.loop is None else asked.loop,
-        extras=Extras(carried, tuple(zip(others, (one.marker_set for one in partners), strict=True))),
+        prop=load_prop(asked.prop) if asked.prop else None,
+        partners=tuple((motion, one.marker_set) for motion, one in zip(motions[1:], everybody[1:], strict=True)),
     )
-
-
-@dataclass(frozen=True)
-class Extras:
-    """Prop of the first performer; motions and marker sets of further performers."""
-
-    prop: Carried | None = None
-    partners: tuple[tuple[Motion, str], ...] = ()
+    source.live = asked.live
+    return source
 
 
 def simulated_source(
@@ -152,29 +141,30 @@ def simulated_source(
     renderer: Renderer,
     *,
     fps: float = FPS,
-    live: bool = False,
     loop: bool = False,
-    extras: Extras | None = None,
+    prop: Prop | None = None,
+    partners: Sequence[tuple[Motion, str]] = (),
 ) -> SimulatedSource:
-    """Return an image source of a motion performed with a marker set, and a prop.
+    """Return an image source of a performed motion.
 
-    The marker set (name or file) has offsets.
+    Args:
+        marker_set: Name or file of a marker set with offsets.
+        prop: Prop in the performer's hand.
+        partners: Motions and marker sets of further performers.
     """
+    performances = []
+    for shown, worn, held in ((motion, marker_set, prop), *((*partner, None) for partner in partners)):
+        markers = load_marker_set(worn)
+        joints, carried = markers.joint_indices(shown.skeleton), in_hand(held) if held else None
+        played = with_return(shown) if loop else shown
+        performances.append(make_performance(played, markers.names, joints, markers.offsets_m, carried))
     subject = Subject("simulated performer", motion.skeleton, load_marker_set(marker_set))
-    extras = extras or Extras()
-    everybody = [_performed(motion, subject.marker_set, loop, extras.prop)]
-    everybody += [_performed(other, load_marker_set(worn), loop) for other, worn in extras.partners]
-    performance = replace(everybody[0], partners=tuple(everybody[1:]))
-    return SimulatedSource(performance, subject, renderer, fps=fps, live=live, loop=loop)
-
-
-def _performed(motion: Motion, markers: MarkerSet, loop: bool, carried: Carried | None = None) -> Performance:
-    shown = with_return(motion) if loop else motion
-    return make_performance(shown, markers.names, markers.joint_indices(motion.skeleton), markers.offsets_m, carried)
+    performance = replace(performances[0], partners=tuple(performances[1:]))
+    return SimulatedSource(performance, subject, renderer, fps=fps, loop=loop)
 
 
 def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
-    """Return settings from a table; SettingsError for an unknown name or wrong value."""
+    """Return settings from a table; raise SettingsError for an unknown name or wrong value."""
     try:
         values: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in table.items()

@@ -1,4 +1,4 @@
-"""A recorded motion brought before the simulated cameras."""
+"""Recorded motion moved in front of the simulated cameras."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,11 +12,11 @@ from ...geometry import rotations as rot
 from .performer_body import make_body
 
 _LONGEST_HELD_S = 300.0  # all poses together
-ARRIVAL_S = 1.0  # time from a pose to the next, or to the motion's first
+ARRIVAL_S = 1.0  # time from a held pose to the next, or to the motion's first pose
 
 
 def on_stage(motion: Motion) -> Motion:
-    """Return the motion facing the cameras (+z), centred, its lowest sole on y = 0."""
+    """Return the motion facing the cameras (+z), centred, with its lowest point on the floor."""
     forward = rot.rotate(motion.rotations[:, 0], np.array([0.0, 0.0, 1.0])).mean(axis=0)
     turn = rot.from_rotation_vector(np.array([0.0, -np.arctan2(forward[0], forward[2]), 0.0]))
     rotations = motion.rotations.copy()
@@ -28,14 +28,12 @@ def on_stage(motion: Motion) -> Motion:
 
 
 def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
-    """Return the motion with poses of `POSES` held before it.
+    """Return the motion with poses of `POSES` before it, each held for a time, with a second between them.
 
-    Each is held for the given time; a second lies between it and the next.
-
-    They face the cameras (+z), however the motion begins: who stands sideways hides a shoulder.
+    The poses face the cameras (+z) however the motion begins, as a person standing sideways hides a shoulder.
 
     Raises:
-        SettingsError: more than five minutes of poses.
+        SettingsError: The poses would last more than five minutes.
     """
     if not seconds * len(poses) <= _LONGEST_HELD_S:
         advice = f"hold all together for {_LONGEST_HELD_S:.0f} s at most"

@@ -10,13 +10,11 @@ from ...geometry.camera import Camera, CameraRig
 IMAGE_SIZE = (640, 480)
 FPS = 60.0
 
-_HALF_BASELINE_M = 0.9
-_DISTANCE_M = 3.3
-_HEIGHT_M = 1.4
-_RISE_M = 0.3  # how far a camera stands above or below that
+_HALF_BASELINE_M, _DISTANCE_M, _HEIGHT_M = 0.9, 3.3, 1.4
+_RISE_M = 0.3  # height of a camera above or below that
 _TARGET_M = (0.0, 0.98, 0.0)
 
-# Two webcams of one make are not quite alike: focal lengths, centre (pixels), k1, k2, p1, p2, k3.
+# webcams of one make are not quite alike: focal lengths, centre (pixels), k1, k2, p1, p2, k3
 _LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
     (541.3, 540.6, 322.7, 236.9, (-0.118, 0.071, 0.0006, -0.0004, -0.012)),
     (537.8, 538.9, 316.1, 242.6, (-0.109, 0.058, -0.0005, 0.0007, -0.009)),
@@ -26,10 +24,7 @@ _LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
 
 
 def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
-    """Return camera-from-world (3, 3) of a level camera that looks at a target.
-
-    The target must not lie straight below or above.
-    """
+    """Return camera-from-world (3, 3) of a level camera that looks at a target not straight below or above."""
     position = np.asarray(position_m, dtype=np.float64)
     forward = np.asarray(target_m, dtype=np.float64) - position
     forward = forward / np.linalg.norm(forward)
@@ -41,16 +36,16 @@ def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
 def default_rig(cameras: int = 2) -> CameraRig:
     """Return the simulated rig: 640x480, 1.8 m apart, 3.3 m away, 1.4 m high.
 
-    The performer stands at the world's origin on the floor y = 0 and faces +z, where the cameras are. Two are named
-    "left" and "right" as they see it; more stand on a circle about the performer. Neighbours stand at different
+    The performer stands at the world's origin on the floor y = 0 and faces +z, towards the cameras. Two are named
+    "left" and "right" as they see it; more stand on a circle around the performer. Neighbours stand at different
     heights, because markers of one height (both shoulders, both sides of the waist) lie on one epipolar line of
-    level cameras and can be taken for each other.
+    level cameras and can be confused.
 
     Raises:
-        SettingsError: fewer than one or more than eight cameras.
+        SettingsError: There are fewer than one or more than eight cameras.
     """
     if not 1 <= cameras <= 8:
-        raise SettingsError(f"{cameras} simulated cameras", advice="ask for 1 to 8")
+        raise SettingsError(f"there cannot be {cameras} simulated cameras", advice="ask for 1 to 8")
     if cameras <= 2:
         half = float(np.sqrt(_HALF_BASELINE_M**2 - _RISE_M**2))
         places = [(-half, _HEIGHT_M - _RISE_M, _DISTANCE_M), (half, _HEIGHT_M + _RISE_M, _DISTANCE_M)][:cameras]

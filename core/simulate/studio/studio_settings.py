@@ -11,26 +11,28 @@ TABLES = read_toml(STUDIO)  # colours, body and furniture
 
 @dataclass(frozen=True)
 class StudioSettings:
-    """Settings of the images; by default two good webcams with ring lights.
+    """Settings of the images; by default those of good webcams with ring lights.
 
-    Retro-reflective markers send the ring light back, so the exposure is short and all else is dim.
+    Retro-reflective markers reflect the ring light, so the exposure is short and all else is dim.
 
     Args:
-        marker_radius_m: radius of the markers' balls, metres.
-        marker_brightness: grey level of a marker's face, 0-255, before noise.
-        marker_colours: (B, G, R) per marker, 0-255, or empty: all white of `marker_brightness`.
-        lens_blur_px: standard deviation of the lens's blur of the markers, pixels.
-        exposure_s: time the shutter is open around the frame's time, seconds; it smears moving markers.
-        noise_sigma: standard deviation of the sensor's Gaussian noise, grey levels, per pixel and channel.
-        light: share of the full light that the short exposure leaves of room and body (lamps stay bright);
-            pictures of the board are taken at full light.
-        time_offsets_s: per camera, how much later it takes its images than the clock says; missing: 0.
-        rolling_shutter_s: time from the first row to the last, seconds; the middle row is on time.
-        clutter: furniture, lamps and pictures in the room; without, bare walls and floor.
-        ghosts: false bright blobs that wander through each image (reflections).
-        moved_object: a box that was not there for the background images stands in the room.
-        light_drift: slow change of the room's light, share of its brightness (0.05: by up to 5 %).
-        dropout: chance of each marker to be missing in each image besides, 0..1.
+        marker_radius_m: Radius of the markers' balls.
+        marker_brightness: Grey level of a marker's face, 0-255, before noise.
+        marker_colours: Colour (B, G, R) of each marker, 0-255; missing ones are white of `marker_brightness`.
+        lens_blur_px: Standard deviation of the lens's blur of the markers.
+        exposure_s: Time for which the shutter is open around the frame's time; it smears moving markers.
+        noise_sigma: Standard deviation of the sensor's Gaussian noise, grey levels.
+        light: Brightness of room and body (lamps stay bright), as a share of that in pictures of the board.
+        time_offsets_s: Delay of each camera against its time stamps; 0 for missing cameras.
+        rolling_shutter_s: Time from the first row to the last; the middle row is on time.
+        clutter: Show furniture, lamps and pictures.
+        ghosts: Number of false bright blobs that wander through each image (reflections).
+        moved_object: Show a box that is missing in the background images.
+        light_drift: Slow change of the room's light, as a share of its brightness.
+        draw_body: Show the performer's body.
+        occlusion: Let bodies and markers hide markers.
+        dropout: Probability (0 to 1) of each marker to be missing in each image.
+        seed: Seed of noise, ghosts and dropout.
     """
 
     marker_radius_m: float = 0.0125

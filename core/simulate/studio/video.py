@@ -1,6 +1,6 @@
-"""Video files in codecs that OpenCV's wheels can encode everywhere."""
+"""Video files in codecs that OpenCV's wheels encode on all systems."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,53 +11,42 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import atomic_path
 
-# container and four-letter code; Huffyuv keeps every grey level and is read five times as fast as FFV1, in a quarter
-# more bytes; MPEG-4 plays everywhere but loses some
+# Ending and four-letter code. Huffyuv keeps every grey level; it is read five times as fast as FFV1, with a quarter
+# more bytes. MPEG-4 plays on all systems but loses some levels.
 LOSSLESS = (".mkv", "HFYU")
-SMALL = (".mp4", "mp4v")
-
-
-class VideoWriter:
-    """One open video file; `write` takes uint8 BGR images of one size."""
-
-    def __init__(self, path: Path, fps: float, size: tuple[int, int], code: str) -> None:
-        self.path = path
-        self.size = size
-        self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), fps, size)
-        if not self._writer.isOpened():
-            raise CaptureError(f"cannot be written with codec {code}", where=str(path), advice="check folder and disk")
-
-    def write(self, image: Image) -> None:
-        """Append an image; CaptureError when its size is not the video's."""
-        if (image.shape[1], image.shape[0]) != self.size or image.dtype != np.uint8 or image.ndim != 3:
-            raise CaptureError(
-                f"an image of shape {image.shape} does not fit a video of {self.size[0]}x{self.size[1]}",
-                where=str(self.path),
-            )
-        self._writer.write(image)
-
-    def close(self) -> None:
-        """Finish the file."""
-        self._writer.release()
+_MPEG4 = "mp4v"
 
 
 @contextmanager
-def open_video(path: Path, fps: float, size: tuple[int, int], code: str) -> Iterator[VideoWriter]:
-    """Yield a writer for a video file; it is finished at the end of the block."""
-    writer = VideoWriter(path, fps, size, code)
-    try:
-        yield writer
-    finally:
-        writer.close()
-
-
-def write_video(path: str | Path, frames: Iterable[Image], fps: float, code: str = SMALL[1]) -> int:
-    """Write images to a video file; return their number.
-
-    The file appears only when it is whole and opens again.
+def open_video(path: Path, fps: float, size: tuple[int, int], code: str) -> Iterator[Callable[[Image], None]]:
+    """Yield a function that appends an image (uint8 BGR) to a video; the file is finished at the end of the block.
 
     Raises:
-        CaptureError: no images, images of different size, or the file cannot be written.
+        CaptureError: The file cannot be written, or an image has another size.
+    """
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*code), fps, size)
+    if not writer.isOpened():
+        raise CaptureError(f"cannot be written with codec {code}", where=str(path), advice="check folder and disk")
+
+    def write(image: Image) -> None:
+        if image.shape != (size[1], size[0], 3) or image.dtype != np.uint8:
+            message = f"an image of shape {image.shape} does not fit a video of {size[0]}x{size[1]}"
+            raise CaptureError(message, where=str(path))
+        writer.write(image)
+
+    try:
+        yield write
+    finally:
+        writer.release()
+
+
+def write_video(path: str | Path, frames: Iterable[Image], fps: float) -> int:
+    """Write images to an MPEG-4 file and return their number.
+
+    The file appears only when it is whole and opens again, as OpenCV's writer does not report a full disk.
+
+    Raises:
+        CaptureError: There are no images, their sizes differ, or the file cannot be written.
     """
     remaining = iter(frames)
     first = next(remaining, None)
@@ -65,22 +54,14 @@ def write_video(path: str | Path, frames: Iterable[Image], fps: float, code: str
         raise CaptureError("there are no images for the video", where=str(path))
     count = 1
     with atomic_path(path) as temporary:
-        with open_video(temporary, fps, (first.shape[1], first.shape[0]), code) as video:
-            video.write(first)
+        with open_video(temporary, fps, (first.shape[1], first.shape[0]), _MPEG4) as write:
+            write(first)
             for image in remaining:
-                video.write(image)
+                write(image)
                 count += 1
-        _check(temporary, Path(path))
+        reader = cv2.VideoCapture(str(temporary))
+        readable = reader.isOpened() and reader.read()[0]
+        reader.release()
+        if not readable:
+            raise CaptureError("the video could not be written", where=str(path), advice="check the free disk space")
     return count
-
-
-def _check(temporary: Path, target: Path) -> None:
-    """Check that the written file is a video.
-
-    OpenCV's writer reports no full disk.
-    """
-    reader = cv2.VideoCapture(str(temporary))
-    readable = reader.isOpened() and reader.read()[0]
-    reader.release()
-    if not readable:
-        raise CaptureError("the video could not be written", where=str(target), advice="check the free disk space")

@@ -17,9 +17,9 @@ from perfanim.core.subjects.setup_check.finding import Fault
 
 
 def write_film(path, images):
-    with open_video(path, 30.0, (640, 480), LOSSLESS[1]) as video:
+    with open_video(path, 30.0, (640, 480), LOSSLESS[1]) as write:
         for image in images:
-            video.write(image)
+            write(image)
 
 
 @pytest.fixture(scope="module")

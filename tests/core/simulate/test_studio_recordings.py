@@ -138,9 +138,8 @@ def test_source_between_the_motions_frames_is_smooth(scene: Any) -> None:
 
 def test_late_frames_are_left_out_live(scene: Any) -> None:
     # 20,000 images a second cannot be drawn, so the clock runs ahead
-    source = simulated_source(
-        scene.swinging(40), "boxing", Renderer(default_rig(), QUIET), fps=20000.0, live=True, loop=True
-    )
+    source = simulated_source(scene.swinging(40), "boxing", Renderer(default_rig(), QUIET), fps=20000.0, loop=True)
+    source.live = True
     numbers = []
     for frame in source:
         numbers.append(frame.number)
