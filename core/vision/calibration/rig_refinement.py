@@ -86,7 +86,7 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[FloatArray]]) -> Refine
             )
         found, depth_sigma = _fit_cameras(found, observed, weights)
     before, after = (np.array([camera.rotation for camera in each.cameras]) for each in (rig, found))
-    turned = rot.angle_between(rot.from_matrix(before), rot.from_matrix(after))
+    turned = rot.lengths(rot.to_rotation_vector(rot.from_matrix(after @ before.swapaxes(1, 2))))
     shifts_m = np.array([a.centre_m - b.centre_m for a, b in zip(rig.cameras, found.cameras, strict=True)])
     before_px, after_px = (
         float(np.median(triangulate(each.cameras, observed, weights, 1.0)[2][weights > 0.0])) for each in (rig, found)
