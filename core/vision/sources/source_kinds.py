@@ -57,7 +57,7 @@ def _kind(text: str) -> str:
         return "images"
     if is_file(text):
         return "videos"
-    what = "contains no image files" if is_folder(text) else "not found"
+    what = "holds no image files" if is_folder(text) else "not found"
     raise CaptureError(
         what, where=text, advice="give a video, a folder, a pattern like take/*_1.jpg, a device number or an address"
     )
