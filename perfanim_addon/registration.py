@@ -1,7 +1,7 @@
 """Registration in two steps.
 
-First preferences and diagnostics, which need only Blender and the standard library; then the rest, which needs numpy
-and the bundled scipy. If that fails, the first step stays, and the sidebar shows the error.
+Preferences and diagnostics come first and need only Blender and the standard library; the rest needs numpy and the
+bundled scipy. If the rest fails, the first step stays, and the sidebar shows the error.
 """
 
 import traceback
@@ -10,13 +10,13 @@ from functools import partial
 from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import Any
 
 import bpy
 
 from .panels import broken_installation
 from .preferences import diagnostics, diagnostics_ui, manual, preferences
 from .preferences.paths import clean_up
+from .preferences.property_kinds import attach
 from .preferences.sidebar_tab import SidebarPanel, register_panel, unregister_panel
 
 _KINDS = (
@@ -42,7 +42,7 @@ _PANELS = (  # in the order of the sidebar
 
 def _other_modules() -> Sequence[ModuleType]:
     """Import the other modules, in the order of registration."""
-    import scipy  # noqa: F401  # fails here if its wheel is broken, before anything is registered
+    import scipy  # noqa: F401  # a broken wheel fails here, before anything is registered
 
     from . import operators, settings
     from .character import bone_map_settings
@@ -50,7 +50,7 @@ def _other_modules() -> Sequence[ModuleType]:
     from .preferences import new_file_defaults
 
     panels = [import_module(f".panels.{name}", __package__) for name in _PANELS]
-    # activity is unregistered first, so that it ends running work while the rest is still there
+    # activity is unregistered first, so that running work ends while the rest is still registered
     return (bone_map_settings, *_modules_of(settings), *_modules_of(operators), new_file_defaults, *panels, activity)
 
 
@@ -86,23 +86,20 @@ def unregister() -> None:
 def _add_all(modules: Sequence[ModuleType]) -> None:
     """Register modules in order: the classes of each, then its own additions."""
     for module in modules:
-        for cls in _classes(module):
+        found = [value for value in vars(module).values() if isinstance(value, type) and issubclass(value, _KINDS)]
+        for cls in [cls for cls in found if cls.__module__ == module.__name__]:
             if issubclass(cls, SidebarPanel):
                 register_panel(cls, preferences.tab(bpy.context))
                 _undo.append(partial(unregister_panel, cls))
             else:
                 bpy.utils.register_class(cls)
                 _undo.append(partial(bpy.utils.unregister_class, cls))
+            if hasattr(cls, "attached_to"):
+                _undo.append(attach(cls))
         if hasattr(module, "register"):
             module.register()
         if hasattr(module, "unregister"):
             _undo.append(module.unregister)
-
-
-def _classes(module: ModuleType) -> list[Any]:
-    """Return the classes of Blender's kinds that a module defines, in their order."""
-    found = [value for value in vars(module).values() if isinstance(value, type) and issubclass(value, _KINDS)]
-    return [cls for cls in found if cls.__module__ == module.__name__]
 
 
 def _remove_down_to(count: int) -> None:

@@ -1,7 +1,8 @@
 """The user's recorded takes: folder, list, trash."""
 
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -13,13 +14,13 @@ from ..core.session.pose_filters import FilterSettings
 from ..core.system.lock import is_locked
 from .preferences.paths import user_folder
 
-RECOVERED_SUFFIX = ".cut"  # appended to the name of a recovered file
-_DELETED = "deleted"  # trash folder within the takes folder
+RECOVERED_SUFFIX = ".cut"  # of damaged files that were recovered
+_DELETED = "deleted"  # trash folder
 
 
 @dataclass
 class _Known:
-    """Content of the folder when it was last read."""
+    """Content of the folder at the last reading."""
 
     stamp: int = -1
     takes: list[TakeSummary] = field(default_factory=list)
@@ -37,14 +38,14 @@ def folder() -> Path:
 
 
 def new_path() -> Path:
-    """Return an unused file for a capture that begins now."""
+    """Return an unused file, named after the present time."""
     return unused_path(folder(), datetime.now().astimezone().strftime("%Y-%m-%d %H.%M.%S"))
 
 
 def listed() -> list[TakeSummary]:
-    """Return the takes, newest first, without those being recorded or empty.
+    """Return the takes, newest first, without empty ones and those being recorded.
 
-    The folder is read again only after a change of its entries or `forget`, as panels ask often.
+    Panels ask often: the folder is read again only after a change of its entries or `forget`.
     """
     try:
         stamp = folder().stat().st_mtime_ns
@@ -71,27 +72,20 @@ def are_deleted() -> bool:
 
 
 def forget() -> None:
-    """Read the folder again next time: a take has changed."""
+    """Read the folder again next time."""
     _known.stamp = -1
 
 
 def cut_off() -> list[TakeSummary]:
     """Return the takes to offer for recovery, newest first.
 
-    Their worker died, so that they have no end mark, or they outlived Blender and were not put onto a character since.
+    Either their worker died, so that they have no end mark, or they outlived Blender and were not played since.
     """
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
 
 def mark_captured(path: Path | str, filters: FilterSettings, recorded: tuple[int, int] | None = None) -> None:
-    """Note the filters and the recorded part of a captured take.
-
-    Args:
-        recorded: numbers of the first and last recorded frame, None for all.
-
-    Raises:
-        TakeError: not a take, or it cannot be written.
-    """
+    """Store the filters of a captured take, and its first and last recorded frame if not all are recorded."""
     take = summarise(path)
     played = take.notes.played or take.orphaned
     append_notes(
@@ -100,28 +94,17 @@ def mark_captured(path: Path | str, filters: FilterSettings, recorded: tuple[int
     forget()
 
 
-def mark_played(path: Path | str, character: str = "") -> None:
-    """Note that a take was put onto a character, and end its recovery offer.
-
-    Args:
-        character: name to keep with the take; "" leaves the present one.
-
-    Raises:
-        TakeError: not a take, or it cannot be written.
-    """
+def mark_played(path: Path | str, character: str) -> None:
+    """Store that a take was put onto a character, and end its recovery offer; TakeError if it cannot be written."""
     take = summarise(path)
-    notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character or take.notes.character)
+    notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character)
     if notes != take.notes:
         append_notes(path, notes)
         forget()
 
 
 def delete(path: Path) -> None:
-    """Move a take to the trash.
-
-    Raises:
-        TakeError: not a take, being recorded, or it cannot be moved.
-    """
+    """Move a take to the trash; TakeError if it is being recorded or cannot be moved."""
     name = summarise(path).notes.name
     if is_locked(path):
         raise TakeError("is being recorded", where=name, advice="wait for the end of the capture")
@@ -134,7 +117,7 @@ def deleted() -> list[TakeSummary]:
 
 
 def restore(path: Path) -> None:
-    """Move a deleted take back into the list; TakeError when it cannot be moved."""
+    """Move a deleted take back into the list; TakeError if it cannot be moved."""
     _move(path, folder())
 
 
@@ -150,11 +133,7 @@ def low_rated(days: int, stars: int) -> list[TakeSummary]:
 
 
 def remove(paths: Iterable[Path]) -> int:
-    """Remove files permanently; return the bytes freed.
-
-    Raises:
-        TakeError: one cannot be removed.
-    """
+    """Remove files permanently and return the bytes freed; TakeError if one cannot be removed."""
     freed = 0
     for path in paths:
         try:
@@ -193,34 +172,27 @@ def _move(path: Path, target: Path) -> None:
 
 
 def _is_cut_off(path: Path) -> bool:
-    try:
+    with suppress(TakeError):
         return has_frames(path) and not is_locked(path)
-    except TakeError:
-        return False
+    return False
 
 
 def _summaries(where: Path) -> list[TakeSummary]:
-    """Return the readable takes of a folder, newest first."""
-    return sorted(_readable(where), key=_created, reverse=True)
-
-
-def _readable(where: Path) -> Iterator[TakeSummary]:
-    for path in sorted(where.glob(f"*{ENDING}")):
-        if path.name.startswith("."):  # still being written, under a name that is none yet
-            continue
-        try:
-            yield summarise(path)
-        except TakeError:
-            continue
+    """Return the readable takes of a folder, newest first; names of temporary files begin with a dot."""
+    found = []
+    for path in sorted(where.glob(f"[!.]*{ENDING}")):
+        with suppress(TakeError):
+            found.append(summarise(path))
+    return sorted(found, key=_created, reverse=True)
 
 
 def _created(take: TakeSummary) -> datetime:
-    """Return the start time of a take; without one, the time of its last change."""
+    """Return the start time of a take, else the time of its last change."""
     try:
         return datetime.fromisoformat(take.created).astimezone(UTC)
     except ValueError:
         try:
             changed_s = take.path.stat().st_mtime
-        except OSError:  # it was deleted since it was read
+        except OSError:  # deleted meanwhile
             changed_s = 0.0
         return datetime.fromtimestamp(changed_s, UTC)

@@ -126,8 +126,8 @@ def captured(folder: Path, fps: float, seconds: float, tick_s: float | None) -> 
     """Capture as Blender does; return the microseconds of a tick without a pose."""
     import bpy
     from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
+    from perfanim.perfanim_addon.capture.tuning import TUNING
     from perfanim.perfanim_addon.character.create_character import create_character
-    from perfanim.perfanim_addon.operators.capture_operators import TICK_S
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     subject = open_simulated(_SOURCE).subject
@@ -152,7 +152,7 @@ def captured(folder: Path, fps: float, seconds: float, tick_s: float | None) -> 
                 end_s = started_s + _WARM_S + seconds if end_s == limit_s else end_s
                 driver.apply(pose.performers[0].rotations, pose.performers[0].root_position_m)
                 notes.add(run._stamp, "bones set")
-            due_s = max(due_s + (tick_s or TICK_S), time.perf_counter())  # no tick is made up for
+            due_s = max(due_s + (tick_s or TUNING.tick_s), time.perf_counter())  # no tick is made up for
             time.sleep(max(due_s - time.perf_counter(), 0.0))
         run.stop()
         while run.phase is not Phase.DONE:

@@ -22,7 +22,7 @@ from bench.speed import reference_ms
 from perfanim.core.cli.main import main as perfanim
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import registration
-from perfanim.perfanim_addon.animation.channels import channels_of, slot_of
+from perfanim.perfanim_addon.blender_versions import action_curves
 from perfanim.perfanim_addon.sketch import live_sketch
 from perfanim.perfanim_addon.sketch.controls import controls_of
 
@@ -40,7 +40,7 @@ def main() -> None:
     registration.register()
     bpy.ops.wm.open_mainfile(filepath=str(options.sample.resolve()))
     armature = bpy.context.scene.perfanim.armature
-    curves = [list(_curves(control)) for control in controls_of(armature).values()]
+    curves = [list(action_curves(control)) for control in controls_of(armature).values()]
     last = max(key.co.x for each in curves for curve in each for key in curve.keyframe_points)
     for curve in (curve for each in curves for curve in each):
         for key in curve.keyframe_points:
@@ -73,11 +73,6 @@ def main() -> None:
     )
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     sys.stdout.write(f"load {load} on {os.cpu_count()} processors\n")
-
-
-def _curves(control: bpy.types.Object) -> list[bpy.types.FCurve]:
-    animation = control.animation_data
-    return [curve for bag in channels_of(animation.action, slot_of(animation)) for curve in bag.fcurves]
 
 
 def _played(live: Any) -> tuple[float, float, float, float, float]:

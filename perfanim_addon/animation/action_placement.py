@@ -9,10 +9,8 @@ import bpy
 import numpy as np
 
 from ...core.geometry.arrays import Array
-from .channels import HAS_SLOTS, assign, channels_of, slot_of
+from ..blender_versions import assign, channels_of, detach_action, first_slot, set_slot, slot_of
 from .keyframes import KeyBounds
-
-BLEND_S = 0.25  # blend time of a layer at its start and end
 
 
 class PlacementMode(Enum):
@@ -25,22 +23,15 @@ class PlacementMode(Enum):
 
 @dataclass(frozen=True)
 class Placement:
-    """Placement of keyframes on an armature.
-
-    Args:
-        only: names of the bones that get any; None for all.
-        bounds: of the reduction; None for a key in every frame.
-        marked: scene frames with keys of the type Jitter.
-        doubtful: bone -> further scene frames with such keys, or with none.
-        leave_out: none.
-    """
+    """Placement of keyframes on an armature."""
 
     onto: PlacementMode = PlacementMode.ACTION
-    only: Collection[str] | None = None
-    bounds: KeyBounds | None = None
-    marked: Collection[float] = ()
-    doubtful: Mapping[str, Collection[float]] = field(default_factory=dict)
-    leave_out: bool = False
+    only: Collection[str] | None = None  # names of the bones that get keyframes; None for all
+    bounds: KeyBounds | None = None  # None for a key in every frame
+    marked: Collection[float] = ()  # scene frames with keys of the type Jitter
+    doubtful: Mapping[str, Collection[float]] = field(default_factory=dict)  # the same for each bone
+    leave_out: bool = False  # insert no keys in the doubtful frames of a bone
+    blend_s: float = 0.25  # blend time of a layer at its start and end, chosen by eye
 
 
 def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) -> bpy.types.Action:
@@ -55,13 +46,7 @@ def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) ->
 def place_action(
     animation: bpy.types.AnimData, action: bpy.types.Action, frames: Array, onto: PlacementMode, blend: float
 ) -> None:
-    """Make an action active, or add its strip.
-
-    Args:
-        frames: (F,) where its keys are.
-        onto: as of `new_action`.
-        blend: frames in which a strip blends in, and out.
-    """
+    """Make an action with keys in frames (F,) active, or add its strip, which blends in and out over `blend` frames."""
     if onto is PlacementMode.ACTION:
         assign(animation, action)
     else:
@@ -81,30 +66,22 @@ def _fit(strip: bpy.types.NlaStrip, frames: tuple[float, float]) -> None:
 
 def _push_down(animation: bpy.types.AnimData) -> None:
     """Push the active action down to a strip, as Blender's Push Down does."""
-    action = animation.action
-    if action is None:
-        return
-    first, last = (float(frame) for frame in action.frame_range)
-    if any(channels_of(action, slot_of(animation))):
-        strip = _add_strip(animation, action, (first, last), 0.0, slot_of(animation))
+    action, slot = animation.action, slot_of(animation)
+    if action is not None and any(channels_of(action, slot)):
+        strip = _add_strip(animation, action, tuple(action.frame_range), 0.0, slot)
         strip.blend_type, strip.extrapolation = animation.action_blend_type, animation.action_extrapolation
-    action.use_fake_user = True
-    animation.action = None
+    detach_action(animation)
 
 
 def _add_strip(
     animation: bpy.types.AnimData, action: bpy.types.Action, frames: tuple[float, float], blend: float, slot: Any = None
 ) -> bpy.types.NlaStrip:
-    """Add an action as a strip on a new top track; it blends in and out over `blend`.
-
-    Where something lies below, it shows before and after the strip.
-    """
+    """Add an action as a strip on a new top track; what lies below shows before and after the strip."""
     below = len(animation.nla_tracks) > 0
     track = animation.nla_tracks.new()
     track.name = action.name
     strip = track.strips.new(action.name, int(np.floor(frames[0])), action)
-    if HAS_SLOTS:
-        strip.action_slot = slot or action.slots[0]
+    set_slot(strip, slot or first_slot(action))
     _fit(strip, frames)
     strip.blend_type, strip.extrapolation = "REPLACE", "NOTHING" if below else "HOLD"
     strip.use_auto_blend = False

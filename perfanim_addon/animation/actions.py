@@ -1,6 +1,7 @@
-"""Actions: recorded poses, and how objects moved, as keyframes."""
+"""Recorded poses and the motion of objects as actions."""
 
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
@@ -11,15 +12,15 @@ from ...core.errors import CharacterError
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
 from ...core.retarget.retargeter import RetargetPlan, apply_plan
+from ..blender_versions import by_channel, curves_of, first_slot
 from ..character.armature_reading import clear_offsets, delta_transforms
 from ..character.create_character import find_armature
 from ..character.posing import plan_for
-from .action_placement import BLEND_S, Placement, PlacementMode, new_action, place_action
-from .channels import HAS_SLOTS, channels_of
+from .action_placement import Placement, PlacementMode, new_action, place_action
 from .keyframes import KeyWriter, bone_path, fill
 from .quaternion_curves import keep_in_quaternions
 
-_OBJECT_GROUP = "Object Transforms"  # as Blender calls it
+_OBJECT_GROUP = "Object Transforms"  # Blender's name
 _NEW = Placement()
 
 
@@ -32,6 +33,16 @@ def scene_frames(times_s: ArrayLike, scene: bpy.types.Scene, start_frame: float 
 def scene_fps(scene: bpy.types.Scene) -> float:
     """Return the scene's frames per second."""
     return float(scene.render.fps) / float(scene.render.fps_base)
+
+
+@contextmanager
+def present_frame(scene: bpy.types.Scene) -> Iterator[None]:
+    """Return to the present frame at the end."""
+    frame, part = scene.frame_current, scene.frame_subframe
+    try:
+        yield
+    finally:
+        scene.frame_set(frame, subframe=part)
 
 
 def write_action(
@@ -47,24 +58,23 @@ def write_action(
     """Write poses as a new action of an armature; its old action stays in the file.
 
     Args:
-        object_name: an armature object, driven as `plan_for` returns it.
-        frames: (F,) scene frame of each pose, strictly increasing, fractions allowed (see `scene_frames`).
-        rotations: (F, J, 4) parent-from-joint quaternions relative to rest.
-        root_positions_m: (F, 3) root in product space.
-        placement: where it goes, which bones it moves, how many keys it has.
+        object_name: Name of the armature object.
+        frames: Scene frame (F,) of each pose, strictly increasing, fractions allowed (see `scene_frames`).
+        rotations: Parent-from-joint quaternions (F, J, 4) relative to the rest pose.
+        root_positions_m: Root (F, 3) in the capture space.
+        placement: Destination of the action, the bones that it moves, and the bounds of its keys.
 
     Returns:
         The action's name (Blender may append ".001").
 
     Raises:
-        CharacterError: no such armature, one that cannot be driven, no poses, arrays that do not belong together, or
-            none of the bones is to be moved.
+        CharacterError: The armature is missing or cannot be driven, none of its bones is to be moved, or poses are not
+            finite.
     """
     armature_object = find_armature(object_name)
-    at = np.asarray(frames, dtype=np.float64)
-    q = np.asarray(rotations, dtype=np.float64)
-    positions = np.asarray(root_positions_m, dtype=np.float64)
-    _check(at, q, positions, skeleton)
+    at, q, positions = (np.asarray(each, dtype=np.float64) for each in (frames, rotations, root_positions_m))
+    if not (np.all(np.isfinite(q)) and np.all(np.isfinite(positions))):
+        raise CharacterError("poses must be finite numbers")
     return write_with_plan(
         armature_object, at, q, positions, plan_for(armature_object, skeleton), name=name, placement=placement
     )
@@ -98,7 +108,7 @@ def write_with_plan(
     action = new_action(animation, name, placement.onto)
     quaternions, signs, blend = rot.continuous(pose.rotations), np.ones((2, len(turned))), 0.0
     if placement.onto is PlacementMode.LAYER:
-        blend = BLEND_S * scene_fps(bpy.context.scene)
+        blend = placement.blend_s * scene_fps(bpy.context.scene)
         signs = _signs(armature_object, turned, quaternions, frames)
     how = (placement.bounds, placement.marked, placement.doubtful, placement.leave_out)
     writer = KeyWriter(armature_object, action, frames, *how)
@@ -117,13 +127,9 @@ def write_with_plan(
 def write_object_action(
     target: bpy.types.Object, frames: Array, rotations: Array, locations: Array, *, name: str, placement: Placement
 ) -> str:
-    """Write the motion of an object as a new action of it; return the action's name.
+    """Write the motion of an object in its parent's space as a new action; return the action's name.
 
-    Args:
-        target: is switched to quaternions.
-        frames: (F,) scene frames, strictly increasing.
-        rotations, locations: (F, 4), (F, 3) in its parent's space.
-        placement: where it goes and how many keys it has; a strip of an object does not blend.
+    The object is switched to quaternions; its strip does not blend.
     """
     animation = target.animation_data or target.animation_data_create()
     target.rotation_mode = "QUATERNION"
@@ -136,29 +142,14 @@ def write_object_action(
 
 
 def _moved(bones: tuple[str, ...], only: Collection[str] | None) -> dict[str, int]:
-    """Return the bones to be written, each with its place among all."""
+    """Return the bones to be written with their indices."""
     return {name: place for place, name in enumerate(bones) if only is None or name in only}
 
 
-def _check(frames: Array, rotations: Array, positions: Array, skeleton: Skeleton) -> None:
-    count = len(frames)
-    if count == 0:
-        raise CharacterError("there are no frames to write", advice="record something first")
-    if rotations.shape != (count, len(skeleton), 4) or positions.shape != (count, 3):
-        raise CharacterError(
-            f"{count} frames of {len(skeleton)} joints cannot have arrays {rotations.shape} and {positions.shape}"
-        )
-    if np.any(np.diff(frames) <= 0.0):
-        first = int(np.argmax(np.diff(frames) <= 0.0))
-        raise CharacterError("the frames' times do not increase", where=f"pose {first + 1}")
-    if not (np.all(np.isfinite(rotations)) and np.all(np.isfinite(positions)) and np.all(np.isfinite(frames))):
-        raise CharacterError("poses must be finite numbers")
-
-
 def _signs(armature_object: bpy.types.Object, turned: dict[str, int], quaternions: Array, frames: Array) -> Array:
-    """Return signs (2, B) of the first and last rotations, nearest to the animation.
+    """Return the signs (2, B) of the first and last rotations that are nearest to the animation below.
 
-    q and -q are the same, but a blend between one and the other goes round.
+    q and -q are the same rotation, but a blend from one to the other is a full turn.
     """
     signs = np.ones((2, len(turned)))
     for row, end in enumerate((0, -1)):
@@ -169,21 +160,18 @@ def _signs(armature_object: bpy.types.Object, turned: dict[str, int], quaternion
 
 
 def _quaternions_at(armature_object: bpy.types.Object, bones: list[str], frame: float) -> Array:
-    """Return the rotations (B, 4) of bones at a frame of the scene."""
+    """Return the rotations (B, 4) of bones in a frame of the scene."""
     scene = bpy.context.scene
-    before = scene.frame_current_final
-    scene.frame_set(int(np.floor(frame)), subframe=frame - np.floor(frame))
-    evaluated = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    found = np.array([evaluated.pose.bones[name].rotation_quaternion for name in bones], dtype=np.float64)
-    scene.frame_set(int(np.floor(before)), subframe=before - np.floor(before))
+    with present_frame(scene):
+        scene.frame_set(int(np.floor(frame)), subframe=frame - np.floor(frame))
+        evaluated = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        found = np.array([evaluated.pose.bones[name].rotation_quaternion for name in bones], dtype=np.float64)
     return found.reshape(-1, 4)
 
 
 def is_keyed_in_each_frame(action: bpy.types.Action) -> bool:
     """Return whether each curve has a key in each frame; False without curves."""
-    slot = action.slots[0] if HAS_SLOTS and len(action.slots) else None
-    curves = [curve for bag in channels_of(action, slot) for curve in bag.fcurves]
-    ends = [(each.range(), len(each.keyframe_points)) for each in curves]
+    ends = [(each.range(), len(each.keyframe_points)) for each in curves_of(action, first_slot(action))]
     return bool(ends) and all(round(span[1] - span[0]) + 1 == count for span, count in ends)
 
 
@@ -195,13 +183,8 @@ def refill_action(
     root_positions_m: Array,
     plan: RetargetPlan,
 ) -> Iterator[None]:
-    """Set a key in each frame of the curves that an action has; yield after each bone.
-
-    Args:
-        frames, rotations, root_positions_m, plan: as of `write_with_plan`.
-    """
-    slot = action.slots[0] if HAS_SLOTS else None
-    curves = {(each.data_path, each.array_index): each for bag in channels_of(action, slot) for each in bag.fcurves}
+    """Set a key in each frame of an action's curves; yield after each bone. Arguments as in `write_with_plan`."""
+    curves = by_channel(curves_of(action, first_slot(action)))
     pose = apply_plan(plan, rotations, root_positions_m)
     quaternions = rot.continuous(pose.rotations)
     channels = [(bone_path(name, "rotation_quaternion"), quaternions[:, i]) for i, name in enumerate(plan.bones)]

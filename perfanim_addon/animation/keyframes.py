@@ -9,38 +9,32 @@ from numpy.typing import ArrayLike
 
 from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
 from ...core.geometry.arrays import Array, IntArray, Mask
-from .channels import new_channels, new_curve
+from ..blender_versions import new_channels, new_curve
 
 _JITTER = 3  # Keyframe.type "JITTER" as foreach_set takes it
 _LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set takes it
 _ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED"
-_LINEAR_ROTATION_FRAMES = 2.0  # mean key distance up to which straight lines between keys show no corners
 
 
 @dataclass(frozen=True)
 class KeyBounds:
-    """Largest errors of reduced curves in any recorded frame.
+    """Largest errors of reduced curves in any recorded frame."""
 
-    Args:
-        rotation_deg: of each bone, relative to its parent.
-        location_mm: of each bone that is moved, in the scene.
-    """
-
-    rotation_deg: float
-    location_mm: float
+    rotation_deg: float  # largest rotation error of each bone relative to its parent
+    location_mm: float  # largest location error of each moved bone, in the scene
 
 
 class KeyWriter:
     """Adds curves to a new action.
 
     Args:
-        animated: the object that is going to play it.
-        action: without curves so far.
-        frames: (F,) scene frame of each value.
-        bounds: of the reduction, None for a key in every frame.
-        marked: scene frames with keys of the type Jitter.
-        doubtful: group -> further scene frames with such keys.
-        leave_out: give these no keys, but for the first and the last frame.
+        animated: Object that is going to play the action.
+        action: Action without curves.
+        frames: Scene frame (F,) of each value.
+        bounds: Bounds of the key reduction; None for a key in every frame.
+        marked: Scene frames with keys of the type Jitter.
+        doubtful: Per group further scene frames with such keys.
+        leave_out: Insert no keys in the doubtful frames, except the first and last.
     """
 
     def __init__(
@@ -58,14 +52,15 @@ class KeyWriter:
         self._bounds = bounds
         self._marked = np.isin(frames, list(marked))
         self._doubtful, self._leave_out = doubtful or {}, leave_out
-        self._straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= _LINEAR_ROTATION_FRAMES
+        # up to two frames between keys, straight lines show no corners
+        self._straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= 2.0
         scale = float(np.mean(np.abs(animated.matrix_world.to_scale())))
         self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
 
     def rotate(self, path: str, group: str, quaternions: Array, signs: ArrayLike = (1.0, 1.0)) -> None:
         """Add the four curves of a rotation (F, 4), with signs for its start and end.
 
-        Where they differ, the sign changes half way, between two keys that nothing is drawn between.
+        Where the signs differ, the sign changes half way, between two keys that nothing is drawn between.
         """
         first, last = np.asarray(signs, dtype=np.float64)
         kept, types = self._kept(group)
@@ -101,20 +96,19 @@ class KeyWriter:
     def _add(
         self, path: str, group: str, samples: tuple[Array, Array, Array, IntArray], keys: IntArray | None
     ) -> list[bpy.types.FCurve]:
-        """Add curves of samples (frames, values, slopes, types of keys), or of some."""
+        """Add curves with keys at all samples (frames, values, slopes, key types), or at some."""
         frames, values, steep, types = samples
         curves = [new_curve(self._channels, path, component, group) for component in range(values.shape[1])]
         for component, curve in enumerate(curves):
             if keys is None:
                 fill(curve, frames, values[:, component], self._straight, types)
             else:
-                parts = (frames[keys], values[keys, component], steep[keys, component], types[keys])
-                _fill_eased(curve, *parts)
+                _fill_eased(curve, frames[keys], values[keys, component], steep[keys, component], types[keys])
         return curves
 
 
 def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool, types: IntArray | None = None) -> None:
-    """Set a key of a type in each frame; `straight` draws lines between them."""
+    """Set a key in each frame, with straight lines between them if `straight`."""
     points = curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack((frames, values), axis=1).astype(np.float32).ravel())
@@ -122,11 +116,11 @@ def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool, 
         points.foreach_set("interpolation", np.full(len(frames), _LINEAR, dtype=np.int32))
     if types is not None and types.any():
         points.foreach_set("type", types)
-    curve.update()  # joins keys of almost one time
+    curve.update()  # merges keys at almost the same time
 
 
 def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Array, types: IntArray) -> None:
-    """Set keys with slopes; handles of a third of the distance make cubics."""
+    """Set keys with slopes; handles of a third of the distance make the curves cubic."""
     fill(curve, frames, values, False, types)
     gaps = np.diff(frames) / 3.0
     before, after = np.append(gaps[:1], gaps), np.append(gaps, gaps[-1:])

@@ -1,4 +1,4 @@
-"""Quaternion curves beside the Euler or axis-angle curves of an animation."""
+"""Rotations in any of Blender's rotation modes as quaternions, and as curves."""
 
 from collections.abc import Collection
 from typing import Any
@@ -8,23 +8,38 @@ import numpy as np
 from mathutils import Euler, Quaternion
 
 from ...core.geometry import rotations as rot
-from .channels import channels_of, new_curve, slot_of
+from ...core.geometry.arrays import Array
+from ..blender_versions import by_channel, channels_of, new_curve, slot_of
 from .keyframes import bone_path, fill
+
+
+def rotation_channel(mode: str) -> str:
+    """Return the name of the property with the rotation in a rotation mode."""
+    return {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(mode, "rotation_euler")
+
+
+def quaternions_of(mode: str, values: Array) -> Array:
+    """Return quaternions (F, 4) of values (F, 3 or 4) of a rotation mode."""
+    if mode == "QUATERNION":
+        return rot.normalize(values)
+    if mode == "AXIS_ANGLE":
+        return np.array([Quaternion(each[1:], each[0]) for each in values.tolist()])
+    return np.array([Euler(each, mode).to_quaternion() for each in values.tolist()])
 
 
 def keep_in_quaternions(armature_object: bpy.types.Object, bones: Collection[str]) -> None:
     """Add quaternion curves to the animation of bones that switch to quaternions."""
     animation = armature_object.animation_data
-    if animation is None:
+    turned = [armature_object.pose.bones[name] for name in bones]
+    turned = [bone for bone in turned if bone.rotation_mode != "QUATERNION"]
+    if animation is None or not turned:
         return
     tracks = animation.nla_tracks if animation.use_nla else ()
     strips = [strip for track in tracks for strip in track.strips if strip.type == "CLIP"]
     played = {(used.action, slot_of(used)) for used in (animation, *strips) if used.action is not None}
-    turned = [armature_object.pose.bones[name] for name in bones]
-    turned = [bone for bone in turned if bone.rotation_mode != "QUATERNION"]
     for action, slot in played:
-        for channels in channels_of(action, slot) if action.is_editable and turned else ():
-            known = {(curve.data_path, curve.array_index): curve for curve in channels.fcurves}
+        for channels in channels_of(action, slot) if action.is_editable else ():
+            known = by_channel(channels.fcurves)
             for bone in turned:
                 if (bone_path(bone.name, "rotation_quaternion"), 0) not in known:
                     _add_quaternions(channels, known, bone)
@@ -32,8 +47,7 @@ def keep_in_quaternions(armature_object: bpy.types.Object, bones: Collection[str
 
 def _add_quaternions(channels: Any, known: dict[tuple[str, int], Any], bone: bpy.types.PoseBone) -> None:
     """Add a bone's rotation per frame as quaternion curves."""
-    is_axis_angle = bone.rotation_mode == "AXIS_ANGLE"
-    channel = "rotation_axis_angle" if is_axis_angle else "rotation_euler"
+    channel = rotation_channel(bone.rotation_mode)
     path, now = bone_path(bone.name, channel), list(getattr(bone, channel))
     curves = [known.get((path, component)) for component in range(len(now))]
     keyed = [key.co[0] for curve in curves if curve is not None for key in curve.keyframe_points]
@@ -44,8 +58,7 @@ def _add_quaternions(channels: Any, known: dict[tuple[str, int], Any], bone: bpy
         [curve.evaluate(frame) if curve is not None else still for curve, still in zip(curves, now, strict=True)]
         for frame in frames
     ]
-    turns = [Quaternion(v[1:], v[0]) if is_axis_angle else Euler(v, bone.rotation_mode).to_quaternion() for v in values]
-    quaternions = rot.continuous(np.array(turns, dtype=np.float64))
+    quaternions = rot.continuous(quaternions_of(bone.rotation_mode, np.array(values)))
     for component in range(4):
         curve = new_curve(channels, bone_path(bone.name, "rotation_quaternion"), component, bone.name)
         fill(curve, frames, quaternions[:, component], straight=True)

@@ -1,4 +1,4 @@
-"""Puts poses on an armature, fast enough for every tick of a live capture."""
+"""Poses on an armature, fast enough for every tick of a live capture."""
 
 from collections.abc import Collection
 
@@ -14,7 +14,7 @@ from ..character.create_character import find_armature
 from ..character.part_bones import PARTS, bones_of_parts
 from ..character.posing import plan_for
 
-_QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" as foreach_get returns it
+_QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" in foreach_get
 
 
 class ArmatureDriver:
@@ -23,11 +23,11 @@ class ArmatureDriver:
     Only the object's name is kept: undo, redo and file load replace Blender's data, so it is looked up for every pose.
 
     Args:
-        object_name: an armature, driven by `plan_for`; its bones are switched to quaternions.
-        parts: of the body to move (see `body_parts`); other bones stay as they are.
+        object_name: Name of the armature object; its bones are switched to quaternions.
+        parts: Body parts to move (see `PARTS`).
 
     Raises:
-        CharacterError: there is no such armature, or it cannot be driven.
+        CharacterError: The armature is missing or cannot be driven.
     """
 
     def __init__(self, object_name: str, skeleton: Skeleton, parts: Collection[str] = PARTS) -> None:
@@ -38,7 +38,7 @@ class ArmatureDriver:
         self.bind()
 
     def bind(self) -> None:
-        """Read the armature's rest pose, as after an edit; errors as at construction."""
+        """Read the armature's rest pose again, as after an edit; errors as in the constructor."""
         armature_object = find_armature(self.object_name)
         self.plan = plan_for(armature_object, self._skeleton)
         bones = armature_object.pose.bones
@@ -48,30 +48,33 @@ class ArmatureDriver:
         self._turned = np.flatnonzero([name in only for name in self.plan.bones])
         self._located = [(name, place) for place, name in enumerate(self.plan.located) if name in only]
         self._names = [self.plan.bones[place] for place in self._turned]
-        keep_in_quaternions(armature_object, self._names)  # an animation of theirs in other angles would stop
+        keep_in_quaternions(armature_object, self._names)  # else other animation of them would stop
         clear_offsets(armature_object, self._names, (name for name, _ in self._located))
         self._order: IntArray = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
         self._modes = np.zeros(len(bones), dtype=np.int32)
 
     def apply(self, rotations: ArrayLike, root_position_m: ArrayLike) -> None:
-        """Pose the armature at once.
+        """Pose the armature.
 
         Args:
-            rotations: (J, 4) parent-from-joint quaternions relative to rest.
-            root_position_m: (3,) root in the world, metres.
+            rotations: Parent-from-joint quaternions (J, 4) relative to the rest pose.
+            root_position_m: Root (3,) in the capture space.
 
         Raises:
-            CharacterError: the armature is gone or has lost bones.
+            CharacterError: The armature is gone or has lost bones.
         """
         self._last = rotations, root_position_m
         armature_object = find_armature(self.object_name)
         bones = armature_object.pose.bones
         if len(bones) != len(self._quaternions):
             self.bind()
-        self._ensure_quaternion_mode(bones)
+        bones.foreach_get("rotation_mode", self._modes)
+        if np.any(self._modes[self._order] != _QUATERNION_MODE):
+            for name in self._names:
+                bones[name].rotation_mode = "QUATERNION"
         flat = self._quaternions.reshape(-1)
-        if len(bones) > len(self._order):  # further bones of the rig keep the pose they have
+        if len(bones) > len(self._order):  # other bones of the rig keep their pose
             bones.foreach_get("rotation_quaternion", flat)
         pose = apply_plan(self.plan, rotations, root_position_m)
         self._quaternions[self._order] = pose.rotations[self._turned]
@@ -79,19 +82,13 @@ class ArmatureDriver:
         if pose.object_rotation is not None and pose.object_location is not None and self.only is None:
             turn, way = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
             armature_object.delta_rotation_quaternion, armature_object.delta_location = turn, way
-        # an ordinary assignment last: unlike foreach_set it makes Blender evaluate and draw the new pose
+        # an ordinary assignment comes last: unlike foreach_set it makes Blender evaluate and draw the pose
         for name, place in self._located:
             bones[name].location = pose.locations[place]
         if not self._located and self._names:
             bones[self._names[0]].rotation_quaternion = self._quaternions[self._order[0]]
 
     def apply_again(self) -> None:
-        """Apply the last pose again, after an animation changed it; errors as of `apply`."""
+        """Apply the last pose again, after an animation changed it; errors as in `apply`."""
         if self._last is not None:
             self.apply(*self._last)
-
-    def _ensure_quaternion_mode(self, bones) -> None:  # type: ignore[no-untyped-def]
-        bones.foreach_get("rotation_mode", self._modes)
-        if np.any(self._modes[self._order] != _QUATERNION_MODE):
-            for name in self._names:
-                bones[name].rotation_mode = "QUATERNION"

@@ -9,7 +9,7 @@ from ...core.body.scene_pose import ScenePose
 
 
 class Cue(Enum):
-    """Sounds for the performer, by pitch in Hz."""
+    """Sounds for the performer; the values are pitches in Hz."""
 
     COUNT = 440.0
     BEGIN = 880.0
@@ -20,9 +20,9 @@ class Recording:
     """One recorded part of a capture.
 
     Args:
-        countdown_s: from the first pose, or with `later` from now, to the first recorded pose.
-        length_s: by the poses' times; 0 until `end`.
-        later: start during the capture; earlier poses are left out.
+        countdown_s: Time from the first pose, or with `later` from now, to the first recorded pose.
+        length_s: Length by the poses' times; 0 records until `end`.
+        later: Start during the capture; earlier poses are left out.
     """
 
     def __init__(
@@ -33,8 +33,8 @@ class Recording:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.begun = self.over = False
-        self.seconds_left = 0  # of the countdown
-        self.start_frame = 1.0  # on the timeline
+        self.seconds_left = 0  # in the countdown
+        self.start_frame = 1.0  # scene frame of the first pose
         self._countdown_s = countdown_s
         self._length_s = length_s
         self._from_now = later or countdown_s > 0.0
@@ -44,7 +44,7 @@ class Recording:
         self._stop: int | None = None
 
     def advance(self, poses: Sequence[ScenePose]) -> Cue | None:
-        """Update with all poses of the capture so far; return the sound to play."""
+        """Update with the poses of the capture so far; return the sound to play."""
         if not poses or self.over:
             return None
         if not self.begun:
@@ -60,7 +60,6 @@ class Recording:
             self._due_s = now + self._countdown_s
         if now >= self._due_s:
             self.begun, self.seconds_left = True, 0
-            # earlier poses belong to the countdown
             self._first = len(poses) if self._from_now else 0
             return Cue.BEGIN if self._from_now else None
         left = math.ceil(self._due_s - now)
@@ -70,11 +69,11 @@ class Recording:
         return Cue.COUNT
 
     def end(self, poses: Sequence[ScenePose]) -> None:
-        """End with the last pose so far; in the countdown, without any."""
+        """End with the newest pose, or in the countdown without any."""
         self.over, self.seconds_left, self._stop = True, 0, len(poses)
 
     def recorded(self, poses: Sequence[ScenePose]) -> list[ScenePose]:
-        """Return the recorded ones of all poses of the capture."""
+        """Select the recorded poses of a capture."""
         kept = list(poses[self._first : self._stop]) if self.begun else []
         if kept and self._length_s:
             end_s = kept[0].time_s + self._length_s

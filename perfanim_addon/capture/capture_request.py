@@ -18,11 +18,11 @@ from ...core.simulate.studio.simulated_performer import Partner, SimulatedPerfor
 from ...core.system.files import remove_left_behind
 from ...core.vision.sources.source_requests import ImageFiles, LiveCameras, VideoFiles
 from ...core.worker.client import WorkerClient
-from ...core.worker.requests import CamerasRequest, CaptureRequest, SourceRequest
+from ...core.worker.requests import CamerasRequest, CaptureRequest, SourceRequest, TrackerSource
 from .. import take_library
 from ..preferences import preferences
 from ..preferences.paths import absolute
-from ..settings import readiness, target_settings, vmc_input, vmc_output
+from ..settings import readiness, target_settings, vmc_settings
 from ..settings.target_settings import SIMULATED_HEIGHT_M
 from .capture_run import CaptureRun
 
@@ -33,16 +33,12 @@ _FAULTY: dict[str, dict[str, Any]] = {
     "DARK": {"marker_brightness": 22.0, "light": 0.05, "noise_sigma": 4.0},
     "BLURRED": {"lens_blur_px": 3.0, "noise_sigma": 3.0},
 }
-_PARTNERS = ("boxing", "kendo")  # who do it on the spot
+_PARTNERS = ("boxing", "kendo")  # simulated behaviours that stay in one place
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A capture that can be started.
-
-    Args:
-        performers, props: in the order of the poses.
-    """
+    """A capture that can be started."""
 
     request: CaptureRequest
     performers: tuple[Subject, ...]
@@ -54,25 +50,22 @@ class Setup:
 
 
 def make(settings: Any) -> Setup:
-    """Return the capture that the settings describe.
-
-    Raises:
-        PerfanimError: a file is missing or bad.
-    """
-    marker_set = readiness.good(readiness.marker_set(settings))
+    """Return the capture that the settings describe; PerfanimError for a missing or bad file."""
+    marker_set = readiness.marker_set(settings)
     database_path = str(readiness.database_path(settings))
-    readiness.good(readiness.database_frames(database_path))
+    readiness.database_frames(database_path)  # raises for a bad database
     if settings.subject:
-        subject: Subject = readiness.good(readiness.worn_subject(settings))
+        subject = readiness.worn_subject(settings)
     else:  # the simulated performer's true body and markers
         subject = Subject("Simulated performer", default_skeleton(SIMULATED_HEIGHT_M), marker_set)
     performers = (subject, *target_settings.performers(settings.id_data))
     props = tuple(target_settings.props(settings.id_data))
     check_distinct(props)
+    wanted = cameras(settings)
     request = CaptureRequest(
         cameras=replace(
-            cameras(settings),
-            source=_with_targets(source(settings), settings, len(performers) - 1),
+            wanted,
+            source=_with_targets(wanted.source, settings, len(performers) - 1),
             preview=settings.capture_preview,
             background_file=_background_file(),
         ),
@@ -81,7 +74,7 @@ def make(settings: Any) -> Setup:
         database=database_path,
         settings={"method": preferences.method(bpy.context)},
         shape=shape(settings),
-        vmc=vmc_output.target(settings.id_data),
+        vmc=vmc_settings.target(settings.id_data),
         take=str(take_library.new_path()),
         character=settings.armature.name if settings.armature else "",
     )
@@ -90,7 +83,7 @@ def make(settings: Any) -> Setup:
 
 def _background_file() -> str:
     folder = Path(tempfile.gettempdir())
-    remove_left_behind(folder, _TEMPORARY, ".npz", _DAY_S)  # of a Blender that was killed
+    remove_left_behind(folder, _TEMPORARY, ".npz", _DAY_S)  # by a Blender that was killed
     return str(folder / f"{_TEMPORARY}{secrets.token_hex(4)}.npz")
 
 
@@ -114,11 +107,7 @@ def shape(settings: Any) -> FilterSettings:
 
 
 def cameras(settings: Any) -> CamerasRequest:
-    """Return the request of the cameras or trackers.
-
-    Raises:
-        PerfanimError: a file is missing or bad.
-    """
+    """Return the request of the cameras or trackers; PerfanimError for a missing or bad file."""
     has_rig = readiness.has_cameras(settings) and not readiness.is_known(settings)
     return CamerasRequest(**camera_fields(settings, calibration(settings, True) if has_rig else None))
 
@@ -134,23 +123,15 @@ def camera_fields(settings: Any, rig: CameraRig | None) -> dict[str, Any]:
 
 
 def calibration(settings: Any, in_use: bool = False) -> CameraRig:
-    """Return the chosen calibration; `in_use`: of the cameras in use.
-
-    Raises:
-        PerfanimError: the file is missing or bad.
-    """
-    rig: CameraRig = readiness.good(readiness.rig(absolute(settings.calibration)))
+    """Return the calibration, with `in_use` of the cameras in use only; PerfanimError for a missing or bad file."""
+    rig = readiness.rig(absolute(settings.calibration))
     if in_use and len(rig) > 1 and readiness.is_one_camera(settings):
         return CameraRig(rig.cameras[:1], rig.metadata)
     return rig
 
 
 def source(settings: Any) -> SourceRequest:
-    """Return the source of images or trackers.
-
-    Raises:
-        CaptureError: a file or folder is not there, or device numbers are none.
-    """
+    """Return the source of images or trackers; CaptureError for a missing file or a bad device."""
     if settings.source == "SIMULATED":
         return SimulatedPerformer(
             behaviour=settings.behaviour,
@@ -166,7 +147,8 @@ def source(settings: Any) -> SourceRequest:
             controls=preferences.camera_controls(bpy.context),
         )
     if not readiness.has_cameras(settings):
-        return vmc_input.source(settings.id_data)
+        trackers = settings.id_data.perfanim_receiving
+        return TrackerSource(trackers.port, sender=trackers.sender.strip())
     paths = tuple(absolute(getattr(settings, name)) for name in readiness.source_paths(settings))
     for path in paths:
         if not readiness.is_found(path):

@@ -1,4 +1,4 @@
-"""Course of one live capture, without Blender."""
+"""State of one live capture, without Blender."""
 
 import math
 import time
@@ -20,11 +20,7 @@ from ...core.worker.protocol import Message, MessageKind
 from ...core.worker.restart_point import RestartPoint
 from ...core.worker.supervised_client import SupervisedClient
 from .pose_log import PoseLog
-
-STOP_LIMIT_S = 8.0
-FREEZE_NOTICE_S = 0.2
-_RATE_WINDOW_S = 1.0
-_SHOWN_TIMES = (3, 5, 10, 20, 50)  # slowness in words: few, so that the text does not change with every reading
+from .tuning import TUNING
 
 
 class Phase(Enum):
@@ -38,41 +34,26 @@ class Phase(Enum):
 
 @dataclass
 class Statistics:
-    """Figures of a running capture.
+    """Figures of a running capture."""
 
-    Args:
-        lost: frame numbers missing in the source.
-        waiting: marker frames in the solver's queue.
-        frames_per_s: poses received in the last second.
-        latency_s: from the images' arrival to the pose on the armature, newest frame.
-        solve_s: time in the solver, newest frame.
-        confidence: of the newest pose, 0 to 1.
-        not_shown: poses overtaken by newer ones before display; they are recorded.
-        blind: unusable images of single cameras (late, repeated, black).
-        skew_s: delay of the last camera's image behind the first's; None if unknown.
-        handed_over: marker frames sent by the cameras' process in all; -1 until its end.
-        slowness: by how many times work takes longer than on an idle machine.
-    """
-
-    received: int = 0
-    lost: int = 0
-    waiting: int = 0
-    frames_per_s: float = 0.0
-    latency_s: float = 0.0
-    solve_s: float = 0.0
-    confidence: float = 0.0
-    not_shown: int = 0
-    blind: int = 0
-    skew_s: float | None = None
-    handed_over: int = -1
-    slowness: float = 1.0
+    received: int = 0  # number of poses
+    lost: int = 0  # number of frame numbers missing in the source
+    waiting: int = 0  # number of marker frames in the solver's queue
+    frames_per_s: float = 0.0  # poses received in the last second
+    latency_s: float = 0.0  # time from the images' arrival to the pose on the armature, newest frame
+    solve_s: float = 0.0  # time in the solver, newest frame
+    confidence: float = 0.0  # confidence of the newest pose, 0 to 1
+    not_shown: int = 0  # number of poses overtaken by newer ones before display; they are recorded
+    blind: int = 0  # number of unusable images of single cameras (late, repeated, black)
+    skew_s: float | None = None  # delay of the last camera's image behind the first's; None if unknown
+    handed_over: int = -1  # number of marker frames sent by the cameras' process; -1 until its end
+    slowness: float = 1.0  # duration of work relative to an idle machine
 
 
 class CaptureRun:
     """One capture; a worker that dies or hangs is replaced, and the capture continues.
 
-    Args:
-        temporary: file of the workers, removed at the end: they may be killed.
+    The `temporary` file of the workers is removed at the end, as killed workers cannot.
     """
 
     def __init__(
@@ -84,7 +65,7 @@ class CaptureRun:
         self.fraction: float | None = None
         self.poses = PoseLog()
         self.warnings: list[str] = []
-        self.persistent_warning = ""  # holds until the worker withdraws it
+        self.persistent_warning = ""  # until the worker withdraws it
         self.error: PerfanimError | None = None
         self.statistics = Statistics()
         self._client = client
@@ -93,29 +74,27 @@ class CaptureRun:
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
         self._preview: Message | None = None
-        self._taken = 0  # poses that came, repeated ones included
+        self._taken = 0  # number of poses that came, with repeated ones
         self._restarting = ""  # until the first pose of the restarted worker
         self._last_arrival = self._stop_asked = clock()
 
     @property
     def notice(self) -> str:
-        """Message about a present problem, "" without one."""
-        if self._restarting:
-            return self._restarting
-        if self.persistent_warning:
-            return self.persistent_warning
+        """Message about a present problem, "" for none."""
+        if self._restarting or self.persistent_warning:
+            return self._restarting or self.persistent_warning
         if self.statistics.slowness > BUSY:
-            times = min(_SHOWN_TIMES, key=lambda each: abs(math.log(each / self.statistics.slowness)))
+            times = min(TUNING.slownesses, key=lambda each: abs(math.log(each / self.statistics.slowness)))
             return f"this computer is busy: work takes {times} times as long as otherwise; close other programs"
         silent_s = self._clock() - self._last_arrival
-        if self.phase is Phase.RUNNING and silent_s > FREEZE_NOTICE_S:
+        if self.phase is Phase.RUNNING and silent_s > TUNING.freeze_notice_s:
             return f"no images for {silent_s:.1f} s"
         if self.poses and self.poses[-1].notes:
             return "; ".join(note.text for note in self.poses[-1].notes)
         return self.warnings[-1] if self.warnings else ""
 
     def tick(self) -> ScenePose | None:
-        """Receive waiting poses; return the newest, if new. Then call `shown`."""
+        """Receive waiting poses; return the newest if it is new. Call `shown` afterwards."""
         if self.phase is Phase.DONE:
             return None
         before, taken = len(self.poses), self._taken
@@ -125,7 +104,10 @@ class CaptureRun:
         except PerfanimError as error:
             self.error = self.error or error
             self.phase = Phase.DONE
-        self._count_rate()
+        now = self._clock()
+        while self._arrivals and now - self._arrivals[0] > TUNING.rate_window_s:
+            self._arrivals.popleft()
+        self.statistics.frames_per_s = len(self._arrivals) / TUNING.rate_window_s
         if self._taken > taken:
             self._client.acknowledge(self._taken)
         if len(self.poses) > before:
@@ -143,12 +125,12 @@ class CaptureRun:
         self._restarting = f"{cause}: starting it again"
 
     def take_preview(self) -> Image | None:
-        """Return a new picture (height, width, 3), RGB, of the cameras, None without one."""
+        """Return a new picture of the cameras (height, width, 3), RGB, None without one."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()
 
     def shown(self) -> None:
-        """Measure the latency of the newest pose, now on the armature."""
+        """Measure the latency of the newest pose, which is now on the armature."""
         self.statistics.latency_s = self._clock() - self._stamp
 
     def tune(self, settings: FilterSettings) -> None:
@@ -172,8 +154,8 @@ class CaptureRun:
                 Path(self._temporary).unlink(missing_ok=True)
 
     def _stop_overdue(self) -> bool:
-        last_sign = max(self._stop_asked, self._last_arrival)
-        return self.phase is Phase.FINISHING and self._clock() - last_sign > STOP_LIMIT_S * self.statistics.slowness
+        silent_s = self._clock() - max(self._stop_asked, self._last_arrival)
+        return self.phase is Phase.FINISHING and silent_s > TUNING.stop_limit_s * self.statistics.slowness
 
     def _take(self, message: Message) -> None:
         if message.kind is MessageKind.POSE:
@@ -181,7 +163,11 @@ class CaptureRun:
         elif message.kind is MessageKind.STATUS:
             self._note_status(message.status())
         elif message.kind is MessageKind.WARNING:
-            self._warn(message)
+            text = str(message.json().get("text", ""))
+            if message.json().get("standing"):
+                self.persistent_warning = text
+            else:
+                self.warnings.append(text)
         elif message.kind is MessageKind.PREVIEW:
             self._preview = message
         elif message.kind is MessageKind.ERROR:
@@ -195,13 +181,6 @@ class CaptureRun:
             self.activity, self.fraction = status.activity, status.fraction
         elif status.blind is not None:
             self.statistics.skew_s, self.statistics.blind = status.skew_s, status.blind
-
-    def _warn(self, message: Message) -> None:
-        content = message.json()
-        if content.get("standing"):
-            self.persistent_warning = str(content.get("text", ""))
-        else:
-            self.warnings.append(str(content.get("text", "")))
 
     def _take_pose(self, message: Message) -> None:
         solved = message.pose()
@@ -224,9 +203,3 @@ class CaptureRun:
         if self.phase is Phase.STARTING:
             self.phase = Phase.RUNNING
             self.activity = self.phase.value
-
-    def _count_rate(self) -> None:
-        now = self._clock()
-        while self._arrivals and now - self._arrivals[0] > _RATE_WINDOW_S:
-            self._arrivals.popleft()
-        self.statistics.frames_per_s = len(self._arrivals) / _RATE_WINDOW_S

@@ -1,8 +1,8 @@
 """Transforms from the capture space (metres) to the scene.
 
-The first performer's character defines the capture space with its scale. A further character has its own scale, so
-that its feet do not slide: it turns as its performer does, and its offset puts it at the place where its performer was
-first seen. Distances between characters are off by the difference of scales times the distance from that place.
+The first performer's character defines position and scale of the capture space in the scene. A further character keeps
+its own scale, so that its feet do not slide; its offset puts it at the position where its performer was first seen.
+Distances between characters are off by the difference of scales times the distance from that position.
 """
 
 from dataclasses import dataclass
@@ -15,29 +15,26 @@ from numpy.typing import ArrayLike
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
 from ...core.retarget.retargeter import RetargetPlan
+from ..animation.quaternion_curves import quaternions_of, rotation_channel
 from ..character.axes import BLENDER_FROM_WORLD
 
 
 @dataclass(frozen=True)
 class RigidOffset:
-    """Rigid motion from a character's own space into the capture space.
-
-    Args:
-        shift_m: (3,) added after the turn, metres.
-    """
+    """Rigid transform from a character's own space into the capture space: a turn (4,), then a shift (3,)."""
 
     turn: Array
     shift_m: Array
 
     def apply(self, rotations: ArrayLike, root_positions_m: ArrayLike) -> tuple[Array, Array]:
-        """Return rotations (..., J, 4) and root positions (..., 3) with the offset."""
+        """Transform rotations (..., J, 4) and root positions (..., 3)."""
         turned = np.array(rotations, dtype=np.float64)
         turned[..., 0, :] = rot.multiply(self.turn, turned[..., 0, :])
         return turned, rot.rotate(self.turn, np.asarray(root_positions_m, dtype=np.float64)) + self.shift_m
 
 
 class CaptureSpace:
-    """Capture space in the scene: a step of the performer is one of a character."""
+    """Capture space in the scene, at a character's position and in its scale."""
 
     def __init__(self, armature_object: bpy.types.Object, plan: RetargetPlan) -> None:
         fit = plan.alignment
@@ -48,31 +45,31 @@ class CaptureSpace:
         self._own = rot.conjugate(rot.from_matrix(BLENDER_FROM_WORLD))
 
     def to_scene(self, rotations: Array, positions_m: Array) -> tuple[Array, Array]:
-        """Return quaternions (..., 4) and locations (..., 3) of props in the scene."""
+        """Transform rotations (..., 4) and positions (..., 3) of props to the scene."""
         return rot.multiply(rot.multiply(self._turn, rotations), self._own), self.points_to_scene(positions_m)
 
     def points_to_scene(self, points_m: Array) -> Array:
-        """Return points (..., 3) of the capture space in the scene."""
+        """Transform points (..., 3) to the scene."""
         return points_m @ self._linear.T + self._origin
 
     def points_from_scene(self, points: ArrayLike) -> Array:
-        """Return points (..., 3) of the scene in the capture space, metres."""
+        """Transform points (..., 3) from the scene."""
         away = np.asarray(points, dtype=np.float64) - self._origin
         return np.asarray(away @ np.linalg.inv(self._linear).T)
 
     def put_at_origin(self, target: bpy.types.Object) -> None:
-        """Move an object to the origin of the space, in its axes and its scale."""
+        """Move an object to the origin of the space, with its axes and scale."""
         turn, place = self.to_scene(rot.identity(), np.zeros(3))
         target.rotation_mode = "QUATERNION"
         target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
         target.scale = (self.length_in_scene(1.0),) * 3
 
     def length_in_scene(self, length_m: float) -> float:
-        """Return a length of the capture space in the scene's unit."""
+        """Convert a length to scene units."""
         return length_m * float(np.cbrt(abs(np.linalg.det(self._linear))))
 
     def offset_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
-        """Return the offset into another's space; both agree at a place (3,)."""
+        """Return the offset into another space; both agree at a position (3,)."""
         turn = rot.multiply(rot.conjugate(self._turn), other._turn)
         here_m = np.linalg.solve(self._linear, other.points_to_scene(place_m) - self._origin)
         return RigidOffset(turn, here_m - rot.rotate(turn, place_m))
@@ -81,13 +78,7 @@ class CaptureSpace:
 def _still_matrix(armature_object: bpy.types.Object) -> Matrix:
     """Return an armature's matrix without its delta transform (its root motion)."""
     mode = armature_object.rotation_mode
-    if mode == "QUATERNION":
-        turn = armature_object.rotation_quaternion
-    elif mode == "AXIS_ANGLE":
-        angle, *axis = armature_object.rotation_axis_angle
-        turn = Quaternion(axis, angle)
-    else:
-        turn = armature_object.rotation_euler.to_quaternion()
-    own = Matrix.LocRotScale(armature_object.location, turn, armature_object.scale)
+    turn = quaternions_of(mode, np.array([getattr(armature_object, rotation_channel(mode))]))[0]
+    own = Matrix.LocRotScale(armature_object.location, Quaternion(turn), armature_object.scale)
     parent = armature_object.parent
     return own if parent is None else parent.matrix_world @ armature_object.matrix_parent_inverse @ own

@@ -1,4 +1,4 @@
-"""Live capture: poses of the worker onto the characters, at the end into actions."""
+"""Live capture: the worker's poses on the characters, and in actions at the end."""
 
 import contextlib
 from typing import Any
@@ -20,21 +20,20 @@ from ..viewport import overlay, picture_overlay
 from . import capture_request, sound
 from .capture_recording import Cue, Recording
 from .capture_run import CaptureRun, Phase
-from .live_refinement import REFINED_AT_S, LiveRefinement
+from .live_refinement import LiveRefinement
 from .scene_driver import SceneDriver
+from .tuning import TUNING
 from .write_take import RecordedPart, TakeMotion, write_take
-
-_JUDGED_POSES = 600  # at the end of a capture: ten seconds at 60 Hz
 
 
 class LiveCapture:
-    """One capture: the starter database if it is missing, then the run.
+    """One capture: a missing starter database is built, then the run starts.
 
-    Only names are held, nothing of Blender's data: undo and file load replace that.
+    Only names are held: undo and file load replace Blender's data.
 
     Args:
-        python: interpreter of the worker, None for Blender's own.
-        prepare: command that must be done before, [] for none.
+        python: Interpreter of the worker; None for Blender's own.
+        prepare: Arguments of the command to run before, [] for none.
     """
 
     def __init__(self, python: str | None, prepare: list[str]) -> None:
@@ -67,11 +66,11 @@ class LiveCapture:
 
     @property
     def recording(self) -> Recording | None:
-        """The recording that goes on, or its countdown."""
+        """Present recording or countdown."""
         return self.recordings[-1] if self.recordings and not self.recordings[-1].over else None
 
     def record(self, chosen: Any) -> None:
-        """Begin a recording as the settings have it, or end the one that goes on."""
+        """Begin a recording, or end the present one."""
         going = self.recording
         if going is None:
             later = bool(self.recordings) or self.by_button
@@ -82,17 +81,11 @@ class LiveCapture:
 
     @property
     def done(self) -> bool:
-        """Whether all is solved and nothing follows."""
+        """True when the run has ended."""
         return self.run is not None and self.run.phase is Phase.DONE
 
     def tick(self, context: bpy.types.Context) -> bool:
-        """Poll the worker, show its newest pose, and return whether there is one.
-
-        It never waits.
-
-        Raises:
-            PerfanimError: the preparation failed, a file is bad, or the armature is gone.
-        """
+        """Poll the worker, show a new pose, and return whether there is one; PerfanimError if it cannot go on."""
         if self.run is None:
             self._prepare(context)
             return False
@@ -132,7 +125,7 @@ class LiveCapture:
             self.stop()
 
     def _tell(self, cue: Cue) -> None:
-        activity.redraw_sidebars()  # they tell the seconds
+        activity.redraw_sidebars()  # they show the seconds
         if self._sounds:
             sound.beep(cue.value)
 
@@ -155,16 +148,13 @@ class LiveCapture:
         self._sounds = chosen.record_sound
         self.setup, self.take_path = setup, setup.request.take
         self.run = setup.start(self._python)
-        if not readiness.is_known(chosen):  # a simulated performer's body is
+        if not readiness.is_known(chosen):  # a simulated performer's body needs no refinement
             self._refinement = LiveRefinement(self.take_path, setup.request.database, self._python)
         if self._stop_asked:
             self.run.stop()
 
     def _apply(self, context: bpy.types.Context, driver: SceneDriver, run: CaptureRun) -> None:
-        """Show the newest pose; new characters are added with the first.
-
-        So a camera that does not open leaves the scene as it was.
-        """
+        """Show the newest pose; new characters are added with the first, so that a failed start adds none."""
         driver.apply(context, run.poses)
         if not self._is_shown:
             self._is_shown = True
@@ -173,24 +163,24 @@ class LiveCapture:
                 bpy.app.handlers.frame_change_post.append(_after_frame_change)
 
     def reapply_pose(self) -> None:
-        """Put the newest pose back after an animation has overwritten it."""
+        """Apply the newest pose again after an animation has overwritten it."""
         if self._driver is not None:
             self._driver.reapply_pose()
 
     def tune(self, chosen: Any) -> None:
-        """Go on with the smoothing and the foot lock of the settings."""
+        """Use the smoothing and foot lock of the settings from now on."""
         if self.run is not None:
             self.run.tune(capture_request.shape(chosen))
 
     def stop(self) -> None:
-        """Ask for a clean end; `tick` goes on until `done`."""
+        """Request a clean end; call `tick` until `done`."""
         self._stop_asked = True
         if self.run is not None:
             self.run.stop()
 
     def close(self) -> None:
         """Receive the last messages, and end the worker processes."""
-        with contextlib.suppress(ValueError):  # it is there only where something else animates the character
+        with contextlib.suppress(ValueError):  # it was added only for an animated character
             bpy.app.handlers.frame_change_post.remove(_after_frame_change)
         if self.job is not None:
             self.job.close()
@@ -199,7 +189,7 @@ class LiveCapture:
         if self.run is not None:
             self.run.tick()
             self.run.close()
-            take_library.forget()  # this one is there now
+            take_library.forget()  # it now has this take
 
     def keep(self, context: bpy.types.Context) -> str:
         """Write each recording as one action, once; return a report, "" for no recording.
@@ -207,7 +197,7 @@ class LiveCapture:
         Keys lie at the poses' times, also between the scene's frames, so that the motion has its true speed.
         """
         if self._kept is None:
-            self._kept = ""  # a second try would fail alike
+            self._kept = ""  # a second attempt would fail, too
             self._kept = self._write(context)
         return self._kept
 
@@ -216,50 +206,53 @@ class LiveCapture:
         parts = [RecordedPart(recording.recorded(all_poses), recording.start_frame) for recording in self.recordings]
         parts = [part for part in parts if part.poses]
         if driver is not None:
-            driver.held.give_back()  # a strip goes above them
+            driver.held.give_back()  # a strip is added above them
         if not parts or driver is None or driver.space is None:
             return ""
         _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
-        with contextlib.suppress(PerfanimError):  # there may be no take: its disk is full, its worker was killed
+        with contextlib.suppress(PerfanimError):  # there may be no take: a full disk, a killed worker
             take_library.mark_captured(self.take_path, capture_request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
 
 
+def running_capture() -> LiveCapture | None:
+    """Return the capture that runs now, None without one."""
+    running = activity.current()
+    return running if isinstance(running, LiveCapture) else None
+
+
 def further_performers(capture: LiveCapture) -> list[tuple[str, float]]:
-    """Return the name of each performer after the first, with its newest confidence."""
+    """Return name and newest confidence of each performer after the first."""
     newest = capture.run.poses[-1].performers[1:] if capture.run is not None and capture.run.poses else ()
     performers = capture.setup.performers[1:] if capture.setup is not None else ()
     return [(subject.name, pose.confidence) for subject, pose in zip(performers, newest, strict=False)]
 
 
 def refining_take(capture: LiveCapture, chosen: Any) -> str:
-    """Return the take to refine the first performer by, "" for none.
-
-    It must be long enough; a simulated performer's body is known.
-    """
+    """Return the take if it is long enough to refine the first performer by, else ""."""
     poses = capture.run.poses if capture.run is not None else ()
     if len(poses) < 2 or readiness.is_known(chosen):
         return ""
-    is_long = poses[-1].time_s - poses[0].time_s >= REFINED_AT_S[0]
+    is_long = poses[-1].time_s - poses[0].time_s >= TUNING.refined_at_s[0]
     return capture.take_path if is_long and exists(capture.take_path) else ""
 
 
 def judge_capture(capture: LiveCapture) -> str:
-    """Return a sentence on the first performer, "" of a short capture."""
+    """Return a sentence on the tracking of the first performer, "" for a short capture."""
     run, setup = capture.run, capture.setup
     if run is None or setup is None:
         return ""
-    poses = [pose.performers[0] for pose in run.poses[-_JUDGED_POSES:]]
+    poses = [pose.performers[0] for pose in run.poses[-TUNING.judged_poses :]]
     figures = walk_figures(poses, round(run.statistics.lost * len(poses) / max(len(run.poses), 1)))
     return judge_walk(figures, setup.performers[0].marker_set.texts) if figures else ""
 
 
 def _after_frame_change(*_: object) -> None:
     """Keep the live pose while the timeline plays."""
-    capture = activity.current()
-    if isinstance(capture, LiveCapture):
+    capture = running_capture()
+    if capture is not None:
         with contextlib.suppress(PerfanimError):  # the next tick reports it
             capture.reapply_pose()

@@ -1,4 +1,4 @@
-"""Refinement of the first performer during a capture, by its recording so far."""
+"""Refinement of the first performer during a capture, by the take so far."""
 
 from pathlib import Path
 
@@ -9,33 +9,24 @@ from ...core.markers.subject import load_subject
 from ...core.system.files import exists
 from ..jobs.job import Job, command
 from ..settings import performer_refinement
-
-# Seconds of motion after which it is refined: enough for an offer, and the whole minute that a refinement looks at.
-REFINED_AT_S = (20.0, 60.0)
+from ..settings.performer_refinement import Refined, offer
+from .tuning import TUNING
 
 
 class LiveRefinement:
-    """Refines in a process of its own, after solver and Blender.
+    """Refines the performer of a take in a process of low priority, and offers the result.
 
-    The captured body stays as it is: one that changed within a recording would change its motion there.
-
-    Args:
-        take: file that the capture is recorded into.
-        database: motion of its kind.
-        python: interpreter of the process, None for Blender's own.
+    The body of the running capture does not change: its motion would change within a recording.
     """
 
     def __init__(self, take: str, database: str, python: str | None) -> None:
         self._take, self._database, self._python = take, database, python
         self._result = Path(bpy.app.tempdir) / f"refined live{performer_refinement.ENDING}"
-        self._waiting = list(REFINED_AT_S)
+        self._waiting = list(TUNING.refined_at_s)
         self._job: Job | None = None
 
     def tick(self, seconds: float) -> bool:
-        """Go on after so many seconds of motion; return whether there is a new offer.
-
-        It never waits. Where nothing can be refined, nothing is offered, and the capture goes on.
-        """
+        """Continue without waiting; return whether there is a new offer. An error ends the refinement only."""
         try:
             return self._advance(seconds)
         except PerfanimError:
@@ -56,8 +47,7 @@ class LiveRefinement:
         subject = load_subject(self._result)
         self.close()
         if changes:
-            performer_refinement.keep_refined(self._take, subject, changes)
-            performer_refinement.offer_capture(self._take)
+            offer.refined, offer.capture = Refined(self._take, subject, tuple(changes)), self._take
         return bool(changes)
 
     def close(self) -> None:

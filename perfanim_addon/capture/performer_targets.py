@@ -1,4 +1,4 @@
-"""Performers of a capture or take with the characters that follow them."""
+"""Performers of a capture or take, and their characters."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,35 +18,28 @@ from .capture_space import CaptureSpace, RigidOffset
 
 @dataclass(frozen=True)
 class PerformerTarget:
-    """A performer, and the character that follows.
-
-    Args:
-        index: of the performer in the poses. The character of the first one defines the capture space.
-        entry: of the scene's additional targets, or None.
-        armature: name of the character; a new one is added for "" or a deleted one.
-        only: bones to move, None for all.
-    """
+    """A performer and their character."""
 
     subject: Subject
-    index: int
-    entry: int | None = None
-    armature: str = ""
-    only: frozenset[str] | None = None
+    index: int  # in the poses; the character of the first performer defines the capture space
+    entry: int | None = None  # index among the scene's additional targets
+    armature: str = ""  # name of the character; "" adds a new one
+    only: frozenset[str] | None = None  # bones to move, None for all
 
     def first_seen(self, poses: Sequence[ScenePose]) -> int | None:
-        """Return the row of the first pose that shows the performer, None if none does."""
+        """Return the index of the first pose that shows the performer, None if none does."""
         return next((row for row, pose in enumerate(poses) if pose.performers[self.index].confidence > 0.0), None)
 
     def character(self) -> bpy.types.Object | None:
-        """Return the character, None where there is none (any more)."""
+        """Return the character, None if there is none or it was deleted."""
         found = bpy.data.objects.get(self.armature) if self.armature else None
         return found if self.index == 0 or _is_in_scene(found) else None
 
     def ensure_character(self, context: bpy.types.Context, space: CaptureSpace | None) -> "PerformerTarget":
         """Return the target with a character; add a missing one and choose it.
 
-        The first performer's stands in a free position, any other at the origin of the capture space and in its scale:
-        both then move as the performers do.
+        The first performer's character stands in a free position, any other at the origin of the capture space and in
+        its scale.
         """
         if self.character() is not None:
             return self
@@ -56,7 +49,7 @@ class PerformerTarget:
             return replace(self, armature=name or add_character(context, self.subject.skeleton), only=None)
         entries = context.scene.perfanim_targets.entries
         entry = entries[self.entry] if self.entry is not None and self.entry < len(entries) else None
-        if entry is not None and _is_in_scene(entry.armature):  # it was added meanwhile
+        if entry is not None and _is_in_scene(entry.armature):  # added meanwhile
             return replace(self, armature=entry.armature.name, only=None)
         name = create_character(context, self.subject.skeleton, self.subject.name)
         space.put_at_origin(bpy.data.objects[name])
@@ -65,7 +58,7 @@ class PerformerTarget:
         return replace(self, armature=name, only=None)
 
     def offset_into(self, space: CaptureSpace, own: CaptureSpace, poses: Sequence[ScenePose]) -> RigidOffset:
-        """Return the offset into the space; both agree where the performer is first seen."""
+        """Return the offset into the space; both agree where the performer was first seen."""
         first = self.first_seen(poses)
         if first is None:
             return own.offset_into(space, np.zeros(3))
@@ -76,7 +69,7 @@ class PerformerTarget:
 
 
 def performer_targets(context: bpy.types.Context, subjects: Sequence[Subject]) -> list[PerformerTarget]:
-    """Return performers with the characters chosen in settings and further targets."""
+    """Return performers with the characters chosen in the settings and additional targets."""
     main = settings(context).armature
     targets = [PerformerTarget(subjects[0], 0, None, main.name if main else "")]
     entries = context.scene.perfanim_targets.entries
@@ -100,5 +93,5 @@ def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
 
 
 def _is_in_scene(armature: bpy.types.Object | None) -> bool:
-    """Return False for a deleted armature (kept in the file by a setting)."""
+    """Return False for a deleted armature that a setting keeps in the file."""
     return armature is not None and bool(armature.users_scene)

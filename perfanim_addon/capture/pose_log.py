@@ -1,4 +1,4 @@
-"""Log of a capture's poses, on the disk for the most part."""
+"""Log of a capture's poses, mostly on the disk."""
 
 import tempfile
 from array import array
@@ -7,24 +7,24 @@ from typing import IO, Any
 
 from ...core.body.scene_pose import ScenePose
 from ...core.formats.take_file.pose_codec import unpack_solved
-
-_IN_MEMORY = 1000  # poses before they are written together
+from .tuning import TUNING
 
 
 class PoseLog(Sequence[ScenePose]):
-    """Poses of a capture in their order; on a full disk they stay in memory."""
+    """Poses of a capture, written to the disk `in_memory` at a time; on a full disk they stay in memory."""
 
-    def __init__(self) -> None:
+    def __init__(self, in_memory: int = TUNING.poses_in_memory) -> None:
+        self._in_memory = in_memory
         self._file: IO[bytes] | None = None
-        self._ends = array("q", [0])  # in the file
-        self._recent: list[bytes] = []  # not in the file
+        self._ends = array("q", [0])  # offsets in the file
+        self._recent: list[bytes] = []  # not yet in the file
         self._newest: ScenePose | None = None
 
     def append(self, record: bytes, pose: ScenePose) -> None:
-        """Add a pose, also given as bytes of `pack_solved`."""
+        """Add a pose and its record, made by `pack_solved`."""
         self._recent.append(record)
         self._newest = pose
-        if len(self._recent) % _IN_MEMORY == 0:
+        if len(self._recent) % self._in_memory == 0:
             self._write(b"".join(self._recent))
 
     def _write(self, data: bytes) -> None:

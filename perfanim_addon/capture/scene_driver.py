@@ -9,6 +9,7 @@ from mathutils import Quaternion, Vector
 from ...core.body.scene_pose import PropPose, ScenePose
 from ...core.markers.prop import Prop
 from ...core.markers.subject import Subject
+from ..blender_versions import detach_action
 from ..settings import target_settings
 from .armature_driver import ArmatureDriver
 from .capture_space import CaptureSpace, RigidOffset
@@ -16,21 +17,20 @@ from .performer_targets import PerformerTarget, performer_targets
 
 
 class SuspendedActions:
-    """Suspends actions and restores them. Only names are kept, no Blender data."""
+    """Detaches the actions of objects and restores them. Only names are held, no Blender data."""
 
     def __init__(self) -> None:
         self._held: dict[str, str] = {}
 
     def take(self, target: bpy.types.Object) -> None:
-        """Take an object's action off, if it has one; it is kept in the file."""
+        """Detach an object's action, if it has one."""
         animation = target.animation_data
         if animation is not None and animation.action is not None:
             self._held[target.name] = animation.action.name
-            animation.action.use_fake_user = True
-            animation.action = None
+            detach_action(animation)
 
     def give_back(self) -> None:
-        """Give all objects that are still there their actions back."""
+        """Restore the actions of all objects that still exist."""
         for name, action_name in self._held.items():
             target, action = bpy.data.objects.get(name), bpy.data.actions.get(action_name)
             if target is not None and target.animation_data is not None and action is not None:
@@ -39,14 +39,9 @@ class SuspendedActions:
 
 
 class SceneDriver:
-    """Moves characters and objects. Only names are held, nothing of Blender's data.
+    """Moves characters and objects of performers and props, given in the order of the poses.
 
-    Args:
-        performers, props: in the order of the poses.
-        parts: of the body to move.
-
-    Raises:
-        CharacterError: a chosen object or armature cannot follow.
+    Only names are held, no Blender data. CharacterError if a chosen object or armature cannot follow.
     """
 
     def __init__(
@@ -66,11 +61,11 @@ class SceneDriver:
 
     @property
     def targets(self) -> list[PerformerTarget]:
-        """The performers with the characters that follow by now."""
+        """The performers with their present characters."""
         return [driver.target for driver in (self._main, *self._further)]
 
     def start(self, context: bpy.types.Context) -> CaptureSpace:
-        """Return the capture space; create it and missing characters at the first call."""
+        """Return the capture space; the first call creates it and missing characters."""
         if self.space is None:
             main = self._main.start(context, None)
             character = bpy.data.objects[main.object_name]
@@ -81,11 +76,7 @@ class SceneDriver:
         return self.space
 
     def apply(self, context: bpy.types.Context, poses: Sequence[ScenePose]) -> None:
-        """Show the last of all poses of the capture so far.
-
-        Raises:
-            CharacterError: the first performer's character is gone; any other target that is gone is left out.
-        """
+        """Show the newest pose, without deleted further targets; CharacterError if the first character is gone."""
         space, pose = self.start(context), poses[-1]
         self._main.apply(pose, None)
         self._prop_driver.apply(context, pose.props, space)
@@ -93,13 +84,13 @@ class SceneDriver:
             driver.apply_offset(poses, space)
 
     def reapply_pose(self) -> None:
-        """Pose the characters as last, after an animation has overwritten the pose."""
+        """Apply the last pose again after an animation has overwritten it."""
         for driver in (self._main, *self._further):
             driver.reapply_pose()
 
 
 class _PerformerDriver:
-    """Driver of one performer's character; a further one keeps its action until seen."""
+    """Driver of one performer's character; a further one keeps its action until its performer is seen."""
 
     def __init__(self, target: PerformerTarget, parts: Collection[str], held: SuspendedActions) -> None:
         self.target = target
@@ -145,10 +136,7 @@ class _PerformerDriver:
 
 
 class PropDriver:
-    """Objects that follow props; an object is made when its prop is first seen.
-
-    `held` takes the objects' actions.
-    """
+    """Objects that follow props; a missing object is added when its prop is first seen."""
 
     def __init__(self, props: Sequence[Prop], held: SuspendedActions) -> None:
         self.props = tuple(props)
@@ -156,7 +144,7 @@ class PropDriver:
         self._held = held
 
     def apply(self, context: bpy.types.Context, poses: Sequence[PropPose], space: CaptureSpace) -> None:
-        """Move the objects of the props that are found; a deleted object is left out."""
+        """Move the objects of the visible props; a deleted object is left out."""
         for index, pose in enumerate(poses):
             if not pose.found:
                 continue

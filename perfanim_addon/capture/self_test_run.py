@@ -12,76 +12,64 @@ from ...core.worker.client import WorkerClient
 from ...core.worker.requests import CamerasRequest, CaptureRequest
 from ..jobs.job import Job, command
 from .capture_run import CaptureRun, Phase
+from .tuning import TUNING
 
-PANEL = "diagnostics"  # shows the result
-MARKER_SET = "boxing"
-WANTED_POSES = 60
-LEAST_CONFIDENCE = 0.5
+PANEL = "diagnostics"  # section of the preferences with the result
+_MARKER_SET = "boxing"
 
 
 class SelfTest(Job):
     """One run of the self-test; `lines` holds the results so far.
 
-    Args:
-        prepare: command that makes it, [] if it exists.
-        python: interpreter of the worker, None for Blender's own.
+    The command `prepare` makes the database, [] if it exists.
     """
 
     def __init__(self, database: str, prepare: Sequence[str], python: str | None) -> None:
-        super().__init__("Self-test", PANEL, command(["diagnose"]), python)
+        first = Job("Making the starter database", PANEL, command(prepare), python) if prepare else None
+        super().__init__("Self-test", PANEL, command(["diagnose"]), python, first=first)
         self.text = "looking for cameras"
         self.lines: list[str] = []
-        self._database, self._python = database, python
-        self._starter = Job("Making the starter database", self.panel, command(prepare), python) if prepare else None
+        self._database = database
         self._run: CaptureRun | None = None
 
     @property
     def ended(self) -> bool:
-        """Whether the test is complete."""
+        """True when the test is complete."""
         return self._run is not None and self._run.phase is Phase.DONE
 
     def tick(self) -> None:
-        """Continue without waiting; PerfanimError for a failed step."""
-        if not self.lines:
-            super().tick()
-            if self.summary is not None:
-                self.lines = _facts(self.summary)
-                self._client.close()
-        elif self._starter is not None:
-            self._starter.tick()
-            self.text, self.fraction = self._starter.title, self._starter.fraction
-            if self._starter.ended:
-                self._starter.close()
-                self._starter = None
-        elif self._run is None:
-            self._run = CaptureRun(WorkerClient(self._capture_request(), self._python))
-        else:
+        """Continue without waiting; raise PerfanimError for a failed step."""
+        if self._run is not None:
             self._capture(self._run)
+            return
+        super().tick()
+        if self.summary is not None:
+            self.lines = _facts(self.summary)
+            self._client.close()
+            self._run = CaptureRun(WorkerClient(self._capture_request(), self._python))
 
     def _capture(self, run: CaptureRun) -> None:
         run.tick()
-        self.text, self.fraction = run.activity, min(len(run.poses) / WANTED_POSES, 1.0)
-        if len(run.poses) >= WANTED_POSES:
+        self.text, self.fraction = run.activity, min(len(run.poses) / TUNING.tested_poses, 1.0)
+        if len(run.poses) >= TUNING.tested_poses:
             run.stop()
         if run.error is not None:
             raise run.error
         if run.phase is Phase.DONE:
-            good = sum(pose.performers[0].confidence >= LEAST_CONFIDENCE for pose in run.poses)
+            good = sum(pose.performers[0].confidence >= TUNING.sure for pose in run.poses)
             self.lines.append(f"Capture of the simulated performer: {len(run.poses)} poses, {good} of them sure")
             if 2 * good < len(run.poses):
                 raise CaptureError("the simulated performer is followed badly", advice="report this, with these lines")
 
     def _capture_request(self) -> CaptureRequest:
-        subject = Subject("Self-test", default_skeleton(), load_marker_set(MARKER_SET))
-        source = SimulatedPerformer(behaviour="walking", loop=True, marker_set=MARKER_SET)
+        subject = Subject("Self-test", default_skeleton(), load_marker_set(_MARKER_SET))
+        source = SimulatedPerformer(behaviour="walking", loop=True, marker_set=_MARKER_SET)
         cameras = CamerasRequest(source=source, background_s=1.0)
         return CaptureRequest(cameras=cameras, performers=(subject,), database=self._database)
 
     def close(self) -> None:
         """End the workers."""
         super().close()
-        if self._starter is not None:
-            self._starter.close()
         if self._run is not None:
             self._run.close()
 

@@ -2,14 +2,14 @@
 
 from contextlib import suppress
 
-_BEEP_S = 0.12
+from .tuning import TUNING
 
 
 def beep(hertz: float) -> None:
-    """Play a short tone; silence where there is no sound device."""
+    """Play a short tone, if there is a sound device."""
     try:
         import aud
     except ImportError:  # a Blender built without sound
         return
     with suppress(aud.error):
-        aud.Device().play(aud.Sound.sine(hertz).limit(0.0, _BEEP_S))
+        aud.Device().play(aud.Sound.sine(hertz).limit(0.0, TUNING.beep_s))

@@ -1,4 +1,4 @@
-"""Writing of a take's motion as actions."""
+"""The motion of a take as actions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,34 +23,28 @@ from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
 from .capture_space import CaptureSpace
 from .performer_targets import PerformerTarget
-
-LEAST_STEP_S = 1e-4
+from .tuning import TUNING
 
 
 @dataclass(frozen=True)
 class TakeMotion:
-    """Filtered motion of a whole take or capture.
+    """Filtered motion of a whole take or capture."""
 
-    Args:
-        performers, props: in the order of the poses.
-        poses: all, also outside the recorded part: they show where a performer was first seen.
-    """
-
-    performers: Sequence[PerformerTarget]
-    props: Sequence[Prop]
-    poses: Sequence[ScenePose]
+    performers: Sequence[PerformerTarget]  # in the order of the poses
+    props: Sequence[Prop]  # in the order of the poses
+    poses: Sequence[ScenePose]  # all: those outside the recorded parts show where a performer was first seen
 
 
 @dataclass(frozen=True)
 class RecordedPart:
-    """Poses that become keyframes, and the scene frame of the first of them."""
+    """Poses that become keyframes, and the scene frame of the first one."""
 
     poses: Sequence[ScenePose]
     start_frame: float
 
 
 def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True) -> list[ScenePose]:
-    """Return all poses of a take, filtered by its stored settings, else by the chosen."""
+    """Return all poses of a take, filtered by its stored settings, if any, else by the chosen ones."""
     stored = take.notes.filters if use_stored else None
     return filter_poses(
         [solved.pose for solved in take.poses],
@@ -66,13 +60,13 @@ def write_take(
     """Write parts of a take as actions of the characters and objects.
 
     Args:
-        title: of the actions; those of props and further performers add the name.
+        title: Name of the actions; those of props and further performers add their own name.
 
     Returns:
         The first performer's character, added if missing, and the actions' names.
 
     Raises:
-        CharacterError: a character or object cannot be animated, or there are no poses.
+        CharacterError: A character or object cannot be animated.
     """
     main, *further = motion.performers
     main = main.ensure_character(context, None)
@@ -90,70 +84,60 @@ def write_take(
             context.scene.frame_end = max(context.scene.frame_end, int(np.ceil(at[-1])))
     if motion.props or further:
         character = find_armature(main.armature)
-        space = CaptureSpace(character, plan_for(character, skeleton))
+        writer = _FurtherWriter(context, motion, CaptureSpace(character, plan_for(character, skeleton)), title)
         for part, at in zip(parts, frames, strict=True):
             for index, prop in enumerate(motion.props):
-                actions += _write_prop(context, index, prop, part, at, space, title)
+                actions += writer.prop(index, prop, part, at)
             for target in further:
-                actions += _write_performer(context, target, motion, part, at, space, title)
+                actions += writer.performer(target, part, at)
     return main.armature, actions
 
 
-def _write_prop(
-    context: bpy.types.Context,
-    index: int,
-    prop: Prop,
-    part: RecordedPart,
-    frames: Array,
-    space: CaptureSpace,
-    title: str,
-) -> list[str]:
-    """Write the action of a prop's object, with keys where the prop was found."""
-    rows = [row for row, pose in enumerate(part.poses) if len(pose.props) > index and pose.props[index].found]
-    if not rows:
-        return []
-    found = [part.poses[row].props[index] for row in rows]
-    rotations, locations = space.to_scene(
-        np.array([pose.rotation for pose in found]), np.array([pose.position_m for pose in found])
-    )
-    target = bpy.data.objects[target_settings.object_of(context, prop)]
-    target_settings.check_object(target)
-    chosen = placement(context, None)
-    onto = PlacementMode.STRIP if chosen.onto is PlacementMode.LAYER else chosen.onto
-    how = Placement(onto, None, chosen.bounds)
-    name = f"{title} {prop.name}"
-    return [write_object_action(target, frames[rows], rotations, locations, name=name, placement=how)]
+@dataclass(frozen=True)
+class _FurtherWriter:
+    """Writes the actions of props and further performers."""
 
+    context: bpy.types.Context
+    motion: TakeMotion
+    space: CaptureSpace
+    title: str
 
-def _write_performer(
-    context: bpy.types.Context,
-    target: PerformerTarget,
-    motion: TakeMotion,
-    part: RecordedPart,
-    frames: Array,
-    space: CaptureSpace,
-    title: str,
-) -> list[str]:
-    """Write the action of a further performer's character from its first sure pose.
+    def prop(self, index: int, prop: Prop, part: RecordedPart, frames: Array) -> list[str]:
+        """Write the action of a prop's object, with keys where the prop was found."""
+        rows = [row for row, pose in enumerate(part.poses) if len(pose.props) > index and pose.props[index].found]
+        if not rows:
+            return []
+        found = [part.poses[row].props[index] for row in rows]
+        rotations, locations = self.space.to_scene(
+            np.array([pose.rotation for pose in found]), np.array([pose.position_m for pose in found])
+        )
+        target = bpy.data.objects[target_settings.object_of(self.context, prop)]
+        target_settings.check_object(target)
+        chosen = placement(self.context, None)
+        onto = PlacementMode.STRIP if chosen.onto is PlacementMode.LAYER else chosen.onto
+        how = Placement(onto, None, chosen.bounds)
+        name = f"{self.title} {prop.name}"
+        return [write_object_action(target, frames[rows], rotations, locations, name=name, placement=how)]
 
-    None is written for a performer who was not seen, or without any selected bone.
-    """
-    first = target.first_seen(part.poses)
-    if first is None:
-        return []
-    is_new = target.character() is None
-    target = target.ensure_character(context, space)
-    character, subject = bpy.data.objects[target.armature], target.subject
-    plan = plan_for(character, subject.skeleton)
-    how = placement(context, None if is_new else character, target.only)
-    if how.only is not None and not how.only & {*plan.bones, *plan.located}:
-        return []
-    rows, how = _chosen_keys(context, part.poses[first:], frames[first:], how, character, plan, target.index)
-    _, rotations, roots = pose_arrays(part.poses[first:], target.index)
-    offset = target.offset_into(space, CaptureSpace(character, plan), motion.poses)
-    moved = offset.apply(rotations[rows], roots[rows])
-    at = frames[first:][rows]
-    return [write_with_plan(character, at, *moved, plan, name=f"{title} {subject.name}", placement=how)]
+    def performer(self, target: PerformerTarget, part: RecordedPart, frames: Array) -> list[str]:
+        """Write the action of a further performer's character from the first pose in which the performer is seen."""
+        first = target.first_seen(part.poses)
+        if first is None:
+            return []
+        is_new = target.character() is None
+        target = target.ensure_character(self.context, self.space)
+        character, subject = bpy.data.objects[target.armature], target.subject
+        plan = plan_for(character, subject.skeleton)
+        how = placement(self.context, None if is_new else character, target.only)
+        if how.only is not None and not how.only & {*plan.bones, *plan.located}:
+            return []
+        poses, frames = part.poses[first:], frames[first:]
+        rows, how = _chosen_keys(self.context, poses, frames, how, character, plan, target.index)
+        _, rotations, roots = pose_arrays(poses, target.index)
+        offset = target.offset_into(self.space, CaptureSpace(character, plan), self.motion.poses)
+        moved = offset.apply(rotations[rows], roots[rows])
+        name = f"{self.title} {subject.name}"
+        return [write_with_plan(character, frames[rows], *moved, plan, name=name, placement=how)]
 
 
 def _chosen_keys(
@@ -165,7 +149,7 @@ def _chosen_keys(
     plan: RetargetPlan,
     performer: int = 0,
 ) -> tuple[Mask, Placement]:
-    """Return the poses (F,) that get keys, and the placement that marks the doubtful."""
+    """Return the poses (F,) that get keys, and the placement with the doubtful frames."""
     performed = [pose.performers[performer] for pose in poses]
     doubtful = np.array([pose.confidence < DOUBTFUL for pose in performed])
     leave_out = context.scene.perfanim_result.doubtful != "MARK"
@@ -173,9 +157,8 @@ def _chosen_keys(
     for frame, pose in zip(frames, performed, strict=True):
         for part in pose.doubtful_parts:
             parts.setdefault(part, []).append(frame)
-    of_bones = (
-        {bone: parts[part] for bone, part in part_of_bones(character, plan).items() if part in parts} if parts else {}
-    )
+    by_bone = part_of_bones(character, plan) if parts else {}
+    of_bones = {bone: parts[part] for bone, part in by_bone.items() if part in parts}
     how = replace(how, doubtful=of_bones, leave_out=leave_out)
     if not leave_out:
         return np.ones(len(poses), dtype=np.bool_), replace(how, marked=tuple(frames[doubtful]))
@@ -197,6 +180,6 @@ def pose_arrays(poses: Sequence[ScenePose], performer: int = 0) -> tuple[Array, 
 
 
 def increasing(times_s: Array) -> Array:
-    """Return times (F,), each at least 0.1 ms behind its predecessor."""
-    ramp = LEAST_STEP_S * np.arange(len(times_s))
+    """Return times (F,), each at least 0.1 ms after its predecessor."""
+    ramp = TUNING.least_step_s * np.arange(len(times_s))
     return np.maximum.accumulate(times_s - ramp) + ramp

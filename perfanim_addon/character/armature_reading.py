@@ -1,11 +1,12 @@
-"""Blender's armatures as retargeting needs them: rest pose and real ancestry.
+"""Blender's armatures for retargeting: rest pose and effective parents.
 
-In control rigs a bone may follow another than its parent, through constraints. That is not guessed but tried: one
-bone after the other is turned, and which of the others went along is seen.
+In control rigs a bone may follow another bone than its parent, through constraints. That is found by trial: each bone
+is turned, and the bones that turn along are recorded.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -18,19 +19,26 @@ from ...core.geometry.arrays import Array, IntArray
 from ...core.retarget.armature_rest import ArmatureRest
 
 _FK_SWITCH = "IK_FK"  # Rigify's property of a limb: 0 inverse, 1 forward kinematics
-_FOLLOW_SWITCHES = ("neck_follow", "head_follow")  # 1: the neck goes along with the chest, the head with the neck
-_TRIED = Quaternion((0.3, 0.8, -0.5), 0.7)
-_SAME_RADIANS = 0.02
-_SAME_SCALE = 0.01  # up to which a limb may change its length in the scene while it turns
+_FOLLOW_SWITCHES = ("neck_follow", "head_follow")  # 1: the neck follows the chest, the head the neck
+_TRIED = Quaternion((0.3, 0.8, -0.5), 0.7)  # trial rotation
 _APPLY = "apply its scale (Object > Apply > Scale), and that of its parent"
 
 
-def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
-    """Return the rest pose of all bones of an armature object.
+@dataclass(frozen=True)
+class ArmatureLimits:
+    """Tolerances and sizes of armatures."""
 
-    Raises:
-        CharacterError: it has none.
-    """
+    same_rotation_rad: float = 0.02  # difference up to which two bones turn together
+    same_scale: float = 0.01  # relative change of a limb's length in the scene while it turns
+    same_share: float = 0.003  # difference of a bone's share of the legs' length, for a body of equal proportions
+    shortest_bone_m: float = 0.012  # Blender deletes bones without length when Edit Mode is left
+
+
+LIMITS = ArmatureLimits()
+
+
+def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
+    """Return the rest pose of all bones of an armature object."""
     bones = list(armature_object.data.bones)  # Blender keeps parents before their children
     place = {bone.name: index for index, bone in enumerate(bones)}
     count = len(bones)
@@ -48,19 +56,15 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
 
 
 def check_scale(armature_object: bpy.types.Object) -> None:
-    """Refuse an armature that the scene shows stretched or mirrored.
+    """Raise CharacterError for an armature with a non-uniform or mirroring scale, its own or a parent's.
 
-    Bones turn in the armature's own space. Where the scene shows that stretched along one axis more than along another,
-    by its own scale or a parent's, limbs would change their lengths as they turn; where it shows it mirrored, the
-    character would go left when the performer goes right.
-
-    Raises:
-        CharacterError: the scene shows it stretched or mirrored.
+    Bones turn in the armature's own space: with a non-uniform scale, limbs would change their lengths as they turn; a
+    mirrored character would go left when the performer goes right.
     """
     axes = np.array(armature_object.matrix_world.to_3x3(), dtype=np.float64)
     lengths = np.linalg.svd(axes, compute_uv=False)
     name = armature_object.name
-    if lengths[0] > (1.0 + _SAME_SCALE) * lengths[-1]:
+    if lengths[0] > (1.0 + LIMITS.same_scale) * lengths[-1]:
         how = f"{lengths[0] / lengths[-1]:.3g} times longer" if lengths[-1] > 0.0 else "flat"
         raise CharacterError(f"the scene shows it stretched, {how} in one direction", where=name, advice=_APPLY)
     if np.linalg.det(axes) < 0.0:
@@ -69,13 +73,7 @@ def check_scale(armature_object: bpy.types.Object) -> None:
 
 
 def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], moved: Iterable[str]) -> None:
-    """Reset scale and location of turned bones after an earlier animation.
-
-    A joint out of its place, or a limb of another length, would carry all that hangs on it away.
-
-    Args:
-        moved: those with a location set with the motion.
-    """
+    """Reset scale and location of turned bones after an earlier animation, but for the locations of moved bones."""
     kept = set(moved)
     for name in turned:
         bone = armature_object.pose.bones[name]
@@ -87,7 +85,7 @@ def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], move
 def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:
     """Let a rig follow the rotations of the given bones.
 
-    Rigify's switches go to forward kinematics, and inverse kinematics that ends in one of the bones is muted.
+    Rigify's switches are set to forward kinematics, and inverse kinematics that ends in one of the bones is muted.
     """
     for bone in armature_object.pose.bones:
         for name in (_FK_SWITCH, *_FOLLOW_SWITCHES):
@@ -101,23 +99,15 @@ def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> Non
 
 
 def is_constrained(armature_object: bpy.types.Object, bones: Sequence[str]) -> bool:
-    """Tell whether a bone or one above it has constraints."""
-    for name in bones:
-        bone = armature_object.pose.bones[name]
-        while bone is not None:
-            if len(bone.constraints):
-                return True
-            bone = bone.parent
-    return False
+    """Return whether a bone or one of its ancestors has constraints."""
+    posed = [armature_object.pose.bones[name] for name in bones]
+    return any(len(each.constraints) for bone in posed for each in (bone, *bone.parent_recursive))
 
 
 def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object, bones: Sequence[str]) -> IntArray:
-    """Return for each bone (B,) the one of `bones` that turns it, -1 for none.
+    """Return for each bone (B,) of an armature the one of `bones` that turns it, -1 for none; the pose is restored.
 
-    Only those in `bones`, parents before their children, have one. The pose is as before afterwards.
-
-    Raises:
-        CharacterError: constraints hold a bone, so that turning it does nothing.
+    Parents come before their children. CharacterError if constraints hold a bone, so that turning it has no effect.
     """
     place = {bone.name: index for index, bone in enumerate(armature_object.data.bones)}
     found = np.full(len(place), -1, dtype=np.int64)
@@ -137,10 +127,10 @@ def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object
                     advice="choose the control that moves it, or mute its constraints",
                 )
             for other, step in enumerate(steps):
-                if other != index and abs(steps[index].dot(step)) > np.cos(0.5 * _SAME_RADIANS):
+                if other != index and abs(steps[index].dot(step)) > np.cos(0.5 * LIMITS.same_rotation_rad):
                     led[other].append(index)
     for index, name in enumerate(bones):
-        if led[index]:  # of all that lead it, the one that most others lead
+        if led[index]:  # of all bones that turn it, the one that most others turn: the nearest
             found[place[name]] = place[bones[max(led[index], key=lambda other: len(led[other]))]]
     return found
 
@@ -171,16 +161,17 @@ def _turns(context: bpy.types.Context, armature_object: bpy.types.Object, bones:
 def delta_transforms(
     armature_object: bpy.types.Object, rotations: ArrayLike, locations: ArrayLike
 ) -> tuple[Array, Array]:
-    """Return delta rotations and locations that move an object in its own space.
+    """Return delta rotations (..., 4) and locations (..., 3) that move an object in its own space.
 
-    The object is switched to quaternions, in which Blender turns it by delta · rotation and adds the locations.
+    The object is switched to quaternions: Blender then turns it by delta · rotation and adds the locations.
 
     Args:
-        rotations, locations: (..., 4), (..., 3) of the object in its own space, in the armature's unit.
+        rotations: Rotations (..., 4) of the object in its own space.
+        locations: Locations (..., 3) in the same space and the armature's unit.
     """
     armature_object.rotation_mode = "QUATERNION"
     own = np.array(armature_object.rotation_quaternion, dtype=np.float64)
     scale = np.array(armature_object.scale, dtype=np.float64)
     scaled = np.asarray(locations, dtype=np.float64) * scale
-    turned = np.asarray(rotations, dtype=np.float64) * np.append(1.0, np.sign(scale))  # two negative ones: half a turn
+    turned = np.asarray(rotations, dtype=np.float64) * np.append(1.0, np.sign(scale))  # two negative: half a turn
     return rot.multiply(rot.multiply(own, turned), rot.conjugate(own)), rot.rotate(own, scaled)

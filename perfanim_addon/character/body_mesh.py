@@ -15,11 +15,22 @@ from ...core.body.standing import girth_scale, standing_root_m
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, IntArray
 from ...core.system.assets import CHARACTER
+from ..blender_versions import enable_nodes
 from . import axes
 
-_LEAST_WEIGHT = 0.002  # smaller shares are dropped: they cost time in every frame and move nothing visibly
-_METRES_A_STEP = 1e-4
-_SOLE_M = (0.03, 0.08)  # up to the first height a shoe is a part of the floor, from the second on of the foot
+_METRES_PER_STEP = 1e-4  # resolution of the file
+
+
+@dataclass(frozen=True)
+class BodyFit:
+    """Tuned numbers of the fit, chosen by eye."""
+
+    least_weight: float = 0.002  # smaller skin weights are dropped: they cost time in every frame and show nothing
+    sole_m: float = 0.03  # height up to which a shoe stays on the floor
+    foot_m: float = 0.08  # height from which a shoe moves with the foot alone
+
+
+_FIT = BodyFit()
 
 # name: (linear RGB, roughness)
 _MATERIALS: dict[str, tuple[tuple[float, float, float], float]] = {
@@ -34,21 +45,13 @@ _MATERIALS: dict[str, tuple[tuple[float, float, float], float]] = {
 
 @dataclass(frozen=True)
 class Body:
-    """The mesh of a whole body in the rest pose, y up, z forward, soles at y = 0.
+    """The mesh of a whole body in the rest pose, y up, z forward, soles at y = 0."""
 
-    Args:
-        vertices_m: (V, 3).
-        faces: (F, 4) counter-clockwise seen from outside.
-        materials: (F,) index into `material_names`.
-        material_names: names in the order of their indices.
-        weights: (V, J) share of each joint, rows sum to one.
-    """
-
-    vertices_m: Array
-    faces: IntArray
-    materials: IntArray
+    vertices_m: Array  # vertices (V, 3)
+    faces: IntArray  # vertices (F, 4) of each face, counter-clockwise seen from outside
+    materials: IntArray  # index (F,) into `material_names`
     material_names: tuple[str, ...]
-    weights: Array
+    weights: Array  # skin weights (V, J); rows sum to one
 
 
 @cache
@@ -57,7 +60,7 @@ def shipped_body() -> Body:
     with np.load(CHARACTER, allow_pickle=False) as arrays:
         weights = arrays["weights"].astype(np.float64)
         return Body(
-            _METRES_A_STEP * arrays["vertices"].astype(np.float64),
+            _METRES_PER_STEP * arrays["vertices"].astype(np.float64),
             arrays["faces"].astype(np.int64),
             arrays["materials"].astype(np.int64),
             tuple(map(str, arrays["material_names"])),
@@ -66,21 +69,17 @@ def shipped_body() -> Body:
 
 
 def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
-    """Return the shipped body on another skeleton.
+    """Return the shipped body on another skeleton with joints (J, 3) of the rest pose.
 
-    Each bone carries its skin along: turned with the bone's rest direction, stretched along it by the bone's length and
-    across it by the body's girth, blended by the skin weights. Soles stay on the floor.
-
-    Args:
-        heads_m: (J, 3) joints of the rest pose.
+    The skin of each bone is turned with its rest direction, stretched along it by its length and across it by the
+    body's girth, and blended by the skin weights. Soles stay on the floor.
     """
     body, plain = shipped_body(), default_skeleton()
     girth = girth_scale(skeleton)
     maps = np.array([_bone_map(*tips_m, girth) for tips_m in zip(plain.tips_m, skeleton.tips_m, strict=True)])
     from_heads = body.vertices_m[:, None] - (plain.rest_positions_m + standing_root_m(plain))
     vertices = np.einsum("vj,jab,vjb->va", body.weights, maps, from_heads) + body.weights @ heads_m
-    low, high = _SOLE_M
-    floor = np.clip((high - body.vertices_m[:, 1]) / (high - low), 0.0, 1.0)
+    floor = np.clip((_FIT.foot_m - body.vertices_m[:, 1]) / (_FIT.foot_m - _FIT.sole_m), 0.0, 1.0)
     vertices[:, 1] += floor * (girth * body.vertices_m[:, 1] - vertices[:, 1])
     return Body(vertices, body.faces, body.materials, body.material_names, body.weights)
 
@@ -99,11 +98,7 @@ def _bone_map(plain_tip_m: Array, tip_m: Array, girth: float) -> Array:
 def add_body(
     context: bpy.types.Context, skeleton: Skeleton, heads_m: Array, armature_object: bpy.types.Object
 ) -> bpy.types.Object:
-    """Add the body as a mesh object that the armature deforms, and return it.
-
-    Args:
-        heads_m: (J, 3) joints of the armature's rest pose, product space.
-    """
+    """Add the body as a mesh object that the armature, with joints (J, 3) of the rest pose, deforms; return it."""
     body = fitted_body(skeleton, heads_m)
     mesh = bpy.data.meshes.new(armature_object.name + " body")
     mesh.from_pydata(axes.points_to_blender(body.vertices_m).tolist(), [], body.faces.tolist())
@@ -122,7 +117,7 @@ def add_body(
 
 
 def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> None:
-    kept = np.where(weights < _LEAST_WEIGHT, 0.0, weights)
+    kept = np.where(weights < _FIT.least_weight, 0.0, weights)
     kept /= kept.sum(axis=1, keepdims=True)
     for joint, name in enumerate(skeleton.names):
         group = obj.vertex_groups.new(name=name)
@@ -133,27 +128,15 @@ def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> No
 def _material(name: str) -> bpy.types.Material:
     """Return the character material of that name, shared by all characters."""
     full_name = f"Performer {name}"
-    found = bpy.data.materials.get(full_name)
-    if found is not None:
-        return found
-    colour, roughness = _MATERIALS[name]
-    material = new_material(full_name, colour, roughness)
-    material.roughness = roughness
-    return material
+    return bpy.data.materials.get(full_name) or new_material(full_name, *_MATERIALS[name])
 
 
 def new_material(name: str, colour: tuple[float, float, float], roughness: float) -> bpy.types.Material:
-    """Return a new material of one colour, RGB, and roughness."""
+    """Return a new material of one colour, linear RGB, and roughness."""
     material = bpy.data.materials.new(name)
-    ensure_nodes(material)
+    enable_nodes(material)
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     surface.inputs["Base Color"].default_value = (*colour, 1.0)
     surface.inputs["Roughness"].default_value = roughness
-    material.diffuse_color = (*colour, 1.0)  # solid viewport shading
+    material.diffuse_color, material.roughness = (*colour, 1.0), roughness  # solid viewport shading
     return material
-
-
-def ensure_nodes(owner: bpy.types.Material | bpy.types.World) -> None:
-    """Enable shader nodes of a material or world (always enabled from Blender 5.0)."""
-    if bpy.app.version < (5, 0, 0):
-        owner.use_nodes = True

@@ -8,8 +8,7 @@ from ...core.body.standard_skeleton import JOINT_NAMES, TABLES, facts_of
 from ...core.errors import CharacterError
 from ...core.retarget.bone_map import BoneMap, JointMatch, MatchState, checked_map
 from ...core.retarget.retargeter import RootMotion
-from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import string
+from ..preferences.property_kinds import HIDDEN, choice, collection, string
 from .armature_reading import read_armature_rest
 
 _ROOT_MOTIONS = (
@@ -20,7 +19,7 @@ _ROOT_MOTIONS = (
 
 
 def joint_label(joint: str) -> str:
-    """Return a joint's label in the panel: "lfemur" -> "Thigh L"."""
+    """Return a joint's label in the panel, such as "Thigh L" for "lfemur"."""
     label = str(facts_of(joint)["label"])
     return label if joint in TABLES["joint"] else f"{label} {joint[0].upper()}"
 
@@ -33,7 +32,7 @@ def _edited(self: Any, _context: object) -> None:
 
 
 class PERFANIM_PG_joint(bpy.types.PropertyGroup):
-    """A joint (its name is the property `name`) and its bone."""
+    """A joint, named by the property `name`, and its bone."""
 
     bone: string("Bone", "Bone that stands for this joint; empty: none", update=_edited)
     state: string("MatchState", "How sure it is that this bone stands for the joint")
@@ -41,22 +40,19 @@ class PERFANIM_PG_joint(bpy.types.PropertyGroup):
 
 
 class PERFANIM_PG_character(bpy.types.PropertyGroup):
-    """How an armature is driven."""
+    """Bone map and root motion of an armature."""
 
-    joints: bpy.props.CollectionProperty(
-        name="Joints", description="Which bone stands for which joint", type=PERFANIM_PG_joint
-    )
+    attached_to = (bpy.types.Object, "perfanim_character")
+    joints: collection("Joints", "Which bone stands for which joint", PERFANIM_PG_joint)
     active: bpy.props.IntProperty(name="Joint", description="Joint to choose a bone for")
     origin: string("Origin", "How the bones were found")
     problem: string("Problem", "Why the armature cannot be driven")
-    filling: bpy.props.BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
-    root_motion: bpy.props.EnumProperty(
-        name="Root Motion", description="What carries the character through the room", items=_ROOT_MOTIONS
-    )
+    filling: bpy.props.BoolProperty(options=HIDDEN)
+    root_motion: choice("Root Motion", "Bone or object that receives the root motion", _ROOT_MOTIONS)
 
 
 def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
-    """Keep a map with an armature."""
+    """Store a map with an armature."""
     kept = armature_object.perfanim_character
     kept.filling = True
     kept.joints.clear()
@@ -69,14 +65,14 @@ def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
 
 
 def store_problem(armature_object: bpy.types.Object, problem: str) -> None:
-    """Keep an empty map, to be filled by hand, and why none was found."""
+    """Store an empty map, to be filled by hand, and the reason why none was found."""
     missing = {joint: JointMatch("", MatchState.MISSING) for joint in JOINT_NAMES}
     store_map(armature_object, BoneMap(missing, ""))
     armature_object.perfanim_character.problem = problem
 
 
 def clear_map(armature_object: bpy.types.Object) -> None:
-    """Keep no map with an armature."""
+    """Remove the map stored with an armature."""
     kept = armature_object.perfanim_character
     kept.joints.clear()
     kept.problem = ""
@@ -93,11 +89,7 @@ def check_kept_map(armature_object: bpy.types.Object) -> None:
 
 
 def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
-    """Return the map stored with an armature, None without one.
-
-    Raises:
-        CharacterError: it is kept, but cannot be used, with the reason.
-    """
+    """Return the map stored with an armature, None without one; CharacterError if it cannot be used."""
     kept = getattr(armature_object, "perfanim_character", None)
     if kept is None:
         return None
@@ -110,7 +102,7 @@ def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
     missing = [e.bone for e in kept.joints if e.bone and e.bone not in armature_object.data.bones]
     if missing:
         raise CharacterError(
-            "its bone map names bones that it has no more: " + ", ".join(missing[:4]),
+            "its bone map names bones that it no longer has: " + ", ".join(missing[:4]),
             where=armature_object.name,
             advice="click Find Bones under Character",
         )
@@ -119,9 +111,6 @@ def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
 
 
 def stored_root_motion(armature_object: bpy.types.Object) -> RootMotion:
-    """Return the carrier of a character's travel."""
+    """Return the bone or object that receives a character's root motion."""
     kept = getattr(armature_object, "perfanim_character", None)
     return RootMotion.HIPS if kept is None else RootMotion[kept.root_motion]
-
-
-register, unregister = attach_property_group(bpy.types.Object, "perfanim_character", PERFANIM_PG_character)

@@ -7,33 +7,27 @@ from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.body.standing import standing_root_m
 from ...core.errors import CharacterError
-from ...core.geometry.arrays import Array
 from . import axes
+from .armature_reading import LIMITS
 from .body_mesh import add_body
+from .selection import select_only
 
-_SHORTEST_BONE_M = 0.012  # Blender deletes bones without length when edit mode is left
 _FORWARD_BONES = ("foot", "toes")
 
 
 def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str = "Performer") -> str:
     """Add an armature of the skeleton's joints, and a humanoid mesh on it.
 
-    The armature stands at the scene's origin in the product's T pose, soles on the floor, facing -Y. Bones rotate by
-    quaternions. Needs object mode or an object to leave it from; the new armature becomes the active object.
+    The armature stands at the scene's origin in the rest pose, soles on the floor, facing -Y. Bones rotate by
+    quaternions. The new armature becomes the active object, in Object Mode.
 
     Args:
-        skeleton: the standard skeleton's joints with the proportions that the character takes.
-        name: preferred name of the armature object; the mesh is called "<name> body".
+        skeleton: Standard skeleton with the proportions of the character.
+        name: Preferred name of the armature object; Blender may append ".001".
 
     Returns:
-        The armature object's name (Blender may append ".001").
-
-    Raises:
-        CharacterError: the skeleton lacks joints, or Blender allows no new object now.
+        The armature object's name.
     """
-    missing = [joint for joint in JOINT_NAMES if joint not in skeleton.names]
-    if missing:
-        raise CharacterError("the skeleton lacks joints: " + ", ".join(missing))
     armature_object = _add_armature(context, skeleton, name)
     heads = skeleton.rest_positions_m + standing_root_m(skeleton)
     add_body(context, skeleton, heads, armature_object)
@@ -47,10 +41,7 @@ def _add_armature(context: bpy.types.Context, skeleton: Skeleton, name: str) -> 
     armature = bpy.data.armatures.new(name)
     obj = bpy.data.objects.new(name, armature)
     (context.collection or context.scene.collection).objects.link(obj)
-    for other in context.view_layer.objects:
-        other.select_set(False)
-    obj.select_set(True)
-    context.view_layer.objects.active = obj
+    select_only(context, [obj])
     bpy.ops.object.mode_set(mode="EDIT")
     try:
         _add_bones(armature, skeleton)
@@ -70,19 +61,14 @@ def _add_bones(armature: bpy.types.Armature, skeleton: Skeleton) -> None:
     for joint, name in enumerate(skeleton.names):
         bone = armature.edit_bones.new(name)
         bone.head = heads[joint]
-        bone.tail = heads[joint] + _long_enough(tips[joint], up)
+        length, least = float(np.linalg.norm(tips[joint])), LIMITS.shortest_bone_m
+        longer = least * (tips[joint] / length if length > 1e-6 else up)
+        bone.tail = heads[joint] + (tips[joint] if length >= least else longer)
         # knees, elbows and the spine then bend about their local X axis, which animators expect
         bone.align_roll(up if name[1:] in _FORWARD_BONES else forward)
         parent = skeleton.parents[joint]
         if parent >= 0:
             bone.parent = armature.edit_bones[skeleton.names[parent]]
-
-
-def _long_enough(tip: Array, fallback: Array) -> Array:
-    length = float(np.linalg.norm(tip))
-    if length >= _SHORTEST_BONE_M:
-        return tip
-    return _SHORTEST_BONE_M * (tip / length if length > 1e-6 else fallback)
 
 
 def find_armature(object_name: str) -> bpy.types.Object:
@@ -94,11 +80,11 @@ def find_armature(object_name: str) -> bpy.types.Object:
         )
     if obj.type != "ARMATURE":
         raise CharacterError(
-            f"{object_name!r} is no armature but a {obj.type.lower()}", advice="pick the armature that moves it"
+            f"{object_name!r} is a {obj.type.lower()}, not an armature", advice="pick the armature that moves it"
         )
     return obj
 
 
-def check_armature(armature_object: bpy.types.Object) -> list[str]:
+def joints_without_bone(armature_object: bpy.types.Object) -> list[str]:
     """Return the standard joints without a bone in the armature."""
     return [name for name in JOINT_NAMES if name not in armature_object.data.bones]

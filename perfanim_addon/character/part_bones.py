@@ -1,4 +1,4 @@
-"""Parts of the body for a capture, and the bones that belong to them."""
+"""Body parts of the capture settings and their bones."""
 
 from collections.abc import Collection
 
@@ -20,17 +20,7 @@ _PART_OF = {"root": "hips"} | {joint: part for part, joints in body_parts.PARTS.
 def bones_of_parts(
     armature_object: bpy.types.Object, plan: RetargetPlan, parts: Collection[str]
 ) -> frozenset[str] | None:
-    """Return the bones moved with only some parts of the body, None for all.
-
-    A bone that stands for no joint belongs to the part of the next one above it that does; those above all to the hips.
-
-    Args:
-        armature_object: driven by `plan`.
-        parts: of `PARTS`.
-
-    Raises:
-        CharacterError: no bone map is found.
-    """
+    """Return the bones of some body parts (see `PARTS`), None for all; CharacterError without a bone map."""
     if set(parts) >= set(PARTS):
         return None
     chosen = {each for part in parts for each in _PARTS_OF[part]}
@@ -38,10 +28,9 @@ def bones_of_parts(
 
 
 def part_of_bones(armature_object: bpy.types.Object, plan: RetargetPlan) -> dict[str, str]:
-    """Return the part of the body, or "hips", that each moved bone belongs to.
+    """Return the body part of each moved bone; CharacterError without a bone map.
 
-    Raises:
-        CharacterError: no bone map is found.
+    A bone without a joint belongs to the part of its nearest mapped ancestor, else to the hips.
     """
     part_of = {bone: _PART_OF[joint] for joint, bone in bones_of(armature_object).items()}
     bones, found = armature_object.pose.bones, {}

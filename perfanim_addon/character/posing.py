@@ -14,21 +14,16 @@ from ...core.retarget.bone_map import BoneMap, find_bone_map, identity_bone_map
 from ...core.retarget.bone_map_files import read_presets
 from ...core.retarget.retargeter import RetargetPlan, RootMotion, plan_retarget
 from ..preferences.paths import user_folder
-from .armature_reading import check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
+from .armature_reading import LIMITS, check_scale, followed_bones, is_constrained, read_armature_rest, switch_to_fk
 from .bone_map_settings import clear_map, store_map, store_problem, stored_map, stored_root_motion
-from .create_character import check_armature
+from .create_character import joints_without_bone
 
-_SAME_SHARE = 0.003  # of the length of both legs, up to which a bone is as long as the performer's
 _LINKED = "make a library override of it (Object > Library Override > Make)"
-PRESETS_FOLDER = "bone_maps"  # of the user's
+PRESETS_FOLDER = "bone_maps"  # user folder
 
 
 def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = None) -> BoneMap:
-    """Find the bone map of an armature, with shipped presets and a folder's.
-
-    Raises:
-        CharacterError: it is no biped, or no map is found.
-    """
+    """Find the bone map of an armature by shipped presets and those of a folder; CharacterError if none fits."""
     try:
         return find_bone_map(read_armature_rest(armature_object), read_presets(presets_folder))
     except CharacterError as error:
@@ -38,13 +33,13 @@ def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = No
 def fill_map(armature_object: bpy.types.Object) -> None:
     """Find and store the bone map of an armature, or the problem.
 
-    A usable map that is kept already stays: it may have been chosen by hand.
+    A usable stored map stays: it may have been chosen by hand.
     """
     if armature_object.library is not None:
         return
     if armature_object.perfanim_character.joints and not _problem(armature_object, stored_map):
         return
-    if not check_armature(armature_object):
+    if not joints_without_bone(armature_object):
         clear_map(armature_object)
         return
     try:
@@ -54,7 +49,7 @@ def fill_map(armature_object: bpy.types.Object) -> None:
 
 
 def map_problem(armature_object: bpy.types.Object) -> str:
-    """Return the problem of driving an armature, "" without one; quick."""
+    """Return the reason why an armature cannot be driven, "" for none; fast enough for drawing."""
     if armature_object.library is not None:
         return f"it is linked from another file; {_LINKED}"
     return _problem(armature_object, stored_map) or _problem(armature_object, check_scale)
@@ -69,7 +64,7 @@ def _problem(armature_object: bpy.types.Object, check: Callable[[bpy.types.Objec
 
 
 def _has_proportions(rest: ArmatureRest, skeleton: Skeleton) -> bool:
-    """Tell whether an armature has the joints' names and a performer's legs."""
+    """Return whether an armature has the joints' names and the performer's leg proportions."""
     if not set(JOINT_NAMES) <= rest.index.keys():
         return False
     heads = rest.heads[[rest.index[name] for name in skeleton.names]]
@@ -77,15 +72,11 @@ def _has_proportions(rest: ArmatureRest, skeleton: Skeleton) -> bool:
     above = skeleton.parents[lines]
     mine = np.linalg.norm(heads[lines] - heads[above], axis=-1)
     own = np.linalg.norm(skeleton.offsets_m[lines], axis=-1)
-    return bool(np.allclose(mine / np.sum(mine), own / np.sum(own), atol=_SAME_SHARE))
+    return bool(np.allclose(mine / np.sum(mine), own / np.sum(own), atol=LIMITS.same_share))
 
 
 def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetPlan:
-    """Plan the retargeting onto an armature: by stored map, by names, or found.
-
-    Raises:
-        CharacterError: it cannot be driven, with the reason.
-    """
+    """Plan the retargeting onto an armature, by its stored or a found map; CharacterError if it cannot be driven."""
     if armature_object.library is not None:
         raise CharacterError(
             "is linked from another file and cannot be posed", where=armature_object.name, advice=_LINKED
@@ -102,13 +93,9 @@ def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetP
 
 
 def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
-    """Return joint -> bone of an armature, as `plan_for` finds them.
-
-    Raises:
-        CharacterError: no bone map is found, with the reason.
-    """
+    """Return joint -> bone of an armature, by the same maps as `plan_for`; CharacterError without a map."""
     kept = stored_map(armature_object)
-    if kept is None and not check_armature(armature_object):
+    if kept is None and not joints_without_bone(armature_object):
         return {joint: joint for joint in JOINT_NAMES}
     return (kept or find_map(armature_object, user_folder(PRESETS_FOLDER))).bones
 
@@ -116,14 +103,9 @@ def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
 def plan_with_map(
     armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
 ) -> RetargetPlan:
-    """Plan the retargeting onto an armature by a map; switch off its IK.
-
-    Raises:
-        CharacterError: the armature is stretched or mirrored, constraints hold one of the bones, or the rest pose
-            cannot be read.
-    """
+    """Plan the retargeting onto an armature by a map, and switch its IK off; CharacterError if it cannot be driven."""
     check_scale(armature_object)
-    armature_object.data.pose_position = "POSE"  # shown in its rest position it would not move
+    armature_object.data.pose_position = "POSE"  # in rest position it would not move
     rest = read_armature_rest(armature_object)
     plan = plan_retarget(skeleton, rest, bone_map, root_motion)
     _rest_between(armature_object, bone_map.bones["root"], plan.bones)
@@ -135,9 +117,9 @@ def plan_with_map(
 
 
 def _rest_between(armature_object: bpy.types.Object, hips: str, driven: Sequence[str]) -> None:
-    """Reset bones between driven ones, posed by earlier actions."""
+    """Reset bones between driven ones that earlier actions have posed."""
     bones, taken = armature_object.pose.bones, set(driven)
     above = {parent.name for name in driven for parent in bones[name].parent_recursive} - taken
-    carriers = {parent.name for parent in bones[hips].parent_recursive}  # they place the character
+    carriers = {parent.name for parent in bones[hips].parent_recursive}  # they place the character and stay
     for name in above - carriers:
         bones[name].matrix_basis.identity()

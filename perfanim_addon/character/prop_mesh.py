@@ -1,66 +1,52 @@
 """Placeholder object of a prop: a shaft, arms to the markers, markers as balls."""
 
-import bpy
-import numpy as np
+from dataclasses import dataclass
 
-from ...core.geometry.arrays import Array
+import bmesh
+import bpy
+from mathutils import Matrix, Vector
+
 from ...core.markers.prop import Prop
 from .axes import points_to_blender
 
-_SIDES = 8
-_SHAFT_M, _ARM_M, _MARKER_M = 0.012, 0.005, 0.016
-_ON_SHAFT_M = 0.03
-_BALL_RINGS = (-0.9, -0.45, 0.0, 0.45, 0.9)  # sines of the heights
+
+@dataclass(frozen=True)
+class PropShape:
+    """Sizes of the placeholder in metres, chosen by eye."""
+
+    sides: int = 8  # faces around shaft, arms and balls
+    shaft_m: float = 0.012  # radius
+    arm_m: float = 0.005  # radius
+    marker_m: float = 0.016  # radius
+    on_shaft_m: float = 0.03  # distance from the axis up to which a marker needs no arm
+
+
+_SHAPE = PropShape()
 
 
 def add_prop_object(context: bpy.types.Context, prop: Prop) -> bpy.types.Object:
     """Add and return a mesh of a prop at the scene's origin, its y along Z."""
-    places = prop.positions_m
-    low, high = float(places[:, 1].min()), float(places[:, 1].max())
-    parts = [_rod(np.array([0.0, low, 0.0]), np.array([0.0, high, 0.0]), _SHAFT_M)]
+    places = [Vector(place) for place in points_to_blender(prop.positions_m)]
+    shape = bmesh.new()
+    low, high = (each(place.z for place in places) for each in (min, max))
+    _add_rod(shape, Vector((0.0, 0.0, low)), Vector((0.0, 0.0, high)), _SHAPE.shaft_m)
     for place in places:
-        foot = np.array([0.0, place[1], 0.0])
-        if np.linalg.norm(place - foot) > _ON_SHAFT_M:
-            parts.append(_rod(foot, place, _ARM_M))
-        parts.append(_ball(place))
-    corners: list[Array] = []
-    faces: list[tuple[int, ...]] = []
-    for points, sides in parts:
-        start = sum(map(len, corners))
-        corners.append(points)
-        faces += [tuple(start + corner for corner in side) for side in sides]
+        foot = Vector((0.0, 0.0, place.z))
+        if (place - foot).length > _SHAPE.on_shaft_m:
+            _add_rod(shape, foot, place, _SHAPE.arm_m)
+        rings = {"u_segments": _SHAPE.sides, "v_segments": _SHAPE.sides // 2}
+        bmesh.ops.create_uvsphere(shape, **rings, radius=_SHAPE.marker_m, matrix=Matrix.Translation(place))
     mesh = bpy.data.meshes.new(prop.name)
-    mesh.from_pydata(points_to_blender(np.concatenate(corners)).tolist(), [], faces)
+    shape.to_mesh(mesh)
+    shape.free()
     made = bpy.data.objects.new(prop.name, mesh)
     made.rotation_mode = "QUATERNION"
     (context.collection or context.scene.collection).objects.link(made)
     return made
 
 
-def _rings(middles: Array, radii: Array, across: Array, beside: Array) -> tuple[Array, list[tuple[int, ...]]]:
-    """Return corners and faces of rings (N,) one above the other, closed at both ends."""
-    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    circle = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * beside
-    points = (middles[:, None] + radii[:, None, None] * circle).reshape(-1, 3)
-    faces: list[tuple[int, ...]] = [tuple(range(_SIDES))[::-1]]
-    for ring in range(len(middles) - 1):
-        for side in range(_SIDES):
-            first, second = ring * _SIDES + side, ring * _SIDES + (side + 1) % _SIDES
-            faces.append((first, second, second + _SIDES, first + _SIDES))
-    faces.append(tuple(range((len(middles) - 1) * _SIDES, len(middles) * _SIDES)))
-    return points, faces
-
-
-def _rod(start: Array, end: Array, radius: float) -> tuple[Array, list[tuple[int, ...]]]:
-    along = (end - start) / np.linalg.norm(end - start)
-    helper = np.eye(3)[int(np.argmin(np.abs(along)))]
-    across = np.cross(along, helper)
-    across /= np.linalg.norm(across)
-    return _rings(np.stack((start, end)), np.full(2, radius), across, np.cross(along, across))
-
-
-def _ball(middle: Array) -> tuple[Array, list[tuple[int, ...]]]:
-    heights = np.array(_BALL_RINGS)
-    middles = middle + _MARKER_M * heights[:, None] * np.array([0.0, 1.0, 0.0])
-    x, z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    return _rings(middles, _MARKER_M * np.sqrt(1.0 - heights**2), z, x)
+def _add_rod(shape: bmesh.types.BMesh, start: Vector, end: Vector, radius: float) -> None:
+    along = end - start
+    middle = Matrix.Translation(0.5 * (start + end)) @ along.to_track_quat("Z", "Y").to_matrix().to_4x4()
+    ends = {"radius1": radius, "radius2": radius, "depth": along.length}
+    bmesh.ops.create_cone(shape, cap_ends=True, segments=_SHAPE.sides, **ends, matrix=middle)

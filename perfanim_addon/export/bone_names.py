@@ -1,4 +1,4 @@
-"""Bones under another program's names for as long as a file is written."""
+"""Another program's bone names while a file is written."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -8,22 +8,13 @@ import bpy
 from ...core.errors import CharacterError
 from ...core.retarget.joint_naming import naming_of
 
-_PASSING = "perfanim renaming {}"  # so that no bone meets another's name on the way
-
 
 @contextmanager
 def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, str], naming: str) -> Iterator[None]:
-    """Rename bones for another program, and restore their names afterwards.
+    """Rename bones for another program, and restore their names afterwards; CharacterError for bones of another file.
 
-    Blender takes vertex groups, animation and constraints along. A bone that stands for no joint and has a name that
-    one of these needs gets "_" behind it meanwhile.
-
-    Args:
-        bones: joint -> bone.
-        naming: of `core.formats.naming.NAMINGS`.
-
-    Raises:
-        CharacterError: the bones cannot be renamed, as they belong to another file.
+    Blender renames vertex groups, animation and constraints along. A bone without a joint whose name is needed gets "_"
+    appended meanwhile.
     """
     data = armature_object.data
     if data.library is not None or data.override_library is not None:
@@ -44,7 +35,7 @@ def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, s
 
 
 def _rename(data: bpy.types.Armature, names: Mapping[str, str]) -> None:
-    passing = {old: _PASSING.format(number) for number, old in enumerate(names)}
+    passing = {old: f"perfanim renaming {number}" for number, old in enumerate(names)}  # avoids clashes
     for old, between in passing.items():
         data.bones[old].name = between
     for old, between in passing.items():

@@ -16,9 +16,10 @@ from ...core.formats.motion.bvh_axes import transform_bvh
 from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
 from ..animation.actions import scene_frames, write_action
-from ..animation.channels import play, played
+from ..blender_versions import play, played
 from ..character.create_character import find_armature
 from ..character.posing import bones_of
+from ..character.selection import leave_modes, select_only
 from .bone_names import exported_bone_names
 
 ENDINGS = {"BVH": ".bvh", "FBX": ".fbx", "GLTF": ".glb"}
@@ -28,30 +29,20 @@ _YUP_FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0
 
 @dataclass(frozen=True)
 class Form:
-    """How a file is written.
+    """Form of an exported file."""
 
-    Args:
-        naming: of `joint_naming.NAMINGS`, for bones that stand for joints; "" keeps their names.
-        scale: units of a BVH file in one of the scene's: 100 for centimetres.
-    """
-
-    meshes: bool = True
-    naming: str = ""
-    scale: float = 1.0
+    meshes: bool = True  # include the meshes deformed by the armature
+    naming: str = ""  # joint naming for mapped bones; "" keeps their names
+    scale: float = 1.0  # BVH units per scene unit: 100 for centimetres
 
 
 @dataclass(frozen=True)
 class TimedPoses:
-    """Poses of a performer at their times.
+    """Poses of a performer at their times."""
 
-    Args:
-        times_s: (F,) strictly increasing; the first becomes the file's beginning.
-        rotations, root_positions_m, skeleton: as `write_action` takes them.
-    """
-
-    times_s: Array
-    rotations: Array
-    root_positions_m: Array
+    times_s: Array  # times (F,), strictly increasing; the file begins at the first
+    rotations: Array  # parent-from-joint quaternions (F, J, 4)
+    root_positions_m: Array  # root positions (F, 3)
     skeleton: Skeleton
 
 
@@ -60,16 +51,14 @@ def export_poses(
 ) -> int:
     """Write poses on an armature to a file; return the number of frames.
 
-    The file has a whole number of frames a second, the one nearest to `fps`.
-
     Args:
-        object_name: an armature, driven by `plan_for`.
-        kind: of `ENDINGS`.
-        fps: rate of the file; between poses Blender's curves are sampled.
+        object_name: Name of the armature object.
+        kind: Key of `ENDINGS`.
+        fps: Rate of the file, rounded to a whole number; Blender's curves are sampled between poses.
 
     Raises:
-        CharacterError: the armature cannot be driven, or is hidden.
-        FormatError: the file cannot be written.
+        CharacterError: The armature cannot be driven, or is hidden.
+        FormatError: The file cannot be written.
     """
     armature_object = find_armature(object_name)
     with _lent(context, armature_object):
@@ -77,7 +66,7 @@ def export_poses(
         scene.render.fps, scene.render.fps_base = max(1, round(fps)), 1.0
         frames = scene_frames(poses.times_s, scene)
         animation = armature_object.animation_data or armature_object.animation_data_create()
-        animation.use_nla, animation.action = False, None  # nothing but the next action plays
+        animation.use_nla, animation.action = False, None  # only the new action plays
         motion = poses.rotations, poses.root_positions_m, poses.skeleton
         write_action(object_name, frames, *motion, name=target.stem)
         scene.frame_start, scene.frame_end = 1, max(1, int(np.floor(frames[-1] + 1e-3)))
@@ -96,19 +85,24 @@ def write_played(
 ) -> None:
     """Write an armature's animation over the scene's frame range.
 
-    BVH has y up and the scene's units and the armature where it stands in the scene; FBX and glTF are as Blender writes
-    them by default.
+    BVH files have y up, scene units, and the armature at its position in the scene; FBX and glTF files have Blender's
+    defaults.
 
     Args:
-        kind: of `ENDINGS`.
-        bones: joint -> bone, for `form.naming`.
+        kind: Key of `ENDINGS`.
+        bones: Bone of each joint, for `form.naming`.
 
     Raises:
-        CharacterError: the armature is hidden, or its bones cannot be renamed.
-        FormatError: the file cannot be written.
+        CharacterError: The armature is hidden, or its bones cannot be renamed.
+        FormatError: The file cannot be written.
     """
     scene = context.scene
-    _select(context, armature_object, form.meshes and kind != "BVH")
+    if not armature_object.visible_get():
+        advice = "show it: exporters skip hidden objects"
+        raise CharacterError("is hidden", where=armature_object.name, advice=advice)
+    meshes = [each for each in context.view_layer.objects if each.type == "MESH" and each.visible_get()]
+    worn = [each for each in meshes if form.meshes and kind != "BVH" and each.find_armature() == armature_object]
+    select_only(context, [armature_object, *worn])
     names = exported_bone_names(armature_object, bones, form.naming) if form.naming else nullcontext()
     with names, atomic_path(target) as temporary:
         _run(target, kind, temporary, (scene.frame_start, scene.frame_end))
@@ -119,7 +113,7 @@ def write_played(
 
 
 def _places(context: bpy.types.Context, armature_object: bpy.types.Object) -> Array:
-    """Return the armature's place in the world (F, 4, 4) in each frame of the scene."""
+    """Return the armature's world matrices (F, 4, 4) in the frames of the scene."""
     found = []
     for frame in range(context.scene.frame_start, context.scene.frame_end + 1):
         context.scene.frame_set(frame)
@@ -160,29 +154,17 @@ def _run(target: Path, kind: str, path: Path, frames: tuple[int, int]) -> None:
             raise RuntimeError("cancelled")
     except (RuntimeError, AttributeError, TypeError, OSError) as error:
         line = (str(error).strip().splitlines() or ["unknown error"])[-1]
-        advice = f"see that Blender's own {kind} exporter is switched on, under Preferences > Add-ons"
+        advice = f"switch Blender's own {kind} exporter on, under Preferences > Add-ons"
         raise FormatError(f"cannot be exported ({line})", where=str(target), advice=advice) from error
-
-
-def _select(context: bpy.types.Context, armature_object: bpy.types.Object, meshes: bool) -> None:
-    if not armature_object.visible_get():
-        raise CharacterError(
-            "is hidden", where=armature_object.name, advice="show it: exporters pass hidden objects over"
-        )
-    for obj in context.view_layer.objects:
-        worn = meshes and obj.type == "MESH" and obj.visible_get() and obj.find_armature() == armature_object
-        obj.select_set(obj == armature_object or worn)
-    context.view_layer.objects.active = armature_object
 
 
 @contextmanager
 def _lent(context: bpy.types.Context, armature_object: bpy.types.Object) -> Iterator[None]:
-    """Put everything that an export changes back as it was."""
+    """Restore everything that an export changes."""
     layer = context.view_layer
     active, selected = layer.objects.active, [obj for obj in layer.objects if obj.select_get()]
     mode = active.mode if active is not None else "OBJECT"
-    if mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
+    leave_modes(context)
     known = set(bpy.data.actions)
     scene, rendered = context.scene, context.scene.render
     rate, span = (rendered.fps, rendered.fps_base), (scene.frame_start, scene.frame_end)

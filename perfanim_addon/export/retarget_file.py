@@ -1,8 +1,8 @@
-"""Motion onto a character, of a file or new, for `perfanim retarget`; headless.
+"""Retargeting of a motion file without a window, for `perfanim retarget`.
 
     python -m perfanim.perfanim_addon.export.retarget_file MOTION OUT [--to CHARACTER] [--map NAME_OR_FILE] [...]
 
-Start it in a process of its own: it opens another scene. The last line on stdout is a JSON object.
+Run it in a process of its own: it opens another scene. The last line on stdout is a JSON object.
 """
 
 import argparse
@@ -28,19 +28,19 @@ from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
 from ...core.system.files import atomic_path, is_file
 from ..animation.actions import scene_frames, write_with_plan
+from ..blender_versions import detach_action
 from ..character.armature_reading import read_armature_rest
 from ..character.create_character import create_character, find_armature
 from ..character.posing import find_map, plan_for, plan_with_map
 from .export_animation import ENDINGS, Form, write_played
 from .stage import add_stage, floor_below, render, set_up_rendering, write_scene
 
-_SAMPLED_FRAMES = 24  # of the performance, to place floor and camera
 _GLTF = (".glb", ".gltf", ".vrm")
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture (.png) of one frame, counted from 1; the middle one if None."""
+    """Picture (.png) of one frame, counted from 1; None for the middle one."""
 
     path: Path | None
     frame: int | None = None
@@ -56,22 +56,22 @@ def retarget_file(
     picture: Picture | None = None,
     form: Form | None = None,
 ) -> dict[str, Any]:
-    """Give the character of a file a motion, and save it; return a report.
+    """Retarget a motion onto a character, and save it; return a report.
 
-    A .blend keeps its scene and its rate, without the additions for the picture; another file's character, or a new
-    one, gets a scene of its own with floor, light and camera, at the motion's rate.
+    A .blend keeps its scene and rate; other and new characters get a scene with floor, light and camera at the motion's
+    rate.
 
     Args:
-        motion: motion of the standard skeleton's joints.
-        character: .blend, .glb, .gltf, .vrm or .fbx file; None for a new one of the motion's proportions.
-        target: the file to write: .blend, or for other programs .fbx, .glb or .bvh.
-        preset: name of a shipped bone map, or a file; None to find it.
-        root_motion: what carries the character through the room.
-        form: how a file for other programs is written.
+        motion: Motion of the standard skeleton's joints.
+        character: File (.blend, .glb, .gltf, .vrm, .fbx); None for a new character of the motion's proportions.
+        target: File to write (.blend, .fbx, .glb, .bvh).
+        preset: Name of a shipped bone map, or a file; None to find the map.
+        root_motion: Bone or object that receives the root motion.
+        form: Form of a file for other programs.
 
     Raises:
-        CharacterError: there is no humanoid in the file, or it cannot be driven.
-        FormatError: a file cannot be read or written.
+        CharacterError: There is no humanoid in the file, or it cannot be driven.
+        FormatError: A file cannot be read or written.
     """
     shown = _shown_frame(motion, picture)
     is_own_scene = character is not None and character.suffix.lower() == ".blend"
@@ -80,7 +80,11 @@ def retarget_file(
     if not is_own_scene:
         scene.render.fps = max(1, round(motion.fps))
         scene.render.fps_base = scene.render.fps / motion.fps
-    armature_object, bone_map = _humanoid(character, preset) if character is not None else _new_humanoid(motion)
+    if character is None:
+        set_up_rendering(scene)
+        armature_object, bone_map = find_armature(create_character(bpy.context, motion.skeleton)), identity_bone_map()
+    else:
+        armature_object, bone_map = _humanoid(character, preset)
     plan, frames = _performed(armature_object, bone_map, motion, root_motion, is_new=character is None)
     floor = float(armature_object.matrix_world.translation.z) if character is not None else floor_below(motion)
     kind = next((kind for kind, ending in ENDINGS.items() if target.name.lower().endswith(ending)), None)
@@ -119,12 +123,12 @@ def _shown_frame(motion: Motion, picture: Picture | None) -> int:
 def _performed(
     armature_object: bpy.types.Object, bone_map: BoneMap, motion: Motion, root_motion: RootMotion, *, is_new: bool
 ) -> tuple[RetargetPlan, Array]:
-    """Let a character play a motion; return its plan and the frames (F,)."""
+    """Write a motion onto a character; return the plan and the scene frames (F,)."""
     scene = bpy.context.scene
     release_pose(armature_object)
-    bpy.context.view_layer.update()  # the place in the scene of what an importer has parented
+    bpy.context.view_layer.update()  # world matrices of imported children
     if is_new and root_motion is RootMotion.HIPS:
-        plan = plan_for(armature_object, motion.skeleton)  # joint by joint: it has the performer's body
+        plan = plan_for(armature_object, motion.skeleton)  # joint by joint: it has the performer's proportions
     else:
         plan = plan_with_map(armature_object, motion.skeleton, bone_map, root_motion)
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
@@ -148,7 +152,7 @@ def _map_facts(bone_map: BoneMap) -> dict[str, Any]:
 
 
 def open_file(character: Path | None) -> None:
-    """Open a .blend, or import a character; scripts stay off."""
+    """Open a .blend, or import a character, without running scripts."""
     if character is None:
         bpy.ops.wm.read_factory_settings(use_empty=True)
         return
@@ -162,7 +166,7 @@ def open_file(character: Path | None) -> None:
     if kind in _GLTF:
         with tempfile.TemporaryDirectory() as folder:
             copy = character
-            if kind == ".vrm":  # a binary glTF under another name, which the importer goes by
+            if kind == ".vrm":  # a binary glTF; the importer goes by the suffix
                 copy = Path(folder) / f"{character.stem}.glb"
                 shutil.copyfile(character, copy)
             _run(character, lambda: bpy.ops.import_scene.gltf(filepath=str(copy), disable_bone_shape=True))
@@ -170,20 +174,20 @@ def open_file(character: Path | None) -> None:
         _run(character, lambda: bpy.ops.import_scene.fbx(filepath=str(character), use_anim=False))
     else:
         raise FormatError(
-            "is no character file", where=str(character), advice="give a .blend, .glb, .gltf, .vrm or .fbx file"
+            "is not a character file", where=str(character), advice="give a .blend, .glb, .gltf, .vrm or .fbx file"
         )
 
 
 def _run(character: Path, read: Callable[[], object]) -> None:
     try:
         read()
-    except Exception as error:  # importers raise all kinds on damaged files
+    except Exception as error:  # importers raise anything on damaged files
         line = (str(error).strip().splitlines() or ["unknown error"])[-1]
         raise FormatError(f"cannot be read ({line})", where=str(character), advice="export it again") from error
 
 
 def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, BoneMap]:
-    """Return the humanoid armature that moves most meshes, and its map."""
+    """Return the humanoid armature with most meshes, and its bone map."""
     armatures = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE"]
     if not armatures:
         raise CharacterError("there is no armature in it", where=str(character), advice="give a rigged character")
@@ -205,19 +209,11 @@ def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, Bo
     raise first
 
 
-def _new_humanoid(motion: Motion) -> tuple[bpy.types.Object, BoneMap]:
-    """Add a character of the motion's proportions; set the scene up for pictures."""
-    set_up_rendering(bpy.context.scene)
-    return find_armature(create_character(bpy.context, motion.skeleton)), identity_bone_map()
-
-
 def release_pose(armature_object: bpy.types.Object) -> None:
-    """Detach other animation of the armature, kept in the file, and reset bones."""
+    """Detach other animation of the armature, which stays in the file, and reset its bones."""
     animation = armature_object.animation_data
     if animation is not None:
-        if animation.action is not None:
-            animation.action.use_fake_user = True
-            animation.action = None
+        detach_action(animation)
         for track in animation.nla_tracks:
             track.mute = True
     for bone in armature_object.pose.bones:
@@ -225,9 +221,9 @@ def release_pose(armature_object: bpy.types.Object) -> None:
 
 
 def _add_stage(scene: bpy.types.Scene, armature_object: bpy.types.Object, bone_map: BoneMap, floor: float) -> None:
-    """Add floor, light and a camera that sees the whole performance."""
+    """Add floor, light and a camera that shows 24 samples of the performance."""
     points = []
-    for at in np.unique(np.linspace(scene.frame_start, scene.frame_end, _SAMPLED_FRAMES).astype(int)):
+    for at in np.unique(np.linspace(scene.frame_start, scene.frame_end, 24).astype(int)):
         scene.frame_set(int(at))
         posed = armature_object.pose.bones
         points += [armature_object.matrix_world @ posed[name].head for name in bone_map.bones.values()]

@@ -1,5 +1,6 @@
 """Stage of a scene: floor, light, camera, picture, and the file."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -11,27 +12,40 @@ from ...core.body.skeleton import forward_kinematics
 from ...core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
+from ..blender_versions import enable_nodes
 from ..character import axes
-from ..character.body_mesh import ensure_nodes, new_material
+from ..character.body_mesh import new_material
 
-_LENS_MM = 50.0
-_STILL_PIXELS = (480, 640)
-_STILL_SAMPLES = 16
-_FLOOR_PERCENTILE = 2.0  # of the toes' heights: single outliers and short dips do not sink the floor
+
+@dataclass(frozen=True)
+class Stage:
+    """Choices for pictures of a performance."""
+
+    lens_mm: float = 50.0
+    pixels: tuple[int, int] = (480, 640)
+    samples: int = 16  # Cycles samples per pixel
+    floor_percentile: float = 2.0  # percentile of the toes' heights: outliers and short dips do not lower the floor
+    towards: tuple[float, float, float] = (0.45, -1.0, 0.18)  # camera half to the performer's left
+    beside_m: float = 0.15  # margin of the joints in the picture
+    above_m: float = 0.25
+    sky: tuple[float, float, float] = (0.55, 0.60, 0.66)
+
+
+_STAGE = Stage()
 
 
 def write_scene(path: Path) -> None:
     """Write the open scene to a file."""
-    bpy.context.preferences.filepaths.save_version = 0  # no backup beside it
+    bpy.context.preferences.filepaths.save_version = 0  # no backup file
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True, check_existing=False)
 
 
 def floor_below(motion: Motion) -> float:
-    """Return the height of the floor below a motion's soles, in Blender's axes."""
+    """Return the height of the floor below a motion's soles."""
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     toes = positions[:, [motion.skeleton.index(side + "toes") for side in "lr"]]
     lowest = axes.points_to_blender(toes)[..., 2].min(axis=1)
-    return float(np.percentile(lowest, _FLOOR_PERCENTILE)) - SOLE_BELOW_TOES_M * girth_scale(motion.skeleton)
+    return float(np.percentile(lowest, _STAGE.floor_percentile)) - SOLE_BELOW_TOES_M * girth_scale(motion.skeleton)
 
 
 def add_stage(scene: bpy.types.Scene, points: Array, floor: float) -> None:
@@ -61,21 +75,20 @@ def _add_lights(scene: bpy.types.Scene, centre: Array, floor: float) -> None:
     _look_at(sun_object, centre)
     scene.collection.objects.link(sun_object)
     scene.world = bpy.data.worlds.new("World")
-    scene.world.color = (0.55, 0.60, 0.66)
-    ensure_nodes(scene.world)
+    scene.world.color = _STAGE.sky
+    enable_nodes(scene.world)
     for node in scene.world.node_tree.nodes:
         if node.type == "BACKGROUND":
-            node.inputs["Color"].default_value = (0.55, 0.60, 0.66, 1.0)
+            node.inputs["Color"].default_value = (*_STAGE.sky, 1.0)
             node.inputs["Strength"].default_value = 1.0
 
 
 def _add_camera(scene: bpy.types.Scene, joints: Array, centre: Array) -> None:
-    """Add a camera half to the performer's left that shows the whole motion."""
+    """Add a camera that shows the whole motion."""
     camera = bpy.data.cameras.new("Camera")
-    camera.lens = _LENS_MM
+    camera.lens = _STAGE.lens_mm
     camera_object = bpy.data.objects.new("Camera", camera)
-    towards = np.array([0.45, -1.0, 0.18])
-    towards /= np.linalg.norm(towards)
+    towards = np.array(_STAGE.towards) / np.linalg.norm(_STAGE.towards)
     distance = _fitting_distance(camera, joints - centre, towards)
     camera_object.location = centre + distance * towards
     camera.clip_end = 10.0 * distance
@@ -88,11 +101,11 @@ def _fitting_distance(camera: bpy.types.Camera, points: Array, towards: Array) -
     """Return the distance of an upright camera that shows all points (N, 3)."""
     across = np.cross([0.0, 0.0, 1.0], towards)
     across /= np.linalg.norm(across)
-    narrow = _LENS_MM / (0.5 * camera.sensor_width * min(_STILL_PIXELS) / max(_STILL_PIXELS))
-    wide = _LENS_MM / (0.5 * camera.sensor_width)
+    wide = camera.lens / (0.5 * camera.sensor_width)
+    narrow = wide * max(_STAGE.pixels) / min(_STAGE.pixels)
     near = points @ towards
     aside, above = np.abs(points @ across), np.abs(points @ np.cross(towards, across))
-    return float(np.max(near + np.maximum(narrow * (aside + 0.15), wide * (above + 0.25))))
+    return float(np.max(near + np.maximum(narrow * (aside + _STAGE.beside_m), wide * (above + _STAGE.above_m))))
 
 
 def _look_at(obj: bpy.types.Object, point: Array) -> None:
@@ -104,10 +117,10 @@ def set_up_rendering(scene: bpy.types.Scene) -> None:
     """Let Cycles render small pictures on the processor."""
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
-    scene.cycles.samples = _STILL_SAMPLES
+    scene.cycles.samples = _STAGE.samples
     scene.cycles.use_denoising = False
     scene.cycles.max_bounces = 4
-    scene.render.resolution_x, scene.render.resolution_y = _STILL_PIXELS
+    scene.render.resolution_x, scene.render.resolution_y = _STAGE.pixels
     scene.render.resolution_percentage = 100
     scene.view_settings.view_transform = "Standard"
 
@@ -116,5 +129,5 @@ def render(scene: bpy.types.Scene, target: Path) -> None:
     """Render the current frame to a .png file."""
     scene.render.image_settings.file_format = "PNG"
     with atomic_path(target.with_suffix(".png")) as temporary:
-        bpy.ops.render.render()  # writing on its own it takes braces in a name for variables
+        bpy.ops.render.render()  # with a file name it would expand braces as variables
         bpy.data.images["Render Result"].save_render(str(temporary), scene=scene)

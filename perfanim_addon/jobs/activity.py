@@ -1,7 +1,7 @@
 """The running capture or job, at most one, and the last message of each panel.
 
-No Blender data is kept here, only names and the timer, which is removed on every way out: the operator's own end,
-loading a file, closing the window and disabling the extension.
+No Blender data is held except the timer, which is removed at the end of the operator, when a file is loaded, the window
+is closed or the extension is disabled.
 """
 
 import contextlib
@@ -15,13 +15,13 @@ from ..viewport import overlay, picture_overlay
 
 
 class Activity(Protocol):
-    """A capture or a job: owns a worker process."""
+    """A capture or a job, with its worker process."""
 
     def close(self) -> None:
         """End the worker process."""
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write the result once; return the line to show, "" if there is no result."""
+        """Write the result once; return the line to show, "" for no result."""
 
 
 @dataclass
@@ -35,27 +35,27 @@ _state = _State()
 
 
 def current() -> Activity | None:
-    """Return the running activity, None if there is none."""
+    """Return the running activity, None without one."""
     return _state.activity
 
 
 def begin(context: bpy.types.Context, activity: Activity, interval_s: float) -> None:
-    """Make `activity` the running one and start its timer in the context's window."""
+    """Run an activity, with a timer in the context's window."""
     end()
     _state.activity = activity
     _state.timer = context.window_manager.event_timer_add(interval_s, window=context.window)
 
 
 def end() -> None:
-    """End the activity: remove timer and overlays, close the worker. Safe at any time."""
+    """End the activity: remove timer and overlays, close the worker. Safe to call at any time."""
     activity, timer = _state.activity, _state.timer
     _state.activity = _state.timer = None
     if timer is not None:
         bpy.context.window_manager.event_timer_remove(timer)
-    picture_overlay.hide()  # the last picture of a job may stay until the next,
+    picture_overlay.hide()
     if activity is not None:
         activity.close()
-    overlay.hide()  # and so may the space that it found
+    overlay.hide()
     if activity is not None:
         redraw_sidebars()
 
@@ -68,7 +68,7 @@ def finish(context: bpy.types.Context) -> str:
 
 
 def set_message(panel: str, text: str, icon: str = "INFO") -> None:
-    """Set the message of a panel and its icon; "" clears it."""
+    """Set the message of a panel; "" clears it."""
     _state.messages[panel] = (text, icon)
 
 
@@ -94,7 +94,7 @@ def redraw_sidebars() -> None:
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    # if loading fails, the present data stays and has the recording
+    # if loading fails, the present data stays and keeps the recording
     with contextlib.suppress(PerfanimError):
         finish(bpy.context)
 

@@ -11,10 +11,7 @@ from ...core.worker.requests import CommandRequest, Request
 
 
 def command(arguments: Sequence[str], gently: bool = False) -> CommandRequest:
-    """Return the request for a command of `perfanim`.
-
-    `gently`, other processes go first.
-    """
+    """Return the request for a command of `perfanim`; `gently` lowers its priority."""
     return CommandRequest(arguments=tuple(arguments), gently=gently)
 
 
@@ -22,10 +19,11 @@ class Job:
     """Job in a worker process, with progress and a result.
 
     Args:
+        panel: Key of the panel that shows the job.
         request: Request for the worker.
-        python: interpreter of the worker, None for Blender's own.
-        finishable: it can end early with the result so far.
-        first: job to do before, None for none.
+        python: Interpreter of the worker; None for Blender's own.
+        finishable: The job can end early with the result so far.
+        first: Job to run before, None for none.
     """
 
     def __init__(
@@ -42,7 +40,7 @@ class Job:
         self.finishable = finishable
         self.text = "starting"
         self.cue: PoseCue | None = None
-        self.heading = ""  # progress for the panel's header
+        self.heading = ""  # progress in the panel's header
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
         self._preview: Message | None = None
@@ -89,12 +87,12 @@ class Job:
             raise message.error()
 
     def take_preview(self) -> Image | None:
-        """Return the newest camera image (height, width, 3), RGB, None without a new one."""
+        """Return a new camera image (height, width, 3), RGB, None without one."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()
 
     def finish(self) -> None:
-        """Ask the worker to end with the result so far; keep calling `tick` until `ended`."""
+        """Ask the worker to end with the result so far; call `tick` until `ended`."""
         self.finishable = False
         if self._client is not None:
             self._client.request_stop()

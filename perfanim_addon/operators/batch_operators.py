@@ -1,4 +1,4 @@
-"""Operator that runs a batch of takes in the worker and shows its report."""
+"""Operator that solves a batch of takes and shows the report."""
 
 import os
 from pathlib import Path
@@ -9,15 +9,13 @@ import bpy
 from ..settings import batch_settings
 from .database_operators import SolvingOperator
 
-PANEL = "batch"
-
 
 class PERFANIM_OT_run_batch(SolvingOperator, bpy.types.Operator):
     """Solve all unfinished takes of the folder or plan, several at a time"""
 
     bl_label = "Run Batch"
     title = "Batch"
-    panel = PANEL
+    panel = "batch"
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
@@ -34,7 +32,6 @@ class PERFANIM_OT_run_batch(SolvingOperator, bpy.types.Operator):
         return ["batch", str(batch_settings.plan_file(context, chosen)), "--jobs", str(jobs)]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Open the report of all takes."""
         show_page(Path(summary["page"]))
         counted = ", ".join(f"{summary[status]} {status}" for status in ("good", "doubtful", "bad"))
         return f"{len(summary['takes'])} takes: {counted}; see {summary['page']}"

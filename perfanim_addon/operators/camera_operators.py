@@ -17,15 +17,15 @@ from ..preferences.paths import absolute, user_folder
 from ..settings import ignored_places, readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
 from .job_operators import JobOperator
+from .operator_bases import need
 
 PANEL = "cameras"
-_TAKEN_HZ = 1320.0
-_SCALE_OFF = 0.02
-SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm of the simulated board
+_TAKEN_HZ = 1320.0  # beep for a view
+SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm
 
 
 def board_spec(chosen: PERFANIM_PG_settings) -> str:
-    """Return the board in the notation of `perfanim calibrate`."""
+    """Return the board in the command line's notation."""
     size = f"{chosen.board_columns}x{chosen.board_rows}:{chosen.board_square_mm:g}mm"
     if chosen.board_kind == "CHARUCO":
         return f"charuco:{size}:{chosen.board_code_mm:g}mm:{chosen.board_dictionary}"
@@ -38,12 +38,10 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
     bl_label = "Calibrate from Pictures"
     title = "Calibrating the cameras"
     panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        chosen = settings(context)
-        both = chosen.board_left and chosen.board_right
-        return "" if both else "Choose the folders with each camera's images of the board"
+    missing_input = need(
+        lambda context: settings(context).board_left and settings(context).board_right,
+        "Choose the folders with each camera's images of the board",
+    )
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen = settings(context)
@@ -65,12 +63,10 @@ class _Watching(JobOperator):
     """Base of the operators that watch the board with the cameras."""
 
     panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        if settings(context).source in ("CAMERAS", "SIMULATED"):
-            return ""
-        return "Needs cameras as the source; for images of the board use Calibrate from Pictures"
+    missing_input = need(
+        lambda context: settings(context).source in ("CAMERAS", "SIMULATED"),
+        "Needs cameras as the source; for images of the board use Calibrate from Pictures",
+    )
 
 
 class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
@@ -85,7 +81,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         chosen = settings(context)
         fields, every_s = _board_fields(chosen), None
         if isinstance(fields["source"], LiveCameras):
-            # all cameras, even if the present calibration has only one
+            # all cameras, even if the present calibration has one
             fields["source"] = replace(fields["source"], devices=tuple(readiness.devices(chosen)))
             every_s = chosen.board_every_s if chosen.board_timed else None
         out = str(user_folder("calibrations", "board"))
@@ -132,7 +128,7 @@ class PERFANIM_OT_set_floor(_FloorFinding, bpy.types.Operator):
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
         off = float(summary["scale"]) - 1.0
         text = "floor set at the board, origin at its middle"
-        if abs(off) > _SCALE_OFF:
+        if abs(off) > 0.02:
             text += f"; the board looks {100.0 * abs(off):.0f} % too {'large' if off > 0 else 'small'}: "
             text += "check the square size, or calibrate again"
         return text
@@ -162,15 +158,12 @@ class PERFANIM_OT_set_floor_markers(_FloorFinding, bpy.types.Operator):
         _use_rig(settings(context), summary, "cameras-on-floor.toml")
         text = f"floor set at the {summary['markers']} markers, origin at their middle"
         off = float(summary["scale"]) - 1.0
-        return (
-            f"{text}; the calibration was {100.0 * abs(off):.1f} % too {'small' if off > 0 else 'large'}"
-            if off
-            else text
-        )
+        wrong = "small" if off > 0 else "large"
+        return f"{text}; the calibration was {100.0 * abs(off):.1f} % too {wrong}" if off else text
 
 
 def _board_fields(chosen: PERFANIM_PG_settings) -> dict[str, Any]:
-    """Return the fields of a request that describe source and board."""
+    """Return the source and board of a request."""
     if chosen.source == "SIMULATED":
         chosen.board_kind = "CHESSBOARD"
         chosen.board_columns, chosen.board_rows, chosen.board_square_mm = SIMULATED_BOARD
@@ -201,5 +194,4 @@ class PERFANIM_OT_save_board(JobOperator, bpy.types.Operator, ExportHelper):
         return ["calibrate", "board", "--spec", board_spec(settings(context)), "--out", self.filepath]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Return the paper to print on."""
         return f"print {Path(summary['out']).name} on {summary['paper']} at 100 %, then measure a square"

@@ -5,17 +5,17 @@ import time
 import bpy
 
 from ...core.errors import PerfanimError
-from ..capture.live_capture import LiveCapture, judge_capture, refining_take
+from ..capture.live_capture import LiveCapture, judge_capture, refining_take, running_capture
+from ..capture.tuning import TUNING
 from ..jobs import activity
 from ..preferences import preferences
-from ..settings import guide_steps, performer_refinement, readiness
+from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
+from ..settings.performer_refinement import offer
 from .database_operators import is_starter_missing, starter_arguments
-from .operator_bases import CheckedOperator, RunningOperator, defect, report_error
+from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
 
 PANEL = "capture"
-TICK_S = 1 / 240  # a pose waits for half of it; a tick without one is over in a tenth of a millisecond
-SIDEBAR_S = 1.0  # time between redraws of the statistics; moving bones redraw the viewport
 
 
 class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
@@ -23,15 +23,11 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
 
     bl_label = "Start Capture"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return readiness.first_missing_step(settings(context))
+    missing_input = staticmethod(lambda context: readiness.first_missing_step(settings(context)))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Start; the timer continues it."""
         activity.set_message(PANEL, "")
-        performer_refinement.offer_capture("")
+        offer.capture = ""
         try:
             prepare = starter_arguments() if is_starter_missing(context) else []
             capture = LiveCapture(preferences.worker_python(context), prepare)
@@ -40,12 +36,11 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         self._capture = capture
         self._shown_at = 0.0
         self._status = ""
-        activity.begin(context, capture, TICK_S)
+        activity.begin(context, capture, TUNING.tick_s)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Advance at each tick; other events pass through."""
         if activity.current() is not self._capture:
             return self._finish(context)
         if event.type == "ESC" and event.value == "PRESS":
@@ -58,20 +53,16 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
             self._show(context, posed)
         except PerfanimError as error:
             return self._finish(context, error)
-        except Exception as error:
-            # a defect must neither leave timer and worker behind nor lose the recording
+        except Exception as error:  # a defect must not leave timer and worker behind, nor lose the recording
             return self._finish(context, defect(error))
         if self._capture.done:
             return self._finish(context, self._capture.run.error)
         return {"PASS_THROUGH"}
 
     def _show(self, context: bpy.types.Context, posed: bool) -> None:
-        """Redraw the statistics once a second, if possible together with a new pose.
-
-        Blender redraws the viewport below the sidebar along with it.
-        """
+        """Redraw the statistics once a second, if possible with a new pose, as Blender redraws the viewport, too."""
         now = time.perf_counter()
-        if now - self._shown_at > (SIDEBAR_S if posed else 2.0 * SIDEBAR_S):
+        if now - self._shown_at > (TUNING.sidebar_s if posed else 2.0 * TUNING.sidebar_s):
             self._shown_at = now
             activity.redraw_sidebars()
             text = f"Perfanim: {self._capture.line}.  Esc or Stop Capture: end and keep"
@@ -88,8 +79,8 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         text = ""
         try:
             text = capture.keep(context)
-            guide_steps.keep_walk(judge_capture(capture))
-            performer_refinement.offer_capture(refining_take(capture, settings(context)))
+            guide_steps.seen.walk = judge_capture(capture)
+            offer.capture = refining_take(capture, settings(context))
         except PerfanimError as second:
             error = error or second
         if text or error is None:
@@ -107,7 +98,7 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
     def cancel(self, context: bpy.types.Context) -> None:
         """Keep the recording: the window is closing."""
         if activity.current() is not self._capture:
-            return  # loading a file and disabling the add-on have kept it
+            return  # kept before a file was loaded or the add-on disabled
         try:
             text = activity.finish(context)
         except PerfanimError as error:
@@ -122,13 +113,9 @@ class PERFANIM_OT_stop_capture(RunningOperator, bpy.types.Operator):
     """Stop the capture; the recorded frames are kept as actions"""
 
     bl_label = "Stop Capture"
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if isinstance(activity.current(), LiveCapture) else "No capture is running"
+    missing_input = need(lambda context: running_capture(), "No capture is running")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Ask for the end; the capture's own timer finishes it."""
         activity.current().stop()
         return {"FINISHED"}
 
@@ -140,8 +127,8 @@ class PERFANIM_OT_record(RunningOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        capture = activity.current()
-        if not isinstance(capture, LiveCapture) or capture.run is None:
+        capture = running_capture()
+        if capture is None or capture.run is None:
             return "Start the capture first"
         return "" if capture.by_button else "This capture records from its start; switch Record by Button on first"
 

@@ -1,36 +1,34 @@
 """Operators of the character: add, choose, map its bones."""
 
-from collections.abc import Callable
-
 import bpy
 import numpy as np
 
 from ...core.body.calibration_poses import t_pose
 from ...core.body.skeleton import Skeleton, forward_kinematics
 from ...core.body.standard_skeleton import default_skeleton
-from ...core.errors import CharacterError, PerfanimError
-from ...core.retarget.bone_map import BoneMap, checked_map
+from ...core.errors import CharacterError
+from ...core.retarget.bone_map import checked_map
 from ...core.retarget.bone_map_files import preset_paths, read_bone_map, write_bone_map
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
 from ..character.armature_reading import read_armature_rest
 from ..character.bone_map_settings import store_map
-from ..character.create_character import check_armature, find_armature
+from ..character.create_character import find_armature, joints_without_bone
 from ..character.posing import PRESETS_FOLDER, find_map
 from ..panels.character_panel import shown_armature
 from ..preferences.paths import absolute, user_folder
-from ..preferences.property_kinds import string
+from ..preferences.property_kinds import HIDDEN, string
 from ..settings import readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
-from .operator_bases import DialogOperator, UndoOperator
+from .operator_bases import DialogOperator, UndoOperator, need
 
 PANEL = "character"
 
 
 def performer_skeleton(chosen: PERFANIM_PG_settings) -> Skeleton:
-    """Return the skeleton of the subject, or an average adult's if there is none."""
-    found = readiness.subject(absolute(chosen.subject)) if chosen.subject else None
-    return default_skeleton() if found is None or isinstance(found, PerfanimError) else found.skeleton
+    """Return the skeleton of the subject, or an average adult's."""
+    known = readiness.found(readiness.subject, absolute(chosen.subject)) if chosen.subject else None
+    return default_skeleton() if known is None else known.skeleton
 
 
 class PERFANIM_OT_add_character(UndoOperator, bpy.types.Operator):
@@ -39,13 +37,12 @@ class PERFANIM_OT_add_character(UndoOperator, bpy.types.Operator):
     bl_label = "Add Character"
     panel = PANEL
 
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         add_character(context, performer_skeleton(settings(context)))
-        return ""
 
 
 def _candidates(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the armature of the active object or its parents, or those below it.
+    """Return the armature of the active object or its parents, or those of its children.
 
     Importers leave a mesh or an empty of the character active.
     """
@@ -69,42 +66,28 @@ class PERFANIM_OT_use_active_armature(UndoOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require one armature at the active object."""
         count = len(_candidates(context))
         if count > 1:
             return f"{context.object.name} has {count} armatures: select one of them"
         return "" if count else "Select an armature first"
 
-    def run(self, context: bpy.types.Context) -> str:
-        """Choose the armature if it is a humanoid."""
+    def run(self, context: bpy.types.Context) -> None:
         (armature_object,) = _candidates(context)
-        if check_armature(armature_object):
-            find_map(armature_object, user_folder(PRESETS_FOLDER))
+        if joints_without_bone(armature_object):
+            find_map(armature_object, user_folder(PRESETS_FOLDER))  # raises for other than humanoids
         settings(context).armature = armature_object
-        return ""
 
 
 class _ArmatureOperator(UndoOperator):
     """Base of the operators on an armature's bone map."""
 
     panel = PANEL
-    armature: string(
-        "Armature", "Armature to map; empty for the one chosen under Character", options={"HIDDEN", "SKIP_SAVE"}
-    )
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if shown_armature(context) is not None else "Choose an armature first"
+    armature: string("Armature", "Armature to map; empty for the one chosen under Character", options=HIDDEN)
+    missing_input = need(shown_armature, "Choose an armature first")
 
     def target(self, context: bpy.types.Context) -> bpy.types.Object:
-        """Return the armature to work on; CharacterError when it is gone."""
+        """Return the armature to work on; raise CharacterError if it is gone."""
         return find_armature(self.armature) if self.armature else settings(context).armature
-
-    def use_map(self, context: bpy.types.Context, make: Callable[[bpy.types.Object], BoneMap]) -> str:
-        """Store the bone map that `make` returns for the armature."""
-        armature_object = self.target(context)
-        store_map(armature_object, make(armature_object))
-        return ""
 
 
 class PERFANIM_OT_find_bones(_ArmatureOperator, bpy.types.Operator):
@@ -112,8 +95,9 @@ class PERFANIM_OT_find_bones(_ArmatureOperator, bpy.types.Operator):
 
     bl_label = "Find Bones"
 
-    def run(self, context: bpy.types.Context) -> str:
-        return self.use_map(context, lambda armature: find_map(armature, user_folder(PRESETS_FOLDER)))
+    def run(self, context: bpy.types.Context) -> None:
+        armature_object = self.target(context)
+        store_map(armature_object, find_map(armature_object, user_folder(PRESETS_FOLDER)))
 
 
 class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
@@ -122,13 +106,11 @@ class PERFANIM_OT_show_t_pose(_ArmatureOperator, bpy.types.Operator):
 
     bl_label = "Show T Pose"
 
-    def run(self, context: bpy.types.Context) -> str:
-        chosen = settings(context)
-        skeleton = performer_skeleton(chosen)
+    def run(self, context: bpy.types.Context) -> None:
+        skeleton = performer_skeleton(settings(context))
         rotations = t_pose(skeleton)
         lowest_m = float(forward_kinematics(skeleton, rotations, np.zeros(3))[0][:, 1].min())
         ArmatureDriver(self.target(context).name, skeleton).apply(rotations, np.array([0.0, -lowest_m, 0.0]))
-        return ""
 
 
 class PERFANIM_OT_pick_bone(_ArmatureOperator, bpy.types.Operator):
@@ -138,10 +120,10 @@ class PERFANIM_OT_pick_bone(_ArmatureOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        missing, armature_object = super().missing_input(context), shown_armature(context)
-        if missing or (armature_object.perfanim_character.joints and armature_object.data.bones.active is not None):
-            return missing
-        return "Select a bone of the armature in Pose Mode first"
+        shown = shown_armature(context)
+        if shown is not None and (not shown.perfanim_character.joints or shown.data.bones.active is None):
+            return "Select a bone of the armature in Pose Mode first"
+        return super().missing_input(context)
 
     def run(self, context: bpy.types.Context) -> None:
         armature_object = self.target(context)
@@ -157,14 +139,11 @@ class PERFANIM_OT_load_bone_map(_ArmatureOperator, bpy.types.Operator):
 
     preset: bpy.props.StringProperty(options={"HIDDEN"})
 
-    def run(self, context: bpy.types.Context) -> str:
-        return self.use_map(context, self._read)
-
-    def _read(self, armature_object: bpy.types.Object) -> BoneMap:
-        path = preset_paths(user_folder(PRESETS_FOLDER)).get(self.preset)
+    def run(self, context: bpy.types.Context) -> None:
+        armature_object, path = self.target(context), preset_paths(user_folder(PRESETS_FOLDER)).get(self.preset)
         if path is None:
             raise CharacterError(f"there is no bone map {self.preset!r}", advice="open the menu again")
-        return checked_map(read_armature_rest(armature_object), read_bone_map(path), self.preset)
+        store_map(armature_object, checked_map(read_armature_rest(armature_object), read_bone_map(path), self.preset))
 
 
 class PERFANIM_OT_save_bone_map(DialogOperator, _ArmatureOperator, bpy.types.Operator):

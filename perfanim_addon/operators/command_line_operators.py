@@ -1,7 +1,7 @@
 """Command line of Blender: `blender --background --command perfanim ...`.
 
-Commands run in a process of their own, as the worker does: Blender has loaded numpy's libraries before, set for its
-window.
+Commands run in a process of their own, as the worker does: Blender has already loaded numpy's libraries with settings
+for its window.
 """
 
 import os
@@ -21,35 +21,31 @@ _handles: list[Any] = []
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command of `perfanim` and return its exit status.
-
-    Args:
-        arguments: without the command's name.
-    """
+    """Run `perfanim` with arguments and return its exit status."""
     from ...core.cli import in_blender
     from ...core.system import helper_process
     from ...core.system.blender_process import BLENDER_VARIABLE
     from ...core.worker.child_process import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable
-    # characters are retargeted by another Blender like this one, where it is a program
+    # characters are retargeted by another process of this Blender, if it is a program
     environment = {BLENDER_VARIABLE: bpy.app.binary_path, **os.environ}
     order = helper_process.order(in_blender.run, list(arguments), paths=library_paths())
     with subprocess.Popen(helper_process.command(python), stdin=subprocess.PIPE, env=environment) as process:
         if process.stdin is not None:
             process.stdin.write(order.encode() + b"\n")
-            process.stdin.flush()  # and stays open: at its end the process ends
+            process.stdin.flush()  # it stays open: the process ends when it is closed
         while True:
             try:
                 status = process.wait()
-            except KeyboardInterrupt:  # the process has got it as well, and cleans up
+            except KeyboardInterrupt:  # the process gets it as well, and cleans up
                 continue
             return status if status >= 0 else 128 - status
 
 
 def _command(arguments: list[str]) -> int:
     status = run(arguments)
-    # Blender's own buffered lines would follow the command's
+    # discard Blender's own buffered lines, which would follow the command's
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
     return status

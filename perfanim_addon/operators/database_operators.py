@@ -5,7 +5,6 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
 
 from ...core.database.public_collections import file_name, public_collections
 from ...core.database.store import DATABASE_SUFFIX
@@ -20,8 +19,8 @@ from ..preferences.paths import user_folder
 from ..preferences.property_kinds import choice, draw_props, string, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
-from .job_operators import JobOperator
-from .operator_bases import DialogOperator, PanelOperator
+from .job_operators import FilesOperator, JobOperator
+from .operator_bases import DialogOperator, PanelOperator, need
 
 PANEL = "database"
 _ADDRESS = "ADDRESS"
@@ -29,18 +28,14 @@ _COLLECTIONS = [(name, each.title, each.good_for) for name, each in public_colle
 
 
 def starter_arguments() -> list[str]:
-    """Return the command that builds the starter database from the shipped motion.
-
-    Raises:
-        DatabaseError: the shipped motion is missing.
-    """
+    """Return the arguments of the command that builds the starter database; DatabaseError without shipped motion."""
     if not MOTION.is_dir() or not any(MOTION.iterdir()):
         raise DatabaseError("the starter motion is missing", where=str(MOTION), advice="install the add-on again")
     return ["database", "build", str(MOTION), "--out", str(readiness.starter_database_path())]
 
 
 def is_starter_missing(context: bpy.types.Context) -> bool:
-    """Return True if the starter database is in use and has not been built yet."""
+    """Return True if the starter database is in use and not built yet."""
     return not settings(context).database and not readiness.starter_database_path().exists()
 
 
@@ -52,7 +47,6 @@ class SolvingOperator(JobOperator):
         return True
 
     def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
-        """Start the job, after building the starter database where it is missing."""
         request, first = self.request(context), None
         if self.uses_starter(context) and is_starter_missing(context):
             first = Job("Building the starter database", self.panel, command(starter_arguments()), python)
@@ -67,7 +61,7 @@ class _BuildingOperator(JobOperator):
     cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
 
     def build_options(self, context: bpy.types.Context, name: str) -> list[str]:
-        """Return the command's options; the name `options` is Blender's own."""
+        """Return the command's options (Blender uses the name `options`)."""
         self._target = str(user_folder("databases") / f"{name or 'motion'}{DATABASE_SUFFIX}")
         chosen = ["--mirror"] * self.mirror + ["--cull"] * self.cull
         workers = preferences.workers(context)
@@ -83,21 +77,15 @@ class _BuildingOperator(JobOperator):
         return f"{text}, {repaired} defects removed or repaired" if repaired else text
 
 
-class PERFANIM_OT_build_database(_BuildingOperator, bpy.types.Operator, ImportHelper):
+class PERFANIM_OT_build_database(FilesOperator, _BuildingOperator, bpy.types.Operator):
     """Build a motion database from BVH or AMC files, folders or archives, and use it"""
 
     bl_label = "Import Motion"
     title = "Importing motion"
-    filename_ext = ""
     filter_glob: bpy.props.StringProperty(default="*.bvh;*.amc;*.asf;*.zip;*.tar;*.gz;*.tgz", options={"HIDDEN"})
-    files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
-    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        names = [item.name for item in self.files if item.name]
-        sources = [str(Path(self.directory) / name) for name in names]
-        if not sources:
-            sources = [self.filepath or self.directory]
+        sources = self.chosen_files()
         for source in sources:
             if not exists(source):
                 raise DatabaseError("not found", where=source or "import", advice="choose motion files or a folder")
@@ -156,11 +144,7 @@ class PERFANIM_OT_use_starter_database(PanelOperator, bpy.types.Operator):
 
     bl_label = "Use Starter Database"
     panel = PANEL
+    missing_input = need(lambda context: settings(context).database, "The starter database is in use")
 
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if settings(context).database else "The starter database is in use"
-
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         settings(context).database = ""
-        return ""

@@ -22,7 +22,7 @@ from ..settings.batch_settings import NAMINGS
 from .operator_bases import PanelOperator, report_error
 from .put_on_character import TakeOperator, recorded_poses, take_motion
 
-_MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender, and without a character
+_MOTIONS = {"VRMA": VRMA, "ANGLES": ANGLES}  # written without Blender and without a character
 _ENDINGS = {**ENDINGS, **_MOTIONS}
 
 
@@ -80,7 +80,6 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
             column.prop(self, "meshes")
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Give the file the ending of the format."""
         wanted = self._with_ending()
         changed, self.filepath = wanted != self.filepath, wanted
         return changed

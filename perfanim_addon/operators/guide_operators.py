@@ -8,24 +8,24 @@ from ...core.geometry.arrays import Image
 from ...core.subjects.setup_check.finding import Fault
 from ...core.worker.requests import CheckSetupRequest, ShowCamerasRequest
 from ..capture import capture_request
-from ..jobs import activity
 from ..preferences.paths import absolute
+from ..preferences.property_kinds import HIDDEN, whole_number
 from ..settings import camera_choice, guide_steps, ignored_places, readiness
 from ..settings.capture_settings import settings
 from ..viewport import overlay, picture_overlay
 from .job_operators import JobOperator
-from .operator_bases import PanelOperator
+from .operator_bases import PanelOperator, need
 
 PANEL = "guide"
 
 
 class _PictureJob(JobOperator):
-    """Base of jobs that leave their last picture in the viewport until the next job."""
+    """Base of jobs with a last picture that stays in the viewport until the next job."""
 
     panel = PANEL
 
     def keep_picture(self, line: str) -> Image | None:
-        """Show the job's last picture with a line above it, and return it."""
+        """Show the job's last picture with a line above it; return the picture."""
         picture: Image | None = self._job.take_preview()
         if picture is not None:
             picture_overlay.show(picture, line)
@@ -86,7 +86,7 @@ class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
         space = guide_steps.space(chosen)
         if space:
             self.keep_picture(space)
-            overlay.show_space(readiness.good(readiness.rig(absolute(chosen.calibration))))
+            overlay.show_space(readiness.rig(absolute(chosen.calibration)))
         return "; ".join(filter(None, ("no fault was found", space)))
 
 
@@ -97,22 +97,18 @@ class PERFANIM_OT_ignore_reflections(PanelOperator, bpy.types.Operator):
 
     bl_label = "Ignore These Places"
     panel = PANEL
-    number: bpy.props.IntProperty(
-        name="Number", description="Of the ring; 0 for all of them", min=0, options={"HIDDEN", "SKIP_SAVE"}
+    number: whole_number("Number", "Number of the ring; 0 for all of them", 0, 0, options=HIDDEN)
+    missing_input = need(
+        lambda context: guide_steps.reflections(settings(context)), "Check Setup has found no reflection"
     )
 
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if guide_steps.reflections(settings(context)) else "Check Setup has found no reflection"
-
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         chosen = settings(context)
         found = guide_steps.reflections(chosen)
         places = {number: place for number, place in found.items() if self.number in (0, number)}
         ignored_places.keep(chosen, [*ignored_places.ignored(chosen), *places.values()])
         if guide_steps.forgive_reflections(places):
             picture_overlay.hide()
-        return ""
 
 
 class PERFANIM_OT_forget_ignored(PanelOperator, bpy.types.Operator):
@@ -120,17 +116,13 @@ class PERFANIM_OT_forget_ignored(PanelOperator, bpy.types.Operator):
 
     bl_label = "Ignore No Longer"
     panel = PANEL
-    camera: bpy.props.IntProperty(name="Camera", description="Number of the camera, from 0", min=0, options={"HIDDEN"})
+    camera: whole_number("Camera", "Number of the camera, from 0", 0, 0, options={"HIDDEN"})
+    missing_input = need(lambda context: ignored_places.ignored(settings(context)), "No place is ignored")
 
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if ignored_places.ignored(settings(context)) else "No place is ignored"
-
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         chosen = settings(context)
         ignored_places.keep(chosen, [place for place in ignored_places.ignored(chosen) if place[0] != self.camera])
-        guide_steps.forget_pictures()
-        return ""
+        guide_steps.seen.forget_pictures()
 
 
 class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
@@ -145,7 +137,5 @@ class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
         passing = guide_steps.next_step(chosen)[1].passing(chosen)
         return "" if passing else "A capture cannot start without this step"
 
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         guide_steps.skip(settings(context))
-        activity.set_message(PANEL, "")
-        return ""

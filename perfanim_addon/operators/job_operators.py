@@ -1,27 +1,29 @@
 """Operators of jobs in the worker process."""
 
 from abc import abstractmethod
+from pathlib import Path
 from typing import Any
 
 import bpy
+from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import PerfanimError
 from ...core.worker.requests import Request
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..preferences import preferences
+from ..preferences.property_kinds import HIDDEN
 from ..viewport import picture_overlay
-from .operator_bases import CheckedOperator, RunningOperator, defect, report_error
+from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
 
-TICK_S = 0.1
+_TICK_S = 0.1  # time between two readings of the worker's messages
 
 
 class JobOperator(CheckedOperator):
     """Base of the operators that run a job in the worker.
 
-    Subclasses set `title` and `panel`, give the `arguments` of a command or else a `request` (both raise PerfanimError
-    for bad settings), and use the result in `on_result`, which returns the line to show. A `finishable` job can be
-    asked to end early with the result so far.
+    Subclasses set `title` and `panel`, and implement `arguments` or `request`, and `on_result`. A `finishable` job can
+    end early with the result so far.
     """
 
     title = ""
@@ -30,14 +32,14 @@ class JobOperator(CheckedOperator):
 
     @abstractmethod
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command line's arguments."""
+        """Return the command line's arguments; PerfanimError for bad settings."""
 
     def request(self, context: bpy.types.Context) -> Request:
-        """Return the request for the worker."""
+        """Return the worker's request; PerfanimError for bad settings."""
         return command(self.arguments(context))
 
     def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
-        """Start the job in a worker run by `python`, None for Blender's own."""
+        """Start the job; `python` is the worker's interpreter, None for Blender's own."""
         return Job(self.title, self.panel, self.request(context), python, self.finishable)
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
@@ -45,19 +47,17 @@ class JobOperator(CheckedOperator):
         return f"{self.title}: done"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Start the job; the timer continues it."""
         activity.set_message(self.panel, "")
         try:
             job = self.create_job(context, preferences.worker_python(context))
         except PerfanimError as error:
             return report_error(self, self.panel, error)
         self._job = job
-        activity.begin(context, job, TICK_S)
+        activity.begin(context, job, _TICK_S)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Poll the worker at each tick."""
         job = self._job
         if activity.current() is not job:
             return self._finish(context, "stopped")
@@ -94,19 +94,28 @@ class JobOperator(CheckedOperator):
         return {"FINISHED"} if ok else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """End the job: the window is closing or the add-on is being disabled."""
         if activity.current() is self._job:
             activity.end()
+
+
+class FilesOperator(ImportHelper):
+    """Base of operators on several chosen files."""
+
+    filename_ext = ""
+    files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=HIDDEN)
+    directory: bpy.props.StringProperty(subtype="DIR_PATH", options=HIDDEN)
+
+    def chosen_files(self) -> list[str]:
+        """Return the chosen files, or the folder if no file is chosen."""
+        files = [str(Path(self.directory) / item.name) for item in self.files if item.name]
+        return files or [self.filepath or self.directory]
 
 
 class PERFANIM_OT_cancel_job(RunningOperator, bpy.types.Operator):
     """Cancel the running job; unfinished results are discarded"""
 
     bl_label = "Cancel"
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if isinstance(activity.current(), Job) else "No job is running"
+    missing_input = need(lambda context: isinstance(activity.current(), Job), "No job is running")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         activity.end()
@@ -117,13 +126,10 @@ class PERFANIM_OT_finish_job(RunningOperator, bpy.types.Operator):
     """End the job now and use the result so far"""
 
     bl_label = "Finish Now"
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        job = activity.current()
-        return "" if isinstance(job, Job) and job.finishable else "No job is running that can finish early"
+    missing_input = need(
+        lambda context: getattr(activity.current(), "finishable", False), "No job is running that can finish early"
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Ask the worker to end; the job's timer takes the result."""
         activity.current().finish()
         return {"FINISHED"}

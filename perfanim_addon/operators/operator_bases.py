@@ -2,6 +2,8 @@
 
 import traceback
 from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
 
 import bpy
 
@@ -9,26 +11,31 @@ from ...core.errors import CaptureError, PerfanimError
 from ..jobs import activity
 
 
-class CheckedOperator:
-    """Base of operators with preconditions; the disabled button shows the missing one.
+def need(is_met: Callable[[bpy.types.Context], object], text: str) -> Any:
+    """Return a `missing_input` with one condition; the text says what is missing."""
+    return staticmethod(lambda context: "" if is_met(context) else text)
 
-    Subclasses relax `needs_scene` or `needs_idle`, and name what else is missing in `missing_input`.
-    """
+
+class CheckedOperator:
+    """Base of operators with preconditions; the disabled button shows the first missing one."""
 
     needs_scene = True
     needs_idle = True
     bl_idname = ""
 
     def __init_subclass__(cls) -> None:
-        """Name the operator after its class: PERFANIM_OT_find_bones, perfanim.find_bones."""
+        """Derive the operator's name from its class: PERFANIM_OT_find_bones is perfanim.find_bones."""
         super().__init_subclass__()
         cls.bl_idname = cls.__name__.replace("PERFANIM_OT_", "perfanim.")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Return True if nothing is missing; else explain it in the tooltip."""
-        missing = _scene_problem(context) if cls.needs_scene else ""
-        if not missing and cls.needs_idle and activity.current() is not None:
+        missing = ""
+        if cls.needs_scene and (context.window is None or context.scene is None):
+            missing = "Needs a window with a scene"
+        elif cls.needs_scene and not context.scene.is_editable:
+            missing = "The scene is linked from another file and cannot be edited"
+        elif cls.needs_idle and activity.current() is not None:
             missing = "Perfanim is busy: wait until it has finished, or stop it"
         missing = missing or cls.missing_input(context)
         if missing:
@@ -42,7 +49,7 @@ class CheckedOperator:
 
 
 class RunningOperator(CheckedOperator):
-    """Base of the operators on running work."""
+    """Base of operators on running work."""
 
     needs_scene = needs_idle = False
 
@@ -55,44 +62,33 @@ class DialogOperator:
 
 
 class PanelOperator(CheckedOperator):
-    """Base of operators that act at once; the panel shows their result or error.
-
-    Subclasses set `panel` and implement `run`, which returns the line for the panel and may raise PerfanimError; ""
-    clears the line, None leaves it.
-    """
+    """Base of operators that `run` at once; the `panel` shows their result or error."""
 
     panel = ""
 
     @abstractmethod
     def run(self, context: bpy.types.Context) -> str | None:
-        """Do the work and return the line to show."""
+        """Do the work and return the line to show, if any; PerfanimError for bad input."""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
-            text = self.run(context)
+            text = self.run(context) or ""
         except PerfanimError as error:
             return report_error(self, self.panel, error)
-        if text is not None:
-            activity.set_message(self.panel, text)
+        activity.set_message(self.panel, text)
         if text:
             self.report({"INFO"}, text)
         return {"FINISHED"}
 
 
 class UndoOperator(PanelOperator):
-    """Base of those that Undo takes back."""
+    """Base of operators with undo."""
 
     bl_options = {"REGISTER", "UNDO"}
 
 
-def _scene_problem(context: bpy.types.Context) -> str:
-    if context.window is None or context.scene is None:
-        return "Needs a window with a scene"
-    return "" if context.scene.is_editable else "The scene is linked from another file and cannot be edited"
-
-
 def defect(error: Exception) -> PerfanimError:
-    """Print where an unexpected error arose; return it for the panel."""
+    """Print the traceback of an unexpected error; return an error for the panel."""
     traceback.print_exc()
     return CaptureError(f"{type(error).__name__}: {error}", advice="see the console, and report this")
 

@@ -13,7 +13,7 @@ from ..capture import capture_request
 from ..capture.performer_targets import performer_targets
 from ..capture.write_take import RecordedPart, TakeMotion, filter_take, write_take
 from ..panels.takes_panel import KEY as PANEL
-from ..preferences.property_kinds import string
+from ..preferences.property_kinds import HIDDEN, string
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
 from .job_operators import JobOperator
@@ -25,11 +25,11 @@ class TakeOperator:
 
     bl_options = {"REGISTER", "UNDO"}
     panel = PANEL
-    path: string("Take", "File of the take", options={"HIDDEN", "SKIP_SAVE"})
+    path: string("Take", "File of the take", options=HIDDEN)
 
 
 def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
-    """Return a take's filtered motion with its characters; TakeError if unsolved."""
+    """Return a take's filtered motion with its characters; TakeError if it is not solved."""
     if not take.poses:
         raise TakeError("has no solved poses", where=take.notes.name, advice="click Solve Again")
     chosen = capture_request.shape(settings(context))
@@ -38,7 +38,7 @@ def take_motion(context: bpy.types.Context, take: TakeFile) -> TakeMotion:
 
 
 def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
-    """Return the poses of the recorded part of a take; TakeError when there are none."""
+    """Return the poses of the recorded part of a take; TakeError if there are none."""
     poses = [pose for pose in motion.poses if take.is_recorded(pose.number)]
     if not poses:
         raise TakeError("has no solved poses", where=take.notes.name, advice="solve it again")
@@ -46,10 +46,7 @@ def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
 
 
 def put_on_character(context: bpy.types.Context, path: Path) -> str:
-    """Write a take onto the chosen or a new character; return the line to show.
-
-    Props and further performers go onto the objects and characters of their targets, or new ones.
-    """
+    """Write a take onto the chosen or new characters and objects; return the line to show."""
     take = read_take_file(path)
     motion = take_motion(context, take)
     poses = recorded_poses(take, motion)
@@ -81,7 +78,6 @@ class PERFANIM_OT_recover_take(TakeOperator, JobOperator, bpy.types.Operator):
         return ["take", "recover", str(path), "--out", str(self._target)]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Rename the damaged file and put the recovered take onto the character."""
         path = Path(self.path)
         path.rename(path.with_name(path.name + take_library.RECOVERED_SUFFIX))
         take_library.forget()

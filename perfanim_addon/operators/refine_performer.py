@@ -1,4 +1,4 @@
-"""Operators of the performer refined by a take: refine, use, refuse."""
+"""Operators that refine the performer by a take: refine, use, refuse."""
 
 from pathlib import Path
 from typing import Any
@@ -7,18 +7,17 @@ import bpy
 
 from ...core.errors import SubjectError, TakeError
 from ...core.formats.take_file.take_reader import summarise
-from ...core.markers.subject import Subject, load_subject, save_subject
+from ...core.markers.subject import load_subject, save_subject
 from ..jobs import activity
 from ..panels import takes_panel
 from ..preferences.paths import absolute
 from ..settings import performer_refinement, readiness
 from ..settings.capture_settings import settings
+from ..settings.performer_refinement import Refined, offer
 from .database_operators import SolvingOperator
-from .operator_bases import PanelOperator, UndoOperator
+from .operator_bases import PanelOperator, UndoOperator, need
 from .put_on_character import TakeOperator
 from .subject_operators import profile_path
-
-_FITS = "fits this take: nothing to change"
 
 
 class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Operator):
@@ -27,10 +26,7 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
 
     bl_label = "Refine Performer"
     title = "Refining the performer"
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return readiness.motion(settings(context)).problem
+    missing_input = staticmethod(lambda context: readiness.motion(settings(context)).problem)
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         known = summarise(self.path)
@@ -38,21 +34,18 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
             raise TakeError("was cut off", where=known.notes.name, advice="click Recover Take")
         if not known.performers:
             raise TakeError("has no performer yet", where=known.notes.name, advice="click Solve Again")
-        # the worker's file is read at once; Blender removes this folder at its end
         self._result = Path(bpy.app.tempdir) / f"refined{performer_refinement.ENDING}"
         database = str(readiness.database_path(settings(context)))
         return performer_refinement.command_line(self.path, database, self._result)
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Offer the refined performer, or say that the body fits."""
-        subject, was_capture = load_subject(self._result), performer_refinement.captured() == self.path
+        subject, was_capture = load_subject(self._result), offer.capture == self.path
         self._result.unlink()
-        changes = summary["changes"]
-        if changes:
-            performer_refinement.keep_refined(self.path, subject, changes)
+        if summary["changes"]:
+            offer.refined = Refined(self.path, subject, tuple(summary["changes"]))
             return ""
-        performer_refinement.close()
-        text = f"{subject.name} {_FITS}"
+        offer.close()
+        text = f"{subject.name} fits this take: nothing to change"
         if was_capture:
             activity.set_message("capture", text)
         return text
@@ -62,10 +55,7 @@ class _AnsweringOperator(PanelOperator):
     """Base of the answers to a refined performer."""
 
     panel = takes_panel.KEY
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if performer_refinement.refined() else "Click Refine Performer first"
+    missing_input = need(lambda context: offer.refined, "Click Refine Performer first")
 
 
 class PERFANIM_OT_use_refined_performer(_AnsweringOperator, UndoOperator, bpy.types.Operator):
@@ -74,14 +64,17 @@ class PERFANIM_OT_use_refined_performer(_AnsweringOperator, UndoOperator, bpy.ty
     bl_label = "Use Refined Performer"
 
     def run(self, context: bpy.types.Context) -> str:
-        """Write the new file and choose it."""
-        found, chosen = performer_refinement.refined(), settings(context)
+        found, chosen = offer.refined, settings(context)
         if found is None:
             raise SubjectError("no performer is refined", advice="click Refine Performer first")
-        target = performer_refinement.path_beside(_file_of(found.subject, chosen))
+        path = absolute(chosen.subject)
+        known = readiness.found(readiness.subject, path) if path else None
+        is_same = known is not None and known.name == found.subject.name
+        old = Path(path) if is_same else profile_path(found.subject.name)
+        target = performer_refinement.path_beside(old)
         save_subject(found.subject, target)
         chosen.subject = str(target)
-        performer_refinement.close()
+        offer.close()
         return f"{target.name} is used from now on; Solve Again with the performer As Chosen improves earlier takes"
 
 
@@ -90,14 +83,5 @@ class PERFANIM_OT_refuse_refined_performer(_AnsweringOperator, bpy.types.Operato
 
     bl_label = "Keep Present Performer"
 
-    def run(self, context: bpy.types.Context) -> str:
-        performer_refinement.close()
-        return ""
-
-
-def _file_of(subject: Subject, chosen: Any) -> Path:
-    """Return the chosen file if it is this performer's, else where it would be saved."""
-    path = absolute(chosen.subject)
-    known = readiness.subject(path) if path else None
-    is_same = isinstance(known, Subject) and known.name == subject.name
-    return Path(path) if is_same else profile_path(subject.name)
+    def run(self, context: bpy.types.Context) -> None:
+        offer.close()

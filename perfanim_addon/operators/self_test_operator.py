@@ -21,17 +21,15 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
     panel = PANEL
 
     def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
-        """Start the self-test."""
         database = readiness.starter_database_path()
         self._test = SelfTest(str(database), [] if database.exists() else starter_arguments(), python)
         return self._test
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Continue, and show the progress in the preferences."""
         result = super().modal(context, event)
         if event.type == "TIMER" or "PASS_THROUGH" not in result:
             state = activity.message(PANEL)[0] or f"{self._test.text} ..."
-            diagnostics.tested = [*self._test.lines, f"Self-test: {state}"]
+            diagnostics.tested[:] = [*self._test.lines, f"Self-test: {state}"]
             viewport_drawing.redraw("PREFERENCES")
         return result
 
@@ -39,6 +37,4 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
         return "all works"
 
 
-def register() -> None:
-    """Clear earlier results."""
-    diagnostics.tested = []
+register = diagnostics.tested.clear

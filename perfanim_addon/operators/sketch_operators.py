@@ -19,25 +19,28 @@ from ..animation.keyframes import KeyBounds
 from ..capture.armature_driver import ArmatureDriver
 from ..capture.performer_targets import add_character
 from ..character.create_character import find_armature
+from ..character.selection import select_only
 from ..preferences import preferences
-from ..preferences.property_kinds import choice, string, switch
+from ..preferences.property_kinds import dynamic_choice, string, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..sketch import control_colours, follow_rig, hips_path, live_sketch
 from ..sketch.controls import STORED, add_controls, controls_of, key_controls, set_keys
 from ..sketch.read_controls import read_controls
-from ..sketch.write_solution import SketchBody, joints_of, kept_sketch, write_solution
+from ..sketch.write_solution import SketchBody, kept_sketch, write_solution
 from .character_operators import performer_skeleton
 from .database_operators import SolvingOperator, is_starter_missing
-from .operator_bases import RunningOperator, UndoOperator, report_error
+from .operator_bases import RunningOperator, UndoOperator, need, report_error
 
 PANEL = live_sketch.KEY
+_CONTROLS = "choose hands, feet, hips, chest or head"
+_NO_STARTER = "Click Solve Sketch once: it builds the starter database"
 
 
 def _character(context: bpy.types.Context) -> bpy.types.Object:
-    """Return the chosen character; where none is chosen a new one that stands relaxed.
+    """Return the chosen character, or a new one that stands with closed legs.
 
-    Hips are lower over legs that are spread as at rest: keys there would make a walk crouch.
+    In the rest pose the legs are spread and the hips lower: keys there would make a walk crouch.
     """
     chosen = settings(context)
     if chosen.armature is None:
@@ -49,13 +52,22 @@ def _character(context: bpy.types.Context) -> bpy.types.Object:
     return chosen.armature
 
 
-def _missing_character(context: bpy.types.Context) -> str:
-    return "" if settings(context).armature is not None else "Choose a character"
-
-
 def _missing_controls(context: bpy.types.Context) -> str:
     armature = settings(context).armature
     return "" if armature is not None and controls_of(armature) else "Add controls first"
+
+
+class _SketchOperator(UndoOperator):
+    """Base of the operators on a character's sketch."""
+
+    panel = PANEL
+    missing_input = need(lambda context: settings(context).armature, "Choose a character")
+
+
+class _ControlsOperator(_SketchOperator):
+    """Base of the operators on a sketch with controls."""
+
+    missing_input = staticmethod(_missing_controls)
 
 
 class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
@@ -72,64 +84,50 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
         armature = _character(context)
         joints = armature.perfanim_sketch.chosen_joints
         if not joints:
-            raise SettingsError("no control is chosen", advice="choose hands, feet, hips, chest or head")
+            raise SettingsError("no control is chosen", advice=_CONTROLS)
         names = add_controls(context, armature, SketchBody.of(armature).space, joints)
         if self.from_action:
             return f"keys of {len(controls_of(armature))} controls in {key_controls(context, armature)} frames"
         return f"{len(names)} controls added" if names else "the chosen controls are there already"
 
 
-class PERFANIM_OT_follow_rig(UndoOperator, bpy.types.Operator):
+class PERFANIM_OT_follow_rig(_SketchOperator, bpy.types.Operator):
     """Let controls go with the bones of a roughly animated rig.
     It is the selected one, else a wire copy of the character with its rough action"""
 
     bl_label = "Follow Rough Rig"
-    panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return _missing_character(context)
 
     def run(self, context: bpy.types.Context) -> str:
         armature = settings(context).armature
         joints = armature.perfanim_sketch.chosen_joints
         if not joints and not controls_of(armature):
-            raise SettingsError("no control is chosen", advice="choose hands, feet, hips, chest or head")
+            raise SettingsError("no control is chosen", advice=_CONTROLS)
         others = [each for each in context.selected_objects if each.type == "ARMATURE" and each != armature]
         rig = others[0] if others else follow_rig.rough_copy(context, armature)
         selected = list(context.selected_objects)
         add_controls(context, armature, SketchBody.of(armature).space, joints)
         count = follow_rig.follow(armature, rig)
-        for each in context.view_layer.objects:
-            each.select_set(each in selected)
-        context.view_layer.objects.active = rig
+        select_only(context, [rig, *selected])
         return f"{count} controls follow {rig.name}: pose and key its bones, then click Solve Sketch or Live"
 
 
-class PERFANIM_OT_draw_hips_path(UndoOperator, bpy.types.Operator):
+class PERFANIM_OT_draw_hips_path(_ControlsOperator, bpy.types.Operator):
     """Draw the hips' path with the mouse: a curve on the floor, seen from above"""
 
     bl_label = "Draw Hips Path"
-    panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return _missing_controls(context)
 
     def run(self, context: bpy.types.Context) -> str:
         hips_path.add_path(context, settings(context).armature)
         return "draw with the left mouse button, then click Follow Curve"
 
 
-class PERFANIM_OT_follow_curve(UndoOperator, bpy.types.Operator):
+class PERFANIM_OT_follow_curve(_ControlsOperator, bpy.types.Operator):
     """Let the selected control, else the hips, go along the selected curve"""
 
     bl_label = "Follow Curve"
-    panel = PANEL
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require controls and a selected curve."""
         has_curve = any(each.type == "CURVE" for each in context.selected_objects)
         return _missing_controls(context) or ("" if has_curve else "Select a curve, and a control to follow it")
 
@@ -144,15 +142,10 @@ class PERFANIM_OT_follow_curve(UndoOperator, bpy.types.Operator):
         return f"{control.name} follows {path.name} in frames {first} to {last}"
 
 
-class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
+class PERFANIM_OT_take_up_sketch(_SketchOperator, bpy.types.Operator):
     """Set controls, keys and settings to those of the action's sketch"""
 
     bl_label = "Take Up Again"
-    panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return _missing_character(context)
 
     def run(self, context: bpy.types.Context) -> str:
         armature = settings(context).armature
@@ -161,7 +154,7 @@ class PERFANIM_OT_take_up_sketch(UndoOperator, bpy.types.Operator):
         action = active if active is not None and STORED in active else last
         sketch, chosen = kept_sketch(action)
         space = SketchBody.of(armature).space
-        add_controls(context, armature, space, joints_of(sketch))
+        add_controls(context, armature, space, [control.joint for control in sketch.controls])
         set_keys(armature, sketch, space)
         armature.perfanim_sketch.take_over(chosen)
         armature.perfanim_sketch.free_height = any(each.height_is_free for each in sketch.controls)
@@ -174,17 +167,9 @@ class _SolvesSketch(SolvingOperator):
 
     bl_options = {"REGISTER", "UNDO"}
     panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return _missing_controls(context)
-
-    def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return none: the sketch goes to the worker in the request."""
-        return []
+    missing_input = staticmethod(_missing_controls)
 
     def request(self, context: bpy.types.Context) -> SketchRequest:
-        """Return the sketch for the worker."""
         armature = settings(context).armature
         body = SketchBody.of(armature)
         self._armature = armature.name
@@ -198,11 +183,10 @@ class _SolvesSketch(SolvingOperator):
         )
 
     def bounds(self, context: bpy.types.Context) -> KeyBounds | None:
-        """Return the bounds of reduced keys; None as the settings of results have it."""
+        """Return the bounds of the key reduction; None for those of the result settings."""
         return None
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """Write the action."""
         solved = solution_from({"number": 0, **summary})
         armature = find_armature(self._armature)
         return write_solution(context, armature, self._sketch, self._chosen, solved, self.bounds(context))
@@ -222,7 +206,6 @@ class PERFANIM_OT_bake_sketch(_SolvesSketch, bpy.types.Operator):
     title = "Baking the sketch"
 
     def bounds(self, context: bpy.types.Context) -> KeyBounds:
-        """Return the tolerances, whether Fewer Keys is on or not."""
         chosen = context.scene.perfanim_result
         return KeyBounds(chosen.reduce_deg, chosen.reduce_mm)
 
@@ -234,13 +217,9 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require controls and a database, except to end."""
         if live_sketch.current() is not None:
             return ""
-        missing = _missing_controls(context)
-        if not missing and is_starter_missing(context):
-            missing = "Click Solve Sketch once: it builds the starter database"
-        return missing
+        return _missing_controls(context) or (_NO_STARTER if is_starter_missing(context) else "")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if live_sketch.current() is not None:
@@ -257,45 +236,36 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
 
 
 def _behaviours_in(database: Path) -> list[str]:
-    """Return the behaviours of a database, groups of them by their first word before.
-
-    Raises:
-        PerfanimError: it is unusable.
-    """
+    """Return the behaviours of a database, each group's first word before them; PerfanimError for a bad database."""
     names = sorted(filter(None, open_database(database).behaviours))
     return list(dict.fromkeys(each for name in names for each in (name.split()[0], name)))
 
 
 @lru_cache(maxsize=2)
 def _behaviour_items(database: Path, _changed_ns: int) -> list[tuple[str, str, str]]:
-    """Return the items of a choice, kept because Blender keeps none of its texts."""
     try:
         return [(name, name, "") for name in _behaviours_in(database)]
     except PerfanimError:
         return []
 
 
-def _listed(_self: object, context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
+def _listed(context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
     path = readiness.database_path(settings(context or bpy.context))
     return _behaviour_items(path, path.stat().st_mtime_ns) if exists(path) else []
 
 
-class PERFANIM_OT_add_behaviour(UndoOperator, bpy.types.Operator):
+class PERFANIM_OT_add_behaviour(_SketchOperator, bpy.types.Operator):
     """Choose a behaviour of the database to draw from; without any, all are drawn from"""
 
     bl_label = "Add Behaviour"
     bl_property = "behaviour"
-    panel = PANEL
-    behaviour: choice("Behaviour", "Behaviour to draw from, with all that begin with its name", _listed)
+    behaviour: dynamic_choice("Behaviour", "Behaviour to draw from, with all that begin with its name", _listed)
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Require a character and a database."""
-        starter = "Click Solve Sketch once: it builds the starter database" if is_starter_missing(context) else ""
-        return _missing_character(context) or starter
+        return super().missing_input(context) or (_NO_STARTER if is_starter_missing(context) else "")
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """List the behaviours."""
         try:
             _behaviours_in(readiness.database_path(settings(context)))
         except PerfanimError as error:
@@ -303,40 +273,28 @@ class PERFANIM_OT_add_behaviour(UndoOperator, bpy.types.Operator):
         context.window_manager.invoke_search_popup(self)
         return {"FINISHED"}
 
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         chosen = settings(context).armature.perfanim_sketch
         chosen.behaviours = ", ".join(dict.fromkeys((*chosen.chosen_behaviours, self.behaviour)))
-        return ""
 
 
-class PERFANIM_OT_remove_behaviour(UndoOperator, bpy.types.Operator):
+class PERFANIM_OT_remove_behaviour(_SketchOperator, bpy.types.Operator):
     """Draw from this behaviour no more"""
 
     bl_label = "Remove Behaviour"
-    panel = PANEL
     behaviour: string("Behaviour", "Behaviour to remove")
 
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return _missing_character(context)
-
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         chosen = settings(context).armature.perfanim_sketch
         chosen.behaviours = ", ".join(name for name in chosen.chosen_behaviours if name != self.behaviour)
-        return ""
 
 
-class PERFANIM_OT_show_motion_paths(UndoOperator, bpy.types.Operator):
+class PERFANIM_OT_show_motion_paths(_ControlsOperator, bpy.types.Operator):
     """Show or hide Blender's motion paths of the controls, as they are keyed now"""
 
     bl_label = "Motion Paths"
-    panel = PANEL
 
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return _missing_controls(context)
-
-    def run(self, context: bpy.types.Context) -> str:
+    def run(self, context: bpy.types.Context) -> None:
         controls: list[Any] = list(controls_of(settings(context).armature).values())
         are_shown = any(each.motion_path is not None for each in controls)
         with context.temp_override(selected_editable_objects=controls, active_object=controls[0], object=controls[0]):
@@ -344,15 +302,12 @@ class PERFANIM_OT_show_motion_paths(UndoOperator, bpy.types.Operator):
                 bpy.ops.object.paths_clear(only_selected=True)
             else:
                 bpy.ops.object.paths_calculate(display_type="RANGE", range="KEYS_ALL")
-        return ""
 
 
-def register() -> None:
-    """Draw the colours of controls."""
-    control_colours.show()
+register = control_colours.handler.add
 
 
 def unregister() -> None:
-    """End live solving, and take the colours away."""
+    """End live solving, and remove the colours of controls."""
     live_sketch.end()
-    control_colours.hide()
+    control_colours.handler.remove()

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import SettingsError, TakeError
 from ...core.formats.markers.marker_files import READABLE
@@ -19,6 +18,7 @@ from ..preferences.property_kinds import choice, draw_props, switch
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from .database_operators import SolvingOperator
+from .job_operators import FilesOperator
 from .operator_bases import DialogOperator
 from .put_on_character import TakeOperator, put_on_character
 
@@ -69,27 +69,22 @@ class PERFANIM_OT_solve_take(DialogOperator, TakeOperator, SolvingOperator, bpy.
         return ["solve", self.path, *given, "--out", str(self._target)]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
-        """List the new take and put it onto the character."""
         takes_panel.choose(self._target)
         name = summarise(self._target).notes.name
-        text = (
-            put_on_character(context, self._target) if self.put_on else f"{summary['frames']} frames solved as {name}"
-        )
+        solved = f"{summary['frames']} frames solved as {name}"
+        text = put_on_character(context, self._target) if self.put_on else solved
         return "; ".join((text, *summary["warnings"]))
 
 
-class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper):
+class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operator):
     """Solve other systems' marker files with the chosen performer, and list them"""
 
     bl_label = "Import Marker Takes"
     title = "Importing takes"
     panel = takes_panel.KEY
-    filename_ext = ""
     filter_glob: bpy.props.StringProperty(
         default=";".join(f"*{ending}".replace(".take.npz", ".npz") for ending in READABLE), options={"HIDDEN"}
     )
-    files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
-    directory: bpy.props.StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
     up: choice("Up", "Up axis of the files", [(up, *_UP_TEXTS[up]) for up in UPS], "auto")
     method: choice("Method", "Solver method", _METHODS, "best")
 
@@ -104,7 +99,7 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen = settings(context)
-        files = [str(Path(self.directory) / item.name) for item in self.files if item.name] or [self.filepath]
+        files = self.chosen_files()
         for file in files:
             if not is_file(file):
                 raise TakeError("not found", where=file or "import", advice="choose marker takes")
@@ -118,7 +113,6 @@ class PERFANIM_OT_import_takes(SolvingOperator, bpy.types.Operator, ImportHelper
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
         kept, failed = summary["takes"], summary["failed"]
         takes_panel.choose(Path(kept[0]["out"]))
-        count = (
-            f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else f"{len(kept)} take" + "s" * (len(kept) > 1)
-        )
+        takes = f"{len(kept)} take" + "s" * (len(kept) > 1)
+        count = f"{len(kept)} of {len(kept) + len(failed)} takes" if failed else takes
         return "; ".join((f"{count} imported", *failed, *(warning for take in kept for warning in take["warnings"])))

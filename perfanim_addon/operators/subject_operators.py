@@ -14,14 +14,14 @@ from ...core.worker.job_status import PoseCue, PoseStage
 from ...core.worker.requests import CalibratePerformerRequest, RecordPoseRequest
 from ..capture import capture_request, sound
 from ..preferences.paths import absolute, user_folder
-from ..preferences.property_kinds import choice
+from ..preferences.property_kinds import HIDDEN, dynamic_choice, whole_number
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from .job_operators import JobOperator
-from .operator_bases import UndoOperator
+from .operator_bases import UndoOperator, need
 
 PANEL = "subject"
-HELD_S = 2.0  # each pose
+HELD_S = 2.0  # time of each calibration pose
 _TICK_HZ, _HOLD_HZ, _DONE_HZ = 660.0, 1320.0, 880.0
 _TICKS_S = (3, 2, 1)  # seconds left before a pose that are heard
 
@@ -32,17 +32,14 @@ class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
     bl_label = "Calibrate from Take"
     title = "Calibrating the performer"
     panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if settings(context).subject_take else "Choose a marker take with a T pose"
+    missing_input = need(lambda context: settings(context).subject_take, "Choose a marker take with a T pose")
 
     def arguments(self, context: bpy.types.Context) -> list[str]:
         chosen = settings(context)
         take = absolute(chosen.subject_take)
         if not is_file(take):
             raise SubjectError("not found", where=take, advice="choose a marker take")
-        marker_set, target = readiness.marker_set_source(chosen), str(profile(chosen))
+        marker_set, target = readiness.marker_set_source(chosen), str(profile_path(chosen.subject_name))
         command = ["calibrate", "subject", take, "--marker-set", marker_set, "--out", target]
         command += ["--name", chosen.subject_name]
         return [*command, "--poses", ",".join(CALIBRATION)] if chosen.take_poses else command
@@ -65,7 +62,6 @@ class _Recording(JobOperator):
         return readiness.cameras(chosen).problem or readiness.markers(chosen).problem
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Poll the worker at each tick, and beep at each step."""
         before = self._job.cue
         result = super().modal(context, event)
         hertz = pitch(before, self._job.cue)
@@ -83,7 +79,7 @@ class PERFANIM_OT_calibrate_performer(_Recording, bpy.types.Operator):
 
     def request(self, context: bpy.types.Context) -> CalibratePerformerRequest:
         chosen = settings(context)
-        target = profile(chosen)
+        target = profile_path(chosen.subject_name)
         recording = _recording_fields(context, CALIBRATION, f"{target.stem}.take.npz")
         return CalibratePerformerRequest(**recording, name=chosen.subject_name, subject_out=str(target))
 
@@ -114,69 +110,43 @@ class PERFANIM_OT_average_performer(UndoOperator, bpy.types.Operator):
 
     bl_label = "Average Body of This Height"
     panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return readiness.markers(settings(context)).problem
+    missing_input = staticmethod(lambda context: readiness.markers(settings(context)).problem)
 
     def run(self, context: bpy.types.Context) -> str:
-        """Write the profile and use it."""
         chosen = settings(context)
-        target = profile(chosen)
+        target = profile_path(chosen.subject_name)
         body = default_skeleton(chosen.subject_height)
         save_subject(Subject(chosen.subject_name, body, readiness.marker_set(chosen)), target)
         chosen.subject = str(target)
         return "average body, default marker positions"
 
 
-_profiles: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
-
-
-def _profile_items(_self: object, _context: object) -> list[tuple[str, str, str]]:
+def _profiles(_context: object) -> list[tuple[str, str, str]]:
+    """Return an item for each file: a performer may have several, as calibrated and refined."""
     files = sorted(user_folder("subjects").glob("[!.]*.toml"))
-    # a performer may have several files: as calibrated, and refined
-    _profiles[:] = [(str(file), f"{file.stem}: {readiness.performer_text(str(file))}", str(file)) for file in files]
-    return _profiles
+    return [(str(file), f"{file.stem}: {readiness.performer_text(str(file))}", str(file)) for file in files]
 
 
 class PERFANIM_OT_use_profile(UndoOperator, bpy.types.Operator):
     """Use a calibrated performer"""
 
     bl_label = "Calibrated Performers"
-
-    profile: choice("Performer", "Performer to use", _profile_items)
-    target: bpy.props.IntProperty(
-        name="Target",
-        description="Index of the additional target; -1 for the first performer",
-        default=-1,
-        options={"HIDDEN", "SKIP_SAVE"},
-    )
-
     needs_idle = False
     panel = PANEL
+    profile: dynamic_choice("Performer", "Performer to use", _profiles)
+    target: whole_number("Target", "Index of the additional target; -1 for the first performer", -1, -1, options=HIDDEN)
+    missing_input = need(_profiles, "No performer is calibrated yet")
 
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if _profile_items(None, context) else "No performer is calibrated yet"
-
-    def run(self, context: bpy.types.Context) -> str | None:
+    def run(self, context: bpy.types.Context) -> None:
         targets = context.scene.perfanim_targets.entries
         if self.target >= len(targets):
             raise SubjectError("the target is gone", advice="choose one in the list")
-        if self.target >= 0:
-            targets[self.target].subject = self.profile
-            return None
-        settings(context).subject = self.profile
-        return ""
-
-
-def profile(chosen: Any) -> Path:
-    """Return the profile file for the name in the settings."""
-    return profile_path(chosen.subject_name)
+        owner = targets[self.target] if self.target >= 0 else settings(context)
+        owner.subject = self.profile
 
 
 def profile_path(name: str) -> Path:
-    """Return the profile file for a performer's name."""
+    """Return the file for a performer's name."""
     plain = "".join(c if c.isalnum() or c in "-_" else "-" for c in name) or "performer"
     return user_folder("subjects") / f"{plain}.toml"
 

@@ -9,8 +9,8 @@ from ...core.formats.take_file.take_reader import summarise
 from ...core.formats.take_file.take_setup import MOST_STARS
 from .. import take_library
 from ..panels.takes_panel import KEY as PANEL
-from ..preferences.property_kinds import choice, draw_props, string, switch, whole_number
-from .operator_bases import PanelOperator
+from ..preferences.property_kinds import HIDDEN, draw_props, dynamic_choice, string, switch, whole_number
+from .operator_bases import PanelOperator, need
 
 
 class _FileOperator(PanelOperator):
@@ -24,7 +24,7 @@ class PERFANIM_OT_delete_take(_FileOperator, bpy.types.Operator):
     """Move the take to the trash, until Restore or Clean Up; its actions stay"""
 
     bl_label = "Delete Take"
-    path: string("Take", "File of the take", options={"HIDDEN", "SKIP_SAVE"})
+    path: string("Take", "File of the take", options=HIDDEN)
 
     def run(self, context: bpy.types.Context) -> str:
         name = summarise(self.path).notes.name
@@ -32,23 +32,16 @@ class PERFANIM_OT_delete_take(_FileOperator, bpy.types.Operator):
         return f"{name} deleted: Restore brings it back"
 
 
-_deleted: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
-
-
-def _deleted_items(_self: object, _context: object) -> list[tuple[str, str, str]]:
-    _deleted[:] = [(str(take.path), take.notes.name, f"From {take.created[:16]}") for take in take_library.deleted()]
-    return _deleted
+def _deleted(_context: object) -> list[tuple[str, str, str]]:
+    return [(str(take.path), take.notes.name, f"From {take.created[:16]}") for take in take_library.deleted()]
 
 
 class PERFANIM_OT_restore_take(_FileOperator, bpy.types.Operator):
     """Bring a deleted take back into the list"""
 
     bl_label = "Restore"
-    take: choice("Take", "Take to restore", _deleted_items)
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if take_library.are_deleted() else "There are no deleted takes"
+    take: dynamic_choice("Take", "Take to restore", _deleted)
+    missing_input = need(lambda _context: take_library.are_deleted(), "There are no deleted takes")
 
     def run(self, context: bpy.types.Context) -> str:
         name = summarise(self.take).notes.name

@@ -9,7 +9,7 @@ from ..panels.targets_panel import KEY as PANEL
 from ..preferences.paths import user_folder
 from ..preferences.property_kinds import string
 from .job_operators import JobOperator
-from .operator_bases import DialogOperator, UndoOperator
+from .operator_bases import DialogOperator, UndoOperator, need
 
 
 class PERFANIM_OT_add_target(UndoOperator, bpy.types.Operator):
@@ -19,7 +19,6 @@ class PERFANIM_OT_add_target(UndoOperator, bpy.types.Operator):
     panel = PANEL
 
     def run(self, context: bpy.types.Context) -> None:
-        """Add the target and make it active."""
         shown = context.scene.perfanim_targets
         shown.entries.add()
         shown.active = len(shown.entries) - 1
@@ -30,10 +29,7 @@ class PERFANIM_OT_remove_target(UndoOperator, bpy.types.Operator):
 
     bl_label = "Remove Target"
     panel = PANEL
-
-    @classmethod
-    def missing_input(cls, context: bpy.types.Context) -> str:
-        return "" if context.scene.perfanim_targets.entries else "There are no targets"
+    missing_input = need(lambda context: context.scene.perfanim_targets.entries, "There are no targets")
 
     def run(self, context: bpy.types.Context) -> None:
         shown = context.scene.perfanim_targets

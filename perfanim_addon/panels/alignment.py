@@ -1,24 +1,24 @@
-"""Alignment of the panels at the moment when one of them grows by itself.
+"""Alignment of the panels when one of them grows by itself.
 
-Blender moves the panels below one that grows only after it was drawn, so it lies over the next heading for a picture
-or more. Where a panel comes or goes, all are aligned before they are drawn: so two empty panels take turns.
+Blender moves the panels below a growing one only after drawing it, so it covers the next heading for a moment. When a
+panel appears or disappears, all are aligned before they are drawn: so two empty panels take turns.
 """
 
 from dataclasses import dataclass
 
 import bpy
 
-from ..capture.live_capture import LiveCapture, further_performers
+from ..capture.live_capture import further_performers, running_capture
 from ..jobs import activity
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import performer_refinement
+from ..settings.performer_refinement import offer
 
 _Content = tuple[object, ...]
 
 
 @dataclass
 class _Drawn:
-    """Last content of a sidebar, and number of its empty panel."""
+    """Last content of a sidebar, and the number of its present empty panel."""
 
     content: _Content = ()
     number: int = 0
@@ -28,21 +28,16 @@ _sidebars: dict[int, _Drawn] = {}
 
 
 def content() -> _Content:
-    """Return everything that makes panels grow without the user's doing."""
-    running = activity.current()
-    run = running.run if isinstance(running, LiveCapture) else None
-    if run is None:
-        return type(running), activity.messages()
-    refined = performer_refinement.refined()
-    changes = refined.changes if refined is not None else ()
-    return type(running), run.statistics.waiting > 1, len(further_performers(running)), run.notice, changes
+    """Return everything that makes panels grow without an action of the user."""
+    capture = running_capture()
+    if capture is None or capture.run is None:
+        return type(activity.current()), activity.messages()
+    run, changes = capture.run, offer.refined.changes if offer.refined is not None else ()
+    return run.statistics.waiting > 1, len(further_performers(capture)), run.notice, changes
 
 
 class _Empty(SidebarPanel):
-    """Panel without a height.
-
-    One of the two is always there, so that the others keep their places.
-    """
+    """Panel without a height; always one of the two is there."""
 
     bl_label = ""
     bl_options = {"HIDE_HEADER"}
@@ -50,10 +45,6 @@ class _Empty(SidebarPanel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Return whether this one is there.
-
-        It is the other one than before if the content has changed.
-        """
         if context.region is None:
             return False
         drawn = _sidebars.setdefault(context.region.as_pointer(), _Drawn())

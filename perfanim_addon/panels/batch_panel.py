@@ -2,13 +2,11 @@
 
 import bpy
 
-from ..capture.live_capture import LiveCapture
+from ..capture.live_capture import running_capture
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from . import panel_drawing
-
-KEY = "batch"
 
 
 class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
@@ -28,6 +26,6 @@ class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
                 column.prop(chosen, "save_as")
         column.prop(chosen, "processes")
         layout.operator("perfanim.run_batch", icon="RENDER_ANIMATION")
-        panel_drawing.draw_job(layout, KEY)
-        if not isinstance(activity.current(), LiveCapture):
-            panel_drawing.draw_text(context, layout, *activity.message(KEY))
+        panel_drawing.draw_job(layout, "batch")
+        if running_capture() is None:
+            panel_drawing.draw_text(context, layout, *activity.message("batch"))

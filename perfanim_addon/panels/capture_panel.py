@@ -6,12 +6,12 @@ from typing import Any
 import bpy
 
 from ..capture.capture_run import Statistics
-from ..capture.live_capture import LiveCapture, further_performers
+from ..capture.live_capture import LiveCapture, further_performers, running_capture
 from ..character.part_bones import PARTS
 from ..jobs import activity
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import readiness, vmc_output
+from ..settings import readiness, vmc_settings
 from ..settings.capture_settings import OVERLAYS, settings
 from .panel_drawing import draw_progress, draw_text, header_status
 
@@ -22,10 +22,9 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
     bl_label = "Capture"
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Draw the status at the right of the header."""
-        capture = activity.current()
+        capture = running_capture()
         row = self.layout.row()
-        if isinstance(capture, LiveCapture):
+        if capture is not None:
             row.label(text=header_status(context, self.bl_label, capture.line), icon="REC")
         else:
             problem = readiness.first_missing_step(settings(context))
@@ -35,10 +34,10 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        capture = activity.current()
+        capture = running_capture()
         row = layout.row()
         row.scale_y = 1.8
-        if isinstance(capture, LiveCapture):
+        if capture is not None:
             row.operator("perfanim.stop_capture", icon="SNAP_FACE")
             if capture.by_button:
                 text = "Record" if capture.recording is None else "Stop Recording"
@@ -55,14 +54,17 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
         run = capture.run
         figures = run.statistics if run else Statistics()
         grid = layout.grid_flow(columns=2, even_columns=True, row_major=True)
-        grid.label(text=f"{figures.frames_per_s:.0f} frames/s")
-        grid.label(text=f"{figures.latency_s * 1000:.0f} ms latency")
-        grid.label(text=f"{figures.received} frames")
-        grid.label(text=f"{figures.solve_s * 1000:.0f} ms solver")
-        grid.label(text="Cameras" if figures.skew_s is None else f"Cameras {figures.skew_s * 1000:+.1f} ms")
-        grid.label(text=f"{figures.blind} bad images")
-        grid.label(text=f"{figures.lost} dropped")
-        grid.label(text=f"{figures.not_shown} not drawn")
+        for text in (
+            f"{figures.frames_per_s:.0f} frames/s",
+            f"{figures.latency_s * 1000:.0f} ms latency",
+            f"{figures.received} frames",
+            f"{figures.solve_s * 1000:.0f} ms solver",
+            "Cameras" if figures.skew_s is None else f"Cameras {figures.skew_s * 1000:+.1f} ms",
+            f"{figures.blind} bad images",
+            f"{figures.lost} dropped",
+            f"{figures.not_shown} not drawn",
+        ):
+            grid.label(text=text)
         if run is None:
             draw_progress(layout, capture.job.fraction if capture.job else 0.0, capture.line)
         elif figures.received == 0:
@@ -83,12 +85,12 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
     bl_parent_id = "PERFANIM_PT_capture"
 
     def draw(self, context: bpy.types.Context) -> None:
-        chosen, is_live = settings(context), isinstance(activity.current(), LiveCapture)
+        chosen = settings(context)
         column = property_column(self.layout)
         draw_props(column, chosen, "smoothing_ms", "feet")
         _draw_flags(column, chosen, "overlay", [name for name, *_ in OVERLAYS])
         column = column.column()
-        column.enabled = not is_live
+        column.enabled = running_capture() is None
         column.prop(chosen, "record_by_button")
         row = column.row(align=True)
         row.prop(chosen, "record_countdown_s")
@@ -100,8 +102,8 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_flags(layout: bpy.types.UILayout, chosen: Any, name: str, flags: Iterable[str]) -> None:
-    """Draw the flags of a setting in two columns: in a row they are cut off."""
-    row = layout.split(factor=0.4)  # as wide as the names above
+    """Draw the flags of a setting in two columns: in a row they would be cut off."""
+    row = layout.split(factor=0.4)  # width of the names above
     row.use_property_split = False
     title = row.column()
     title.alignment = "RIGHT"
@@ -127,6 +129,6 @@ class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
         column = property_column(self.layout)
         column.enabled = chosen.on and activity.current() is None
         draw_props(column, chosen, "host", "port")
-        wrong = vmc_output.problem(chosen) if chosen.on else ""
+        wrong = vmc_settings.sending_problem(chosen) if chosen.on else ""
         if wrong:
             self.layout.label(text=wrong, icon="ERROR")

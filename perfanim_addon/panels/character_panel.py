@@ -7,36 +7,28 @@ import bpy
 from ...core.retarget.bone_map import EXPECTED, MatchState
 from ...core.retarget.bone_map_files import preset_paths
 from ..character.bone_map_settings import joint_label
-from ..character.create_character import check_armature
+from ..character.create_character import joints_without_bone
 from ..character.posing import PRESETS_FOLDER
 from ..preferences.paths import user_folder
 from ..settings.capture_settings import settings
+from .panel_drawing import RowList
 
 _SHOWN = "perfanim_armature"  # context member for the buttons and the menu
 _ICONS = {MatchState.MAPPED.value: "CHECKMARK", MatchState.SUSPECT.value: "QUESTION"}
 
 
-class PERFANIM_UL_joints(bpy.types.UIList):
+class PERFANIM_UL_joints(RowList, bpy.types.UIList):
     """List with a joint and its bone per row."""
 
     bl_idname = "PERFANIM_UL_joints"
 
-    def draw_item(
-        self,
-        _context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        data: Any,
-        item: Any,
-        _icon: int,
-        _active_data: Any,
-        _active_property: str,
-    ) -> None:
+    def draw_row(self, layout: bpy.types.UILayout, item: Any) -> None:
         needed = item.name in EXPECTED
         row = layout.row(align=True)
         row.alert = item.state == MatchState.SUSPECT.value or (needed and item.state == MatchState.MISSING.value)
         split = row.split(factor=0.46, align=True)
         split.label(text=joint_label(item.name), icon=_ICONS.get(item.state, "ERROR" if needed else "RADIOBUT_OFF"))
-        split.prop_search(item, "bone", data.id_data.data, "bones", text="")
+        split.prop_search(item, "bone", item.id_data.data, "bones", text="")
 
 
 class PERFANIM_MT_bone_maps(bpy.types.Menu):
@@ -55,7 +47,7 @@ class PERFANIM_MT_bone_maps(bpy.types.Menu):
 
 
 def shown_armature(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the armature of the panel that is drawn, else the first performer's."""
+    """Return the armature of the drawn panel, else the first performer's."""
     return getattr(context, _SHOWN, None) or settings(context).armature
 
 
@@ -73,7 +65,7 @@ def draw_bones(layout: bpy.types.UILayout, armature_object: bpy.types.Object | N
         if entry.reason:
             column.label(text=entry.reason, icon="INFO")
         column.operator("perfanim.pick_bone", icon="EYEDROPPER").armature = armature_object.name
-    if kept.joints or check_armature(armature_object):
+    if kept.joints or joints_without_bone(armature_object):
         row = layout.row(align=True)
         row.operator("perfanim.find_bones", icon="VIEWZOOM").armature = armature_object.name
         row.menu(PERFANIM_MT_bone_maps.bl_idname, text="", icon="PRESET")

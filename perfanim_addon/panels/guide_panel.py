@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from ..capture.live_capture import LiveCapture
+from ..capture.live_capture import running_capture
 from ..jobs import activity
 from ..preferences import preferences
 from ..preferences.paths import ADDON
@@ -15,7 +15,6 @@ from ..settings.capture_settings import settings
 from .panel_drawing import draw_job, draw_text, header_status
 from .step_panels import PERFANIM_PT_camera_controls, draw_ignored, draw_source
 
-_IN_A_ROW = 3  # buttons of ringed places
 _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_left", "board_right")
 
 
@@ -26,7 +25,6 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Draw the number of the step at the right of the header."""
         row = self.layout.row()
         number, *_ = guide_steps.next_step(settings(context))
         row.label(text=header_status(context, self.bl_label, f"step {number + 1} of {len(guide_steps.STEPS)}"))
@@ -39,14 +37,14 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
         draw_text(context, layout, f"Done: {done}" if done else "", "CHECKMARK")
         draw_text(context, layout, f"{number + 1}. {step.title}", "FORWARD")
         draw_text(context, layout, step.text(chosen), "BLANK1")
-        if isinstance(activity.current(), LiveCapture):
+        if running_capture() is not None:
             layout.operator("perfanim.stop_capture", icon="SNAP_FACE")
             return
         _draw_settings(property_column(layout), chosen, step)
-        if step.title == "Exposure" and PERFANIM_PT_camera_controls.poll(context):
+        if step is guide_steps.EXPOSURE and PERFANIM_PT_camera_controls.poll(context):
             preferences.draw_camera_controls(property_column(layout), context.preferences.addons[ADDON].preferences)
-        problem = "" if state.text == readiness.NOT_CALIBRATED else state.problem  # the step itself says so
-        for line in problem.splitlines():
+        is_faulty = state.state is readiness.StepState.FAULTY
+        for line in state.problem.splitlines() if is_faulty else ():
             draw_text(context, layout, line, "ERROR")
         _draw_reflections(layout, chosen)
         draw_ignored(context, layout, chosen)
@@ -58,22 +56,22 @@ class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
             layout.operator("perfanim.skip_step", text=passing, icon="FF")
         draw_job(layout, step.panel)
         text, icon = activity.message(step.panel)
-        if icon == "ERROR" or (name != "check_setup" and not problem):  # of a good check nothing more is to be said
+        if icon == "ERROR" or (name != "check_setup" and not is_faulty):  # a good check needs no message
             draw_text(context, layout, text, icon)
         draw_text(context, layout, guide_steps.space(chosen), "ARROW_LEFTRIGHT")
         if step is guide_steps.STEPS[-1]:
-            draw_text(context, layout, guide_steps.walk(), "ARMATURE_DATA")
+            draw_text(context, layout, guide_steps.seen.walk, "ARMATURE_DATA")
 
 
 def _draw_reflections(layout: bpy.types.UILayout, chosen: Any) -> None:
-    """Draw the button that ignores all ringed places, and one for each."""
+    """Draw a button that ignores all reflections, and one for each."""
     numbers = guide_steps.reflections(chosen)
     if not numbers:
         return
     column = layout.column(align=True)
     column.operator("perfanim.ignore_reflections", icon="HIDE_ON").number = 0
     if len(numbers) > 1:
-        grid = column.grid_flow(columns=_IN_A_ROW, even_columns=True, align=True, row_major=True)
+        grid = column.grid_flow(columns=3, even_columns=True, align=True, row_major=True)
         for number in numbers:
             grid.operator("perfanim.ignore_reflections", text=f"Only {number}").number = number
 

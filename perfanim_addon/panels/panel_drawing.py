@@ -1,17 +1,37 @@
-"""Drawing of text, progress and properties in panels of any width."""
+"""Drawing of text, progress, messages and list rows in panels of any width."""
 
 import re
+from dataclasses import dataclass
+from typing import Any
 
 import bpy
 
 from ..jobs import activity
 from ..jobs.job import Job
 
-# Width of a character, and of icon, margins and tabs beside the text, in unscaled pixels.
-CHARACTER_PX = 6.2
-MARGIN_PX = 90.0
-ICON_CHARACTERS = 5  # width of an icon and its margin, in characters
-LEAST_STATUS = 8  # characters of a status, in any sidebar
+
+@dataclass(frozen=True)
+class Widths:
+    """Widths in the sidebar, measured with Blender's default font."""
+
+    character_px: float = 6.2  # mean width of a character, unscaled
+    margin_px: float = 90.0  # icon, margins and tabs beside the text, unscaled
+    icon: int = 5  # icon and margin in characters
+    status: int = 8  # least width of a status in characters
+    line: int = 16  # least width of a line in characters
+
+
+_WIDTHS = Widths()
+
+
+class RowList:
+    """Base of lists with one row per item."""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property) -> None:  # type: ignore[no-untyped-def]
+        self.draw_row(layout, item)
+
+    def draw_row(self, layout: bpy.types.UILayout, item: Any) -> None:
+        """Draw an item."""
 
 
 def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> None:
@@ -19,10 +39,22 @@ def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> Non
     layout.progress(factor=min(max(fraction, 0.0), 1.0), text=text)
 
 
-def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
-    """Draw the progress of this panel's job, with Cancel and Finish Now."""
+def job_of(panel: str) -> Job | None:
+    """Return the running job of a panel, None without one."""
     job = activity.current()
-    if isinstance(job, Job) and job.panel == panel:
+    return job if isinstance(job, Job) and job.panel == panel else None
+
+
+def draw_outcome(context: bpy.types.Context, layout: bpy.types.UILayout, panel: str) -> None:
+    """Draw the job and the message of a panel."""
+    draw_job(layout, panel)
+    draw_text(context, layout, *activity.message(panel))
+
+
+def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
+    """Draw the progress of a panel's job, with Cancel and Finish Now."""
+    job = job_of(panel)
+    if job is not None:
         row = layout.row(align=True)
         draw_progress(row, job.fraction, job.text)
         row.operator("perfanim.cancel_job", text="", icon="X")
@@ -31,7 +63,7 @@ def draw_job(layout: bpy.types.UILayout, panel: str) -> None:
 
 
 def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
-    """Draw a sentence, wrapped to the width of the sidebar; nothing for ""."""
+    """Draw a sentence, wrapped to the width of the sidebar."""
     column = layout.column(align=True)
     text = text[:1].upper() + text[1:]
     for index, line in enumerate(wrapped(text, characters(context))):
@@ -39,14 +71,14 @@ def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str,
 
 
 def characters(context: bpy.types.Context) -> int:
-    """Return the number of characters that fit a line of the sidebar beside its icon."""
+    """Return the number of characters that fit into a line of the sidebar beside an icon."""
     unscaled_px = context.region.width / context.preferences.system.ui_scale
-    return max(16, int((unscaled_px - MARGIN_PX) / CHARACTER_PX))
+    return max(_WIDTHS.line, int((unscaled_px - _WIDTHS.margin_px) / _WIDTHS.character_px))
 
 
 def header_status(context: bpy.types.Context, title: str, text: str) -> str:
     """Shorten a status to fit a panel's header beside the title."""
-    return shortened(text, max(LEAST_STATUS, characters(context) - len(title) - ICON_CHARACTERS))
+    return shortened(text, max(_WIDTHS.status, characters(context) - len(title) - _WIDTHS.icon))
 
 
 def shortened(text: str, width: int) -> str:

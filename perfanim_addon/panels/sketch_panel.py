@@ -2,9 +2,9 @@
 
 import bpy
 
-from ..jobs import activity
+from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import result_settings, sketch_settings
+from ..settings import sketch_settings
 from ..settings.capture_settings import settings
 from ..sketch import live_sketch
 from ..sketch.controls import controls_of
@@ -38,23 +38,18 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
                 row.operator("perfanim.bake_sketch", icon="NLA_PUSHDOWN")
             if armature.perfanim_sketch.action is not None:
                 layout.operator("perfanim.take_up_sketch", icon="LOOP_BACK")
-        panel_drawing.draw_job(layout, KEY)
-        panel_drawing.draw_text(context, layout, *activity.message(KEY))
+        panel_drawing.draw_outcome(context, layout, KEY)
 
 
 class PERFANIM_PT_sketch_settings(SidebarPanel, bpy.types.Panel):
-    """Panel of a sketch's settings.
-
-    It is closed at first, so that the buttons and their message fit a small window.
-    """
+    """Panel of a sketch's settings."""
 
     bl_label = "Sketch Settings"
     bl_parent_id = "PERFANIM_PT_sketch"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_options = {"DEFAULT_CLOSED"}  # the buttons and their message then fit a small window
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Return True once there are controls."""
         armature = settings(context).armature
         return armature is not None and bool(controls_of(armature))
 
@@ -63,4 +58,4 @@ class PERFANIM_PT_sketch_settings(SidebarPanel, bpy.types.Panel):
         are_shown = any(each.motion_path is not None for each in controls_of(armature).values())
         layout.operator("perfanim.show_motion_paths", icon="IPO_BEZIER", depress=are_shown)
         sketch_settings.draw(layout, armature.perfanim_sketch)
-        result_settings.draw_placement(layout, context)
+        draw_props(property_column(layout), context.scene.perfanim_result, "onto")

@@ -1,13 +1,11 @@
-"""Panels of the steps before a capture, and of the capture."""
+"""Panels of the steps before a capture."""
 
 from collections.abc import Callable
 from typing import Any
 
 import bpy
 
-from ..capture.live_capture import LiveCapture
-from ..jobs import activity
-from ..jobs.job import Job
+from ..capture.live_capture import running_capture
 from ..preferences import preferences
 from ..preferences.paths import ADDON
 from ..preferences.property_kinds import draw_props, property_column
@@ -15,7 +13,7 @@ from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import camera_choice, ignored_places, readiness
 from ..settings.capture_settings import settings
 from . import character_panel
-from .panel_drawing import draw_job, draw_text, header_status
+from .panel_drawing import draw_outcome, draw_text, header_status, job_of
 
 
 def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
@@ -55,10 +53,8 @@ class _Step(SidebarPanel):
     key = ""
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Draw the status at the right of the header."""
-        row = self.layout.row()
-        job = activity.current()
-        if isinstance(job, Job) and job.panel == self.key and job.heading:
+        row, job = self.layout.row(), job_of(self.key)
+        if job is not None and job.heading:
             row.label(text=job.heading, icon="TIME")
         else:
             state = type(self).state(settings(context))
@@ -71,16 +67,14 @@ class _Step(SidebarPanel):
         chosen = settings(context)
         layout = self.layout
         column = property_column(layout)
-        column.enabled = not isinstance(activity.current(), LiveCapture)
+        column.enabled = running_capture() is None
         self.draw_step(column, chosen)
         state = type(self).state(chosen)
-        job = activity.current()
-        if state.problem and not (isinstance(job, Job) and job.panel == self.key):
+        if state.problem and job_of(self.key) is None:
             draw_text(context, layout, state.problem, "ERROR")
         elif state.ready and header_status(context, self.bl_label, state.text) != state.text:  # shortened above
             draw_text(context, layout, state.text, "CHECKMARK")
-        draw_job(layout, self.key)
-        draw_text(context, layout, *activity.message(self.key))
+        draw_outcome(context, layout, self.key)
 
     def draw_step(self, layout: bpy.types.UILayout, chosen: Any) -> None:
         """Draw the step's own settings and buttons."""
@@ -209,7 +203,6 @@ class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Return True for real cameras, if there are preferences (not as a plain package)."""
         return settings(context).source == "CAMERAS" and ADDON in context.preferences.addons
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -12,22 +12,21 @@ from ...core.formats.take_file.take_reader import TakeSummary, summarise
 from ...core.formats.take_file.take_setup import MOST_STARS
 from ...core.solver.settings import SolveSettings
 from .. import take_library
-from ..capture.live_capture import LiveCapture
+from ..capture.live_capture import running_capture
 from ..jobs import activity
-from ..preferences.property_kinds import draw_props, property_column, string, whole_number
+from ..preferences.property_kinds import collection, draw_props, property_column, string, whole_number
 from ..preferences.sidebar_tab import SidebarPanel
-from ..settings import performer_refinement, result_settings
+from ..settings import result_settings
+from ..settings.performer_refinement import offer
 from . import panel_drawing
 from .capture_panel import PERFANIM_PT_capture
 
 KEY = "takes"
-ROWS = 4
-
 _wanted = [""]  # file of the take to select when the list is next filled
 
 
 def _note(name: str, default: Any) -> dict[str, Any]:
-    """Return getter and setter of a note in the take's file."""
+    """Return getter and setter of a property that is a note in the take's file."""
 
     def get(item: "PERFANIM_PG_take") -> Any:
         return getattr(item.summary.notes, name) if item.summary is not None else default
@@ -43,7 +42,7 @@ def _note(name: str, default: Any) -> dict[str, Any]:
 
 
 class PERFANIM_PG_take(bpy.types.PropertyGroup):
-    """A take in the list; its facts and notes are those of its file."""
+    """A take in the list; its facts and notes are read from its file."""
 
     path: string("File", "File of the take")
     title: string("Name", "Name of the take", **_note("name", ""))
@@ -52,40 +51,31 @@ class PERFANIM_PG_take(bpy.types.PropertyGroup):
 
     @property
     def summary(self) -> TakeSummary | None:
-        """Facts in the file; None once it is gone."""
+        """Facts in the file, None once it is gone."""
         return next((take for take in take_library.listed() if str(take.path) == self.path), None)
 
 
 class PERFANIM_PG_takes(bpy.types.PropertyGroup):
     """The list of the takes in the user's folder."""
 
-    entries: bpy.props.CollectionProperty(name="Takes", description="The takes in the folder", type=PERFANIM_PG_take)
+    attached_to = (bpy.types.WindowManager, "perfanim_takes")
+    entries: collection("Takes", "The takes in the folder", PERFANIM_PG_take)
     active: bpy.props.IntProperty(name="Take", description="Take shown below the list")
 
 
-class PERFANIM_UL_takes(bpy.types.UIList):
-    """List with a take per row."""
+class PERFANIM_UL_takes(panel_drawing.RowList, bpy.types.UIList):
+    """List with name, stars and length of a take per row; a double click edits the name."""
 
     bl_idname = "PERFANIM_UL_takes"
 
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        data: Any,
-        item: PERFANIM_PG_take,
-        icon: int,
-        active_data: Any,
-        active_property: str,
-    ) -> None:
-        """Draw name, stars and length; a double click edits the name."""
+    def draw_row(self, layout: bpy.types.UILayout, item: PERFANIM_PG_take) -> None:
         row, take = layout.row(), item.summary
         if take is None or not take.complete:
             row.label(text=item.title, icon="ERROR")
         else:
             row.prop(item, "title", text="", emboss=False, icon="REC")
         facts = row.row()
-        facts.alignment = "RIGHT"  # as wide as its text, to leave room for long names
+        facts.alignment = "RIGHT"  # no wider than its text, to leave room for long names
         facts.label(text=f"{'★' * item.rating}  {_length(take)}" if take and take.complete else "cut off")
 
 
@@ -97,18 +87,17 @@ class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        if isinstance(activity.current(), LiveCapture):
+        if running_capture() is not None:
             layout.label(text="Takes are listed after the capture")
             return
         shown = _list(context)
         if not take_library.listed():
             layout.label(text="Every capture is kept here")
         elif shown.entries:
-            layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=ROWS)
+            layout.template_list("PERFANIM_UL_takes", "", shown, "entries", shown, "active", rows=4)
         if 0 <= shown.active < len(shown.entries):
             _draw_take(context, layout, shown.entries[shown.active])
-        panel_drawing.draw_job(layout, KEY)
-        panel_drawing.draw_text(context, layout, *activity.message(KEY))
+        panel_drawing.draw_outcome(context, layout, KEY)
         layout.operator("perfanim.import_takes", icon="IMPORT")
         _draw_room(layout, len(shown.entries))
 
@@ -141,15 +130,15 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
 
 def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: str) -> None:
     """Draw the changes of the performer refined by a take, with both answers."""
-    found = performer_refinement.refined()
+    found = offer.refined
     if found is None or found.take != path:
         return
     column = layout.column(align=True)
     for text in (f"{found.subject.name}, refined by this take:", *found.changes):
-        # no line begins with a sign that belongs to the number before it
+        # no line break between a number and its sign or unit
         panel_drawing.draw_text(context, column, text.replace("± ", "±\u00a0").replace(" %", "\u00a0%"), "BLANK1")
-    if isinstance(activity.current(), LiveCapture):
-        return  # its body stays as it is; the answer waits
+    if running_capture() is not None:
+        return  # the body does not change during a capture
     row = column.row(align=True)
     row.operator("perfanim.use_refined_performer", text="Use", icon="CHECKMARK")
     row.operator("perfanim.refuse_refined_performer", text="Keep", icon="X")
@@ -168,12 +157,9 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
-    """Draw the offers to recover a take and to refine the performer of the last.
-
-    While capturing, what its performer would be refined by.
-    """
-    captured = performer_refinement.captured()
-    if isinstance(activity.current(), LiveCapture):
+    """Draw the offers to recover a take and to refine the performer, or while capturing the refinement so far."""
+    captured = offer.capture
+    if running_capture() is not None:
         _draw_refined(context, panel.layout, captured)
         return
     if captured:
@@ -193,7 +179,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
     """Return the list; schedule `_fill` after drawing if it has to change."""
     shown = context.window_manager.perfanim_takes
-    # A drawing between a take's end and `choose` has listed the take already.
+    # a new take may be listed already, but not yet be selected
     waits = bool(_wanted[0]) or [item.path for item in shown.entries] != _paths()
     if waits and not bpy.app.timers.is_registered(_fill):
         bpy.app.timers.register(_fill)
@@ -205,7 +191,7 @@ def _paths() -> list[str]:
 
 
 def _fill() -> None:
-    """Fill the list from the folder, once, by Blender's timer."""
+    """Fill the list from the folder."""
     shown, paths = bpy.context.window_manager.perfanim_takes, _paths()
     chosen, _wanted[0] = _wanted[0] or active_path(bpy.context), ""
     shown.entries.clear()
@@ -249,8 +235,7 @@ def choose(path: Path) -> None:
 
 
 def register() -> None:
-    """Attach the list, and add the recovery offer to the Capture panel."""
-    bpy.types.WindowManager.perfanim_takes = bpy.props.PointerProperty(type=PERFANIM_PG_takes)
+    """Add the offers to the Capture panel."""
     PERFANIM_PT_capture.append(draw_offer)
 
 
@@ -259,4 +244,3 @@ def unregister() -> None:
     PERFANIM_PT_capture.remove(draw_offer)
     if bpy.app.timers.is_registered(_fill):
         bpy.app.timers.unregister(_fill)
-    del bpy.types.WindowManager.perfanim_takes

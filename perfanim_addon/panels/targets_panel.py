@@ -1,35 +1,22 @@
 """Additional Targets panel: props and further performers."""
 
-from typing import Any
-
 import bpy
 
-from ..capture.live_capture import LiveCapture
-from ..jobs import activity
+from ..capture.live_capture import running_capture
 from ..preferences.property_kinds import draw_props, property_column
 from ..preferences.sidebar_tab import SidebarPanel
 from ..settings import target_settings
 from . import character_panel, panel_drawing
 
 KEY = "targets"
-_ROWS = 2
 
 
-class PERFANIM_UL_targets(bpy.types.UIList):
+class PERFANIM_UL_targets(panel_drawing.RowList, bpy.types.UIList):
     """List with a target and its object or armature per row."""
 
     bl_idname = "PERFANIM_UL_targets"
 
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        data: Any,
-        item: target_settings.PERFANIM_PG_target,
-        icon: int,
-        active_data: Any,
-        active_property: str,
-    ) -> None:
+    def draw_row(self, layout: bpy.types.UILayout, item: target_settings.PERFANIM_PG_target) -> None:
         split = layout.split(factor=0.5)
         is_prop = item.kind == "PROP"
         split.label(text=target_settings.title(item), icon="EMPTY_AXIS" if is_prop else "USER")
@@ -44,7 +31,6 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
-        """Draw the number of targets at the right of the header."""
         entries = context.scene.perfanim_targets.entries
         row = self.layout.row()
         if entries:
@@ -56,18 +42,16 @@ class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, shown = self.layout, context.scene.perfanim_targets
         column = layout.column()
-        column.enabled = not isinstance(activity.current(), LiveCapture)
+        column.enabled = running_capture() is None
         row = column.row()
-        row.template_list("PERFANIM_UL_targets", "", shown, "entries", shown, "active", rows=_ROWS)
+        row.template_list("PERFANIM_UL_targets", "", shown, "entries", shown, "active", rows=2)
         buttons = row.column(align=True)
         buttons.operator("perfanim.add_target", text="", icon="ADD")
         buttons.operator("perfanim.remove_target", text="", icon="REMOVE")
         if 0 <= shown.active < len(shown.entries):
-            fields = property_column(column)
-            _draw_fields(fields, shown.entries[shown.active], shown.active)
+            _draw_fields(property_column(column), shown.entries[shown.active], shown.active)
         panel_drawing.draw_text(context, layout, target_settings.problem(context.scene), "ERROR")
-        panel_drawing.draw_job(layout, KEY)
-        panel_drawing.draw_text(context, layout, *activity.message(KEY))
+        panel_drawing.draw_outcome(context, layout, KEY)
 
 
 def _draw_fields(layout: bpy.types.UILayout, entry: target_settings.PERFANIM_PG_target, index: int) -> None:

@@ -10,12 +10,12 @@ from pathlib import Path
 from ...core import __version__
 from ...core.system.libraries import LIBRARIES
 
-problem = ""  # why the add-on is only partly registered; "" when all is well
-tested: list[str] = []  # what the self-test has found, a line each
+problem = ""  # reason why the add-on is only partly registered
+tested: list[str] = []  # lines of the self-test
 
 
 def library_facts(module: str, load: bool = False) -> str:
-    """Return a library's version and folder, or its error; `load` also imports it."""
+    """Return a library's version and folder, or the error; `load` also imports it."""
     spec = importlib.util.find_spec(module)
     if spec is None:
         return f"{module} missing"
@@ -33,7 +33,7 @@ def library_facts(module: str, load: bool = False) -> str:
 
 
 def lines(blender_version: str, load: bool = False) -> list[str]:
-    """Return the facts, one a line; `load` also imports the libraries."""
+    """Return the facts, one per line; `load` also imports the libraries."""
     facts = [
         f"Perfanim {__version__}, Blender {blender_version}, Python {platform.python_version()}",
         platform.platform(),

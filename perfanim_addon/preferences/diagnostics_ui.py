@@ -1,4 +1,4 @@
-"""The diagnostics in the preferences, and the button that copies them."""
+"""Diagnostics in the preferences, and the button that copies them."""
 
 import bpy
 
@@ -20,7 +20,7 @@ class PERFANIM_OT_copy_diagnostics(bpy.types.Operator):
 def draw(layout: bpy.types.UILayout) -> None:
     """Draw buttons and facts."""
     row = layout.row(align=True)
-    if hasattr(bpy.types, "PERFANIM_OT_self_test"):  # not where a library is broken
+    if hasattr(bpy.types, "PERFANIM_OT_self_test"):  # missing if a library is broken
         row.operator("perfanim.self_test", icon="PLAY")
         row.operator("perfanim.cancel_job", text="", icon="X")
     row.operator("perfanim.copy_diagnostics", icon="COPYDOWN")

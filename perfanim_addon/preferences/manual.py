@@ -5,60 +5,46 @@ from pathlib import Path
 import bpy
 
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
-_CAPTURE = "capture-in-blender.html"
+_CAPTURE, _SKETCH = "capture-in-blender.html", "sketch-in-blender.html"
 
-# Blender's name of an operator or setting -> page; the first pattern that fits counts
-PAGES = (
-    ("bpy.ops.perfanim.show_cameras", f"{_CAPTURE}#guide"),
-    ("bpy.ops.perfanim.check_setup", "hardware.html#check-it"),
-    ("bpy.ops.perfanim.ignore_reflections", "hardware.html#check-it"),
-    ("bpy.ops.perfanim.forget_ignored", "hardware.html#check-it"),
-    ("bpy.ops.perfanim.skip_step", f"{_CAPTURE}#guide"),
-    ("bpy.ops.perfanim.calibrate_performer", "calibration.html#performer"),
-    ("bpy.ops.perfanim.calibrate_subject", "calibration.html#performer"),
-    ("bpy.ops.perfanim.*refine*_performer", "calibration.html#refine-by-a-take"),
-    ("bpy.ops.perfanim.calibrate_*", f"{_CAPTURE}#cameras"),
-    ("bpy.ops.perfanim.set_floor*", f"{_CAPTURE}#cameras"),
-    ("bpy.ops.perfanim.save_board", f"{_CAPTURE}#cameras"),
-    ("bpy.ops.perfanim.record", f"{_CAPTURE}#capture"),
-    ("bpy.ops.perfanim.record_t_pose", f"{_CAPTURE}#markers-and-subject"),
-    ("bpy.ops.perfanim.average_performer", f"{_CAPTURE}#markers-and-subject"),
-    ("bpy.ops.perfanim.use_profile", f"{_CAPTURE}#markers-and-subject"),
-    ("bpy.ops.perfanim.get_motion", "motion-data.html"),
-    ("bpy.ops.perfanim.build_database", f"{_CAPTURE}#motion-database"),
-    ("bpy.ops.perfanim.use_starter_database", f"{_CAPTURE}#motion-database"),
-    ("bpy.ops.perfanim.*_character", f"{_CAPTURE}#character"),
-    ("bpy.ops.perfanim.*bone*", f"{_CAPTURE}#character"),
-    ("bpy.ops.perfanim.use_active_armature", f"{_CAPTURE}#character"),
-    ("bpy.ops.perfanim.show_t_pose", f"{_CAPTURE}#character"),
-    ("bpy.ops.perfanim.*_target", f"{_CAPTURE}#additional-targets"),
-    ("bpy.ops.perfanim.run_batch", "batch.html"),
-    ("bpy.ops.perfanim.*batch*", "batch.html"),
-    ("bpy.ops.perfanim.import_takes", "marker-takes.html"),
-    ("bpy.ops.perfanim.*take*", f"{_CAPTURE}#takes-and-batches"),
-    ("bpy.ops.perfanim.*sketch*", "sketch-in-blender.html"),
-    ("bpy.ops.perfanim.add_controls", "sketch-in-blender.html"),
-    ("bpy.ops.perfanim.draw_hips_path", "sketch-in-blender.html"),
-    ("bpy.ops.perfanim.follow_*", "sketch-in-blender.html"),
-    ("bpy.ops.perfanim.*behaviour", "sketch-in-blender.html"),
-    ("bpy.ops.perfanim.show_motion_paths", "sketch-in-blender.html"),
-    ("bpy.ops.perfanim.self_test", f"{_CAPTURE}#preferences"),
-    ("bpy.ops.perfanim.copy_diagnostics", f"{_CAPTURE}#preferences"),
-    ("bpy.ops.perfanim.*", f"{_CAPTURE}#capture"),
-    ("bpy.types.perfanim_*sketch*", "sketch-in-blender.html"),
-    ("bpy.types.perfanim_*batch*", "batch.html"),
-    ("bpy.types.perfanim_*sending*", "vmc.html"),
-    ("bpy.types.perfanim_*receiving*", "vmc.html"),
-    ("bpy.types.perfanim_*target*", f"{_CAPTURE}#additional-targets"),
-    ("bpy.types.perfanim_*result*", f"{_CAPTURE}#takes-and-batches"),
-    ("bpy.types.perfanim_*.board*", f"{_CAPTURE}#cameras"),
-    ("bpy.types.perfanim_*.marker*", "wear-markers.html"),
-    ("bpy.types.perfanim_*.threshold*", f"{_CAPTURE}#cameras"),
-    ("bpy.types.perfanim_*.subject*", f"{_CAPTURE}#markers-and-subject"),
-    ("bpy.types.perfanim_*.database*", f"{_CAPTURE}#motion-database"),
-    ("bpy.types.perfanim_*.armature", f"{_CAPTURE}#character"),
-    ("bpy.types.perfanim_pg_settings.*", f"{_CAPTURE}#capture"),
-    ("bpy.types.perfanim_*", _CAPTURE),
+# Patterns of operators and of settings per page; the first match counts.
+_OPERATORS = (
+    (f"{_CAPTURE}#guide", "show_cameras skip_step"),
+    ("hardware.html#check-it", "check_setup ignore_reflections forget_ignored"),
+    ("calibration.html#performer", "calibrate_performer calibrate_subject"),
+    ("calibration.html#refine-by-a-take", "*refine*_performer"),
+    (f"{_CAPTURE}#cameras", "calibrate_* set_floor* save_board"),
+    (f"{_CAPTURE}#markers-and-subject", "record_t_pose average_performer use_profile"),
+    ("motion-data.html", "get_motion"),
+    (f"{_CAPTURE}#motion-database", "build_database use_starter_database"),
+    (f"{_CAPTURE}#character", "*_character *bone* use_active_armature show_t_pose"),
+    (f"{_CAPTURE}#additional-targets", "*_target"),
+    ("batch.html", "*batch*"),
+    ("marker-takes.html", "import_takes"),
+    (_SKETCH, "*sketch* add_controls draw_hips_path follow_* *behaviour show_motion_paths"),
+    (f"{_CAPTURE}#takes-and-batches", "*take*"),
+    (f"{_CAPTURE}#preferences", "self_test copy_diagnostics"),
+    (f"{_CAPTURE}#capture", "*"),
+)
+_SETTINGS = (
+    (_SKETCH, "*sketch*"),
+    ("batch.html", "*batch*"),
+    ("vmc.html", "*sending* *receiving*"),
+    (f"{_CAPTURE}#additional-targets", "*target*"),
+    (f"{_CAPTURE}#takes-and-batches", "*result*"),
+    (f"{_CAPTURE}#cameras", "*.board* *.threshold*"),
+    ("wear-markers.html", "*.marker*"),
+    (f"{_CAPTURE}#markers-and-subject", "*.subject*"),
+    (f"{_CAPTURE}#motion-database", "*.database*"),
+    (f"{_CAPTURE}#character", "*.armature"),
+    (f"{_CAPTURE}#capture", "pg_settings.*"),
+    (_CAPTURE, "*"),
+)
+PAGES = tuple(
+    (prefix + pattern, page)
+    for prefix, rows in (("bpy.ops.perfanim.", _OPERATORS), ("bpy.types.perfanim_", _SETTINGS))
+    for page, patterns in rows
+    for pattern in patterns.split()
 )
 
 

@@ -1,4 +1,4 @@
-"""Defaults of the preferences for the scenes of new files."""
+"""Settings of new files from the preferences."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from . import preferences
 
 @bpy.app.handlers.persistent
 def _set_up_new_file(*_: object) -> None:
-    """Set marker set and database of an unsaved file from the preferences, if unset."""
+    """Set marker set and database of an unsaved file, if they are not set."""
     chosen = preferences.chosen(bpy.context)
     if chosen is None or bpy.data.filepath:
         return
@@ -21,9 +21,9 @@ def _set_up_new_file(*_: object) -> None:
 
 
 def register() -> None:
-    """Add the handler, and set up the file that is open."""
+    """Add the handler, and set up the open file."""
     bpy.app.handlers.load_post.append(_set_up_new_file)
-    if hasattr(bpy.data, "scenes"):  # not while Blender starts: the handler follows
+    if hasattr(bpy.data, "scenes"):  # not while Blender starts: the handler runs later
         _set_up_new_file()
 
 

@@ -1,4 +1,4 @@
-"""Whether the network may be used."""
+"""Permission to use the network."""
 
 import ipaddress
 
@@ -11,7 +11,7 @@ def is_online_allowed() -> bool:
 
 
 def is_this_computer(host: str) -> bool:
-    """Return True if a name or address is that of this computer."""
+    """Return True for a name or address of this computer."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -8,21 +8,19 @@ import bpy
 
 from ...core.system.files import clean_folder
 
-# Root package: "bl_ext.<repository>.perfanim" in Blender; preferences are filed under this name.
+# Root package: "bl_ext.<repository>.perfanim" in Blender, where preferences have this name.
 ADDON = __package__.partition(".perfanim_addon")[0]
 
-
-# Folders that the user may choose in the preferences: first part of `user_folder` -> name of the preference.
+# Folders in the preferences: first part of `user_folder` -> name of the preference.
 CHOSEN_FOLDERS = {"takes": "takes_folder", "databases": "databases_folder", "profiles": "profiles_folder"}
-_PROFILES = ("subjects", "calibrations", "bone_maps")  # lie in folders of these names below that of the profiles
+_PROFILES = ("subjects", "calibrations", "bone_maps")  # subfolders of the profiles' folder
 _KINDS = ("takes", "databases", *_PROFILES, "props", "collections")
 
 
 def user_folder(*parts: str) -> Path:
-    """Return a folder for the user's data, created if needed.
+    """Return a folder for the user's data, created if needed; the first part is a kind of data.
 
-    The first part is a kind of data. Where the user's choice for it cannot be used, so that nothing is lost, it is
-    what it would be without one; `folder_problem` explains.
+    If the folder chosen in the preferences cannot be used, the add-on's own is returned; `folder_problem` explains.
     """
     base, rest = _chosen(parts)
     if base:
@@ -35,7 +33,7 @@ def user_folder(*parts: str) -> Path:
 
 
 def clean_up() -> None:
-    """Remove from the user's folders the temporary files of killed processes."""
+    """Remove temporary files of killed processes from the user's folders."""
     for kind in _KINDS:
         clean_folder(_own_folder(kind))
         base, rest = _chosen((kind,))
@@ -44,7 +42,7 @@ def clean_up() -> None:
 
 
 def _own_folder(path: str) -> Path:
-    """Return the add-on's own folder for some data, whether it is there or not."""
+    """Return the add-on's own folder for some data; it may not exist."""
     if ADDON.startswith("bl_ext."):
         return Path(bpy.utils.extension_path_user(ADDON, path=path))
     return Path(bpy.utils.user_resource("DATAFILES", path="perfanim")) / path
@@ -58,14 +56,14 @@ def folder_problem(kind: str) -> str:
 
 
 def _chosen(parts: Sequence[str]) -> tuple[str, Sequence[str]]:
-    """Return the chosen folder for a kind of data ("" for none), and the other parts."""
+    """Return the chosen folder for a kind of data, "" for none, and the remaining parts."""
     kind, rest = ("profiles", parts) if parts[0] in _PROFILES else (parts[0], parts[1:])
     addon = bpy.context.preferences.addons.get(ADDON)
     return (getattr(addon.preferences, CHOSEN_FOLDERS[kind]) if addon and kind in CHOSEN_FOLDERS else ""), rest
 
 
 def _make(folder: Path) -> str:
-    """Create a folder; return the reason why it cannot be written to, "" for none."""
+    """Create a folder; return the reason why it cannot be used, "" for none."""
     if not folder.is_absolute():
         return "give its whole path"
     try:
@@ -76,5 +74,5 @@ def _make(folder: Path) -> str:
 
 
 def absolute(path: str) -> str:
-    """Return a Blender path ("//" = beside the file) as an absolute one, "" for ""."""
+    """Return the absolute path of a Blender path, in which "//" is the file's folder; "" for ""."""
     return bpy.path.abspath(path) if path else ""

@@ -9,7 +9,7 @@ from ...core.solver.settings import METHODS
 from ...core.vision.sources.source_requests import CameraControls
 from . import diagnostics_ui, sidebar_tab
 from .paths import ADDON, CHOSEN_FOLDERS, folder_problem
-from .property_kinds import choice, draw_props, file_path, folder_path, number, string, switch, whole_number
+from .property_kinds import choice, draw_props, file_path, folder_path, number, pointer, string, switch, whole_number
 from .sidebar_tab import DEFAULT_TAB
 
 _METHOD_TEXTS = {
@@ -21,7 +21,7 @@ _METHOD_TEXTS = {
 
 
 def _marker_sets(_self: object, _context: object, typed: str) -> Iterator[str]:
-    from ...core.markers.marker_set import marker_set_names  # needs numpy, which may be broken
+    from ...core.markers.marker_set import marker_set_names  # imports numpy, which may be broken
 
     return (name for name in marker_set_names() if typed in name)
 
@@ -71,29 +71,23 @@ class PERFANIM_AP_preferences(bpy.types.AddonPreferences):
     workers: whole_number(
         "Processes", "Number of processes that read motion files during Import Motion; 0 for one per core", 0, 0, 64
     )
-    left_camera: bpy.props.PointerProperty(
-        name="Left Camera", description="Controls of the left camera", type=PERFANIM_PG_camera_controls
-    )
-    right_camera: bpy.props.PointerProperty(
-        name="Right Camera", description="Controls of the right camera", type=PERFANIM_PG_camera_controls
-    )
+    left_camera: pointer("Left Camera", "Controls of the left camera", PERFANIM_PG_camera_controls)
+    right_camera: pointer("Right Camera", "Controls of the right camera", PERFANIM_PG_camera_controls)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "tab")
-        self._draw_folders(_section(layout, "Folders"))
+        folders = _section(layout, "Folders")
+        for kind, name in CHOSEN_FOLDERS.items():
+            folders.prop(self, name)
+            problem = folder_problem(kind)
+            if problem:
+                folders.label(text=problem, icon="ERROR")
         draw_props(_section(layout, "New Files and Captures"), self, "marker_set", "database", "method")
         draw_props(_section(layout, "Worker"), self, "worker_python", "workers")
         draw_camera_controls(layout, self)
         diagnostics_ui.draw(_section(layout, "Diagnostics"))
-
-    def _draw_folders(self, layout: bpy.types.UILayout) -> None:
-        for kind, name in CHOSEN_FOLDERS.items():
-            layout.prop(self, name)
-            problem = folder_problem(kind)
-            if problem:
-                layout.label(text=problem, icon="ERROR")
 
 
 def _section(layout: bpy.types.UILayout, title: str) -> bpy.types.UILayout:
@@ -129,13 +123,13 @@ def _controls(camera: PERFANIM_PG_camera_controls) -> CameraControls:
 
 
 def chosen(context: bpy.types.Context) -> PERFANIM_AP_preferences | None:
-    """Return the preferences; None where the add-on is loaded as a plain package."""
+    """Return the preferences, None if the add-on is loaded as a plain package."""
     addon = context.preferences.addons.get(ADDON)
     return addon.preferences if addon else None
 
 
 def worker_python(context: bpy.types.Context) -> str | None:
-    """Return the Python that the user chose for the worker, None for Blender's own."""
+    """Return the chosen Python of the worker, None for Blender's own."""
     return bpy.path.abspath(getattr(chosen(context), "worker_python", "")) or None
 
 

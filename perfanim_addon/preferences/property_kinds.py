@@ -1,10 +1,12 @@
-"""Kinds of properties that settings and operators share, and their column."""
+"""Kinds of properties that settings and operators share, and their layout."""
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import bpy
 
-_LARGEST = 2**31 - 1  # number of Blender's
+_LARGEST = 2**31 - 1  # Blender's largest whole number
+HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options of a property that only the button sets
 
 
 def switch(name: str, description: str, default: bool = False, **more: Any) -> Any:
@@ -37,6 +39,27 @@ def choice(name: str, description: str, items: Any, default: Any = None, **more:
     return bpy.props.EnumProperty(name=name, description=description, items=items, default=default, **more)
 
 
+def dynamic_choice(name: str, description: str, items: Callable[[Any], Iterable[Any]]) -> Any:
+    """Return a choice among the items that a function of the context lists."""
+    kept: list[Any] = []  # Blender holds no reference to the items' texts
+
+    def listed(_self: object, context: Any) -> list[Any]:
+        kept[:] = items(context)
+        return kept
+
+    return choice(name, description, listed)
+
+
+def pointer(name: str, description: str, kind: Any, **more: Any) -> Any:
+    """Return a property that refers to a data-block or holds a group."""
+    return bpy.props.PointerProperty(name=name, description=description, type=kind, **more)
+
+
+def collection(name: str, description: str, kind: Any) -> Any:
+    """Return a list of property groups."""
+    return bpy.props.CollectionProperty(name=name, description=description, type=kind)
+
+
 def file_path(name: str, description: str) -> Any:
     """Return a property for a file."""
     return string(name, description, subtype="FILE_PATH")
@@ -47,6 +70,13 @@ def folder_path(name: str, description: str) -> Any:
     return string(name, description, subtype="DIR_PATH")
 
 
+def attach(group: type[bpy.types.PropertyGroup]) -> Callable[[], None]:
+    """Attach a registered group to the data type in its `attached_to`; return the function that detaches it."""
+    owner, name = group.attached_to
+    setattr(owner, name, bpy.props.PointerProperty(type=group))
+    return lambda: delattr(owner, name)
+
+
 def draw_props(layout: bpy.types.UILayout, owner: Any, *names: str) -> None:
     """Draw properties of a group or an operator, one per row."""
     for name in names:
@@ -54,7 +84,7 @@ def draw_props(layout: bpy.types.UILayout, owner: Any, *names: str) -> None:
 
 
 def property_column(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """Add a column of properties, their names at the left."""
+    """Add a column of properties with their names on the left."""
     column = layout.column()
     column.use_property_split = True
     column.use_property_decorate = False

@@ -1,4 +1,4 @@
-"""The sidebar's tab: base class of its panels, and the tab that they stand in."""
+"""Base class of the sidebar's panels, and their tab."""
 
 import bpy
 
@@ -6,7 +6,7 @@ DEFAULT_TAB = "Perfanim"
 
 
 class SidebarPanel:
-    """Base of every panel in the 3D viewport's sidebar."""
+    """Base of the panels in the 3D viewport's sidebar."""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -17,7 +17,7 @@ _registered: list[type[SidebarPanel]] = []
 
 
 def register_panel(panel: type[SidebarPanel], tab: str) -> None:
-    """Register a panel below the others in a tab; parents come before sub-panels."""
+    """Register a panel below the others in a tab; parents must come before sub-panels."""
     panel.bl_category, panel.bl_order = tab, len(_registered)
     bpy.utils.register_class(panel)
     _registered.append(panel)

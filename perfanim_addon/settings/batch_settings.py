@@ -11,13 +11,10 @@ from ...core.formats.markers.marker_files import is_recorded
 from ...core.system.files import is_file, is_folder, write_toml
 from .. import take_library
 from ..preferences import preferences
-from ..preferences.attach_settings import attach_property_group
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, file_path, folder_path, switch, whole_number
 from . import readiness
 from .capture_settings import settings
-
-PLAN = "plan.toml"  # in the folder of the results
 
 NAMINGS = (
     ("cmu", "CMU", "The CMU Motion Capture Database, as on a new character"),
@@ -30,6 +27,7 @@ NAMINGS = (
 class PERFANIM_PG_batch(bpy.types.PropertyGroup):
     """Settings of the Batch panel."""
 
+    attached_to = (bpy.types.Scene, "perfanim_batch")
     plan: file_path("Plan", "Plan file (TOML); empty for the settings below")
     takes: folder_path(
         "Takes", "Folder of takes (C3D, TRC, CSV, TSV, recorded), with subfolders; empty for the takes in the list"
@@ -68,8 +66,8 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
     Recorded takes are solved for their own performer, all others for the chosen performer and markers.
 
     Raises:
-        SettingsError: there are no takes, or no performer is chosen for takes of other systems.
-        FormatError: the folder cannot be written.
+        SettingsError: There are no takes, or no performer is chosen for takes of other systems.
+        FormatError: The folder cannot be written.
     """
     if chosen.plan:
         return Path(absolute(chosen.plan))
@@ -80,12 +78,11 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
     for take in plan_of([source], {}).takes:
         own = is_recorded(take.take)
         if not own and not scene.subject:
-            raise SettingsError(
-                "no performer is chosen for this take", where=take.take, advice="choose one under Subject"
-            )
+            advice = "choose one under Subject"
+            raise SettingsError("no performer is chosen for this take", where=take.take, advice=advice)
         rows.append({"take": take.take, "name": take.name, **({} if own else performer)})
     also = [kind for kind, wanted in (("angles.csv", chosen.angles), ("vrma", chosen.vrma)) if wanted]
-    path = Path(absolute(chosen.out)) / PLAN
+    path = Path(absolute(chosen.out)) / "plan.toml"
     shared: dict[str, Any] = {
         "out": str(path.parent),
         "database": str(readiness.database_path(scene)),
@@ -97,15 +94,7 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
         shared["also"] = also
     if chosen.character:
         shared |= {"to": absolute(chosen.character), "save_as": chosen.save_as}
-        if blender_program():
-            shared["blender"] = blender_program()
+        if bpy.app.binary_path:  # "" for Blender as a Python module
+            shared["blender"] = bpy.app.binary_path
     write_toml(path, {**shared, "take": rows})
     return path
-
-
-def blender_program() -> str:
-    """Return the path of the running Blender, "" for Blender as a Python module."""
-    return str(bpy.app.binary_path)
-
-
-register, unregister = attach_property_group(bpy.types.Scene, "perfanim_batch", PERFANIM_PG_batch)

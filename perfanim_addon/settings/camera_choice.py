@@ -1,7 +1,4 @@
-"""Choice of cameras by name and thumbnail, or by network address.
-
-The settings keep their device numbers.
-"""
+"""Choice of cameras by name and thumbnail, or by network address; the settings hold device numbers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -19,31 +16,30 @@ from ..preferences.online import is_online_allowed, is_this_computer
 
 Item = tuple[str, str, str, int, int]
 
-NONE = -1  # device number of no camera
-NETWORK = -2  # of one that has an address instead
-_REDUCED = 2  # times a thumbnail is smaller than the picture
+NONE = -1  # device number for no camera
+NETWORK = -2  # device number for a network address
 
 
 @dataclass
 class _Seen:
-    """Cameras of the last look, and their thumbnails."""
+    """Cameras found last, and their thumbnails."""
 
     devices: tuple[int, ...] = ()
     thumbnails: Any = None
-    items: dict[str, list[Item]] = field(default_factory=dict)  # Blender keeps no reference to their strings
+    items: dict[str, list[Item]] = field(default_factory=dict)  # Blender holds no reference to their texts
 
 
 _seen = _Seen()
 
 
 def keep_pictures(devices: Sequence[int], pictures: Image) -> None:
-    """Offer these cameras, with pictures (height, width, 3), RGB, side by side."""
+    """Offer cameras, with pictures (height, width, 3), RGB, side by side."""
     _seen.devices = tuple(devices)
     if _seen.thumbnails is not None:
         bpy.utils.previews.remove(_seen.thumbnails)
     _seen.thumbnails = bpy.utils.previews.new()
     for device, picture in zip(devices, np.array_split(pictures, len(devices), axis=1), strict=True):
-        small = picture[::-_REDUCED, ::_REDUCED].astype(np.float32) / 255.0
+        small = picture[::-2, ::2].astype(np.float32) / 255.0
         pixels = np.concatenate((small, np.ones((*small.shape[:2], 1), np.float32)), axis=2)
         thumbnail = _seen.thumbnails.new(str(device))
         thumbnail.image_size = thumbnail.icon_size = (pixels.shape[1], pixels.shape[0])
@@ -52,12 +48,12 @@ def keep_pictures(devices: Sequence[int], pictures: Image) -> None:
 
 
 def has_thumbnails() -> bool:
-    """Return whether pictures of cameras are known."""
+    """Return True if pictures of the cameras are known."""
     return _seen.thumbnails is not None
 
 
 def items_of(setting: str, optional: bool) -> Callable[[Any, object], list[Item]]:
-    """Return the function that lists the cameras for a setting with a device number."""
+    """Return a function that lists the cameras for a setting with a device number."""
 
     def items(settings: Any, _context: object) -> list[Item]:
         chosen = getattr(settings, setting, NONE)
@@ -80,7 +76,7 @@ def address_problem(address: str) -> str:
         return f"{address}: not the address of a camera; enter one such as rtsp://192.168.1.20:554/stream"
     try:
         host = urlsplit(address).hostname or ""
-    except ValueError:  # a bracket without its other one
+    except ValueError:  # an unbalanced bracket
         host = ""
     if not host:
         return f"{address}: names no camera; enter one such as rtsp://192.168.1.20:554/stream"
@@ -95,7 +91,7 @@ def _icon(device: int) -> int:
 
 
 def camera_choice(name: str, description: str, setting: str, optional: bool = False) -> Any:
-    """Return a choice among cameras, kept in a setting with a device number."""
+    """Return a choice among cameras that sets a device number."""
     return bpy.props.EnumProperty(
         name=name,
         description=description,

@@ -1,5 +1,6 @@
 """Settings of the capture panels, stored in the scene."""
 
+from functools import cache
 from typing import Any
 
 import bpy
@@ -8,8 +9,18 @@ from ...core.markers.marker_set import marker_set_names
 from ...core.subjects.setup_check.finding import Fault
 from ..character.posing import fill_map
 from ..jobs import activity
-from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import choice, duration, file_path, folder_path, number, string, switch, whole_number
+from ..preferences.property_kinds import (
+    choice,
+    duration,
+    dynamic_choice,
+    file_path,
+    folder_path,
+    number,
+    pointer,
+    string,
+    switch,
+    whole_number,
+)
 from .camera_choice import NETWORK, NONE, camera_choice
 
 SOURCES = (
@@ -73,17 +84,14 @@ _ADDRESS = (
 
 BOARD_CODES = tuple(f"DICT_{size}X{size}_{count}" for size in (4, 5, 6, 7) for count in (50, 100, 250, 1000))
 
-_marker_sets: list[tuple[str, str, str]] = []  # Blender keeps no reference to a dynamic enumeration's strings
+
+@cache
+def _marker_set_items() -> list[tuple[str, str, str]]:
+    names = sorted(marker_set_names(), key=lambda name: (name != "boxing", name))
+    return [(name, name.replace("-", " ").title(), f"The marker set {name!r}") for name in names]
 
 
-def _marker_set_items(_self: object, _context: object) -> list[tuple[str, str, str]]:
-    if not _marker_sets:
-        names = sorted(marker_set_names(), key=lambda name: (name != "boxing", name))
-        _marker_sets.extend((name, name.replace("-", " ").title(), f"The marker set {name!r}") for name in names)
-    return _marker_sets
-
-
-def find_bones(self: Any, _context: object) -> None:
+def _find_bones(self: Any, _context: object) -> None:
     """Map the bones of a newly chosen armature to joints."""
     if self.armature is not None and self.armature.type != "ARMATURE":  # a script may choose any object
         self.armature = None
@@ -92,7 +100,7 @@ def find_bones(self: Any, _context: object) -> None:
 
 
 def _no_camera_is_right_only(self: Any, _context: object) -> None:
-    """Keep the left camera one: only the right may be none."""
+    """Reset the left camera from none: only the right one is optional."""
     if self.left_device == NONE:
         self.left_device = 0
 
@@ -104,14 +112,23 @@ def _retune(self: Any, _context: object) -> None:
         tune(self)
 
 
-def is_armature(_self: object, candidate: bpy.types.Object) -> bool:
-    """Accept armatures only."""
-    return candidate.type == "ARMATURE"
+def armature_pointer(description: str) -> Any:
+    """Return a choice of an armature, which gets a bone map."""
+    return pointer(
+        "Armature",
+        description,
+        bpy.types.Object,
+        poll=lambda _self, candidate: candidate.type == "ARMATURE",
+        update=_find_bones,
+    )
 
 
-class CameraSettings:
-    """Settings of the Cameras panel: source of the images."""
+class PERFANIM_PG_settings(bpy.types.PropertyGroup):
+    """Settings in the order of the panels; one group, as in saved files."""
 
+    attached_to = (bpy.types.Scene, "perfanim")
+
+    # Cameras panel: source of the images
     source: choice("Source", "Source of the images or trackers", SOURCES, "SIMULATED")
     behaviour: choice("Behaviour", "Motion of the simulated performer", BEHAVIOURS, "demo")
     practise: switch(
@@ -167,10 +184,7 @@ class CameraSettings:
     calibration: file_path("Calibration", "Calibration file of the two cameras (TOML)")
     ignored_places: string("Ignored Places", "Reflections that are no markers, until a calibration file holds them")
 
-
-class CalibrationSettings:
-    """Settings of the Cameras panel: board and floor."""
-
+    # Cameras panel: board and floor
     board_kind: choice(
         "Board",
         "Pattern printed on the board",
@@ -216,11 +230,8 @@ class CalibrationSettings:
     board_left: folder_path("Left", "Folder with the left camera's images of the board")
     board_right: folder_path("Right", "Folder with the right camera's images of the board")
 
-
-class MarkerSettings:
-    """Settings of the Markers panel."""
-
-    marker_set: choice("Set", "Markers on the performer", _marker_set_items)
+    # Markers panel
+    marker_set: dynamic_choice("Set", "Markers on the performer", lambda _context: _marker_set_items())
     marker_set_file: file_path("File", "Custom marker set (TOML); empty for the set above")
     threshold_auto: switch("Auto", "Choose the brightness threshold from the learned background", default=True)
     threshold: number(
@@ -230,10 +241,7 @@ class MarkerSettings:
         "Background", "Time at the start of a capture for learning the empty view: stay out of sight", 2, 0.1, 60
     )
 
-
-class SubjectSettings:
-    """Settings of the Subject panel."""
-
+    # Subject panel
     subject: file_path("Subject", "Calibrated performer (TOML); empty for the simulated performer")
     subject_name: string("Name", "Name of the performer to calibrate", "Performer")
     countdown_s: duration(
@@ -250,24 +258,12 @@ class SubjectSettings:
         "All Three Poses", "The take has T pose, hanging arms and motorcycle pose; otherwise the T pose only"
     )
 
-
-class DatabaseSettings:
-    """Settings of the Motion Database panel."""
-
+    # Motion Database panel
     database: file_path("Database", "Motion database (.pfdb); empty for the starter database")
     database_fps: number("Rate (Hz)", "Frames per second of imported motion in the database", 60, 5, 240)
 
-
-class CaptureSettings:
-    """Settings of the Character and Capture panels."""
-
-    armature: bpy.props.PointerProperty(
-        name="Armature",
-        description="Armature to animate; empty adds a new character at the start",
-        type=bpy.types.Object,
-        poll=is_armature,
-        update=find_bones,
-    )
+    # Character and Capture panels
+    armature: armature_pointer("Armature to animate; empty adds a new character at the start")
     capture_preview: switch(
         "Preview",
         "Show the camera images while capturing. Markers are green if seen by both cameras, orange by one; "
@@ -328,21 +324,6 @@ class CaptureSettings:
     extend_scene: switch("Extend Scene", "Extend the scene if the recording is longer", default=True)
 
 
-class PERFANIM_PG_settings(
-    CameraSettings,
-    CalibrationSettings,
-    MarkerSettings,
-    SubjectSettings,
-    DatabaseSettings,
-    CaptureSettings,
-    bpy.types.PropertyGroup,
-):
-    """Settings in the order of the panels; one group, as saved files have it."""
-
-
 def settings(context: bpy.types.Context) -> PERFANIM_PG_settings:
     """Return the scene's settings."""
     return context.scene.perfanim
-
-
-register, unregister = attach_property_group(bpy.types.Scene, "perfanim", PERFANIM_PG_settings)

@@ -1,17 +1,13 @@
-"""Steps of the guide for cameras.
-
-Each is judged by `readiness` or by the last check of the pictures.
-"""
+"""Steps of the guide for cameras, judged by `readiness` or by the last check of the pictures."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ...core.errors import PerfanimError
 from ...core.subjects.setup_check.finding import PICTURE_FAULTS, Fault, Place
 from ..preferences.paths import absolute
 from . import readiness
-from .readiness import StepStatus
+from .readiness import StepState, StepStatus
 
 _PICTURES = (
     "source",
@@ -27,112 +23,86 @@ _PICTURES = (
     "left_folder",
     "right_folder",
 )
-_TODO = StepStatus(False, "to do")
-_DONE = StepStatus(True, "done")
+_TODO = StepStatus(StepState.TO_DO, "to do")
+_DONE = readiness.ready("done")
 
 
 @dataclass(frozen=True)
 class GuideStep:
-    """A step: a sentence and a button.
-
-    Args:
-        operator: name of the button's operator, for settings.
-        panel: key of the panel that shows the operator's progress and result.
-        drawn: settings above the button.
-        passing: label of the button that goes on without it, for settings; "" where a capture needs it.
-    """
+    """A step: a sentence and a button; functions take the settings."""
 
     title: str
     text: Callable[[Any], str]
-    operator: Callable[[Any], str]
-    panel: str
+    operator: Callable[[Any], str]  # name of the button's operator
+    panel: str  # key of the panel with the operator's progress and result
     state: Callable[[Any], StepStatus]
-    drawn: tuple[str, ...] = ()
-    passing: Callable[[Any], str] = lambda settings: ""
+    drawn: tuple[str, ...] = ()  # settings above the button
+    passing: Callable[[Any], str] = lambda settings: ""  # label of the button that skips an optional step
 
 
 @dataclass
-class _Seen:
-    """Result of the last check, the settings it holds for, and skipped steps."""
+class Seen:
+    """Results of the last check and capture, with their settings, and skipped steps."""
 
     pictures: tuple[Any, ...] = ()
     setup: tuple[Any, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()
-    reflections: dict[int, Place] = field(default_factory=dict)  # by the number beside the ring
-    walk: str = ""
+    reflections: dict[int, Place] = field(default_factory=dict)  # by their number in the picture
+    walk: str = ""  # judgement of the last capture
     space: str = ""
     skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
-    def clear(self) -> None:
-        """Forget all of it."""
-        vars(self).update(vars(_Seen()))
+    def forget(self) -> None:
+        """Forget everything."""
+        vars(self).update(vars(Seen()))
+
+    def forget_pictures(self) -> None:
+        """Forget the last check: ignored places have changed."""
+        self.pictures, self.setup = (), ()
 
 
-_seen = _Seen()
+seen = Seen()
 
 
 def keep_check(settings: Any, summary: Mapping[str, Any]) -> None:
-    """Keep the RESULT of the job `check setup`, made with these settings."""
-    _seen.pictures, _seen.setup = _pictures(settings), _setup(settings)
-    _seen.findings = tuple((str(row["fault"]), str(row["text"])) for row in summary["findings"])
+    """Keep the result of the job `check setup` for these settings."""
+    seen.pictures, seen.setup = _pictures(settings), _setup(settings)
+    seen.findings = tuple((str(row["fault"]), str(row["text"])) for row in summary["findings"])
     found = [row.get("places", ()) for row in summary["findings"] if row["fault"] == Fault.REFLECTION]
-    _seen.reflections = dict(enumerate((place for places in found for place in places), 1))
-    _seen.space = str(summary["space"])
-
-
-def keep_walk(sentence: str) -> None:
-    """Keep the judgement of the last capture."""
-    _seen.walk = sentence
-
-
-def walk() -> str:
-    """Return the judgement of the last capture, "" without one."""
-    return _seen.walk
+    seen.reflections = dict(enumerate((place for places in found for place in places), 1))
+    seen.space = str(summary["space"])
 
 
 def reflections(settings: Any) -> dict[int, Place]:
-    """Return the places that the last check has ringed in these pictures, by number."""
-    return dict(_seen.reflections) if _seen.pictures == _pictures(settings) else {}
+    """Return the reflections that the last check found in these pictures, by number."""
+    return dict(seen.reflections) if seen.pictures == _pictures(settings) else {}
 
 
 def forgive_reflections(numbers: Iterable[int]) -> bool:
-    """Go on without these reflections of the last check; return whether none is left.
-
-    The faults that they hid are looked for in the next one.
-    """
+    """Drop reflections from the last check, as they are now ignored; return whether none is left."""
     for number in numbers:
-        _seen.reflections.pop(number, None)
-    _seen.setup = ()
-    if not _seen.reflections:
-        _seen.findings = tuple(row for row in _seen.findings if row[0] != Fault.REFLECTION)
-    return not _seen.reflections
-
-
-def forget() -> None:
-    """Forget the last check and the skipped steps."""
-    _seen.clear()
-
-
-def forget_pictures() -> None:
-    """Forget the last check: markers are looked for elsewhere now."""
-    _seen.pictures, _seen.setup = (), ()
+        seen.reflections.pop(number, None)
+    seen.setup = ()
+    if not seen.reflections:
+        seen.findings = tuple(row for row in seen.findings if row[0] != Fault.REFLECTION)
+    return not seen.reflections
 
 
 def skip(settings: Any) -> None:
-    """Pass over the next step while the pictures come from the same source."""
-    _seen.skipped[next_step(settings)[1].title] = _pictures(settings)
+    """Skip the next step while the pictures come from the same source."""
+    seen.skipped[next_step(settings)[1].title] = _pictures(settings)
 
 
 def space(settings: Any) -> str:
-    """Return where all cameras see a performer by the last check, "" if unknown."""
-    return _seen.space if _seen.setup == _setup(settings) else ""
+    """Return the space in view of all cameras by the last check, "" if unknown."""
+    return seen.space if seen.setup == _setup(settings) else ""
 
 
 def next_step(settings: Any) -> tuple[int, GuideStep, StepStatus]:
-    """Return number (from 0), step and status of the first step that is not done."""
+    """Return index, step and status of the first step that is not done."""
     for number, step in enumerate(STEPS[:-1]):
         state = step.state(settings)
-        if not state.ready and _seen.skipped.get(step.title) != _pictures(settings):
+        if not state.ready and seen.skipped.get(step.title) != _pictures(settings):
             return number, step, state
     return len(STEPS) - 1, STEPS[-1], _TODO
 
@@ -149,35 +119,35 @@ def _source(settings: Any) -> StepStatus:
     state = readiness.pictures(settings)
     if not state.ready:
         return state
-    # device numbers are a guess until somebody has seen the pictures
-    unseen = settings.source == "CAMERAS" and not settings.calibration and _seen.pictures != _pictures(settings)
+    # device numbers are a guess until the pictures were seen
+    unseen = settings.source == "CAMERAS" and not settings.calibration and seen.pictures != _pictures(settings)
     return _TODO if unseen or readiness.is_known(settings) else state
 
 
 def _exposure(settings: Any) -> StepStatus:
     if not readiness.has_cameras(settings):
         return _DONE
-    if _seen.pictures != _pictures(settings):
+    if seen.pictures != _pictures(settings):
         return _TODO
-    return _judged([text for fault, text in _seen.findings if fault in PICTURE_FAULTS])
+    return _judged([text for fault, text in seen.findings if fault in PICTURE_FAULTS])
 
 
 def _floor(settings: Any) -> StepStatus:
     if not readiness.has_cameras(settings):
         return _DONE
-    found = readiness.rig(absolute(settings.calibration))
-    return _DONE if not isinstance(found, PerfanimError) and "floor" in found.metadata else _TODO
+    rig = readiness.found(readiness.rig, absolute(settings.calibration))
+    return _DONE if rig is not None and "floor" in rig.metadata else _TODO
 
 
 def _worn(settings: Any) -> StepStatus:
     state = readiness.markers(settings)
     if not state.ready or not readiness.has_cameras(settings):
         return state
-    return _TODO if _seen.setup != _setup(settings) else _judged([text for _, text in _seen.findings])
+    return _TODO if seen.setup != _setup(settings) else _judged([text for _, text in seen.findings])
 
 
 def _judged(problems: list[str]) -> StepStatus:
-    return StepStatus(False, "mend first", "\n".join(problems)) if problems else _DONE
+    return readiness.faulty("mend first", "\n".join(problems)) if problems else _DONE
 
 
 def _always(name: str) -> Callable[[Any], str]:
@@ -215,12 +185,20 @@ def _measuring_text(settings: Any) -> str:
     return "Type your height and click: a body of average proportions is used."
 
 
-def _keeping(settings: Any) -> str:
-    usable = settings.source == "CAMERAS" and readiness.pictures(settings).ready
-    return "Use These Cameras" if usable else ""
-
-
 _SKIP = _always("Skip This Step")
+
+EXPOSURE = GuideStep(
+    "Exposure",
+    _live_or_recorded(
+        "Leave the view empty, click, then stand before the cameras with the markers on and walk about.",
+        "Click to look through the recording. It should begin with the empty view.",
+    ),
+    _always("check_setup"),
+    "guide",
+    _exposure,
+    ("practise_fault",),
+    passing=_SKIP,
+)
 
 STEPS = (
     GuideStep(
@@ -229,20 +207,11 @@ STEPS = (
         lambda settings: "show_cameras" if settings.source == "CAMERAS" else "",
         "guide",
         _source,
-        passing=_keeping,
-    ),
-    GuideStep(
-        "Exposure",
-        _live_or_recorded(
-            "Leave the view empty, click, then stand before the cameras with the markers on and walk about.",
-            "Click to look through the recording. It should begin with the empty view.",
+        passing=lambda settings: (
+            "Use These Cameras" if settings.source == "CAMERAS" and readiness.pictures(settings).ready else ""
         ),
-        _always("check_setup"),
-        "guide",
-        _exposure,
-        ("practise_fault",),
-        passing=_SKIP,
     ),
+    EXPOSURE,
     GuideStep(
         "Calibrate",
         _calibrating_text,
@@ -309,5 +278,4 @@ STEPS = (
     ),
 )
 
-# Cleared with each registration: a check belongs to the session.
-register = unregister = forget
+register = unregister = seen.forget

@@ -1,6 +1,6 @@
-"""Reflections that cannot be covered: ignored places in the cameras' pictures.
+"""Ignored places in the cameras' pictures: reflections that cannot be covered.
 
-They stand in the calibration; those of cameras that are not calibrated yet wait in the scene for one.
+They are stored in the calibration, or in the scene until there is one.
 """
 
 import json
@@ -15,7 +15,6 @@ from ..preferences.paths import absolute
 from . import readiness
 
 Place = tuple[int, float, float]  # index of the camera, pixel
-_MOST_CAMERAS, _MOST_PX = 64, 100_000
 
 
 def ignored(settings: Any) -> list[Place]:
@@ -27,11 +26,7 @@ def ignored(settings: Any) -> list[Place]:
 
 
 def keep(settings: Any, places: Sequence[Place]) -> None:
-    """Ignore these places alone.
-
-    Raises:
-        PerfanimError: they cannot be written into the calibration.
-    """
+    """Ignore these places only; PerfanimError if the calibration cannot be written."""
     if _rig(settings) is not None:
         save_ignored(absolute(settings.calibration), places)
     else:
@@ -39,7 +34,7 @@ def keep(settings: Any, places: Sequence[Place]) -> None:
 
 
 def sentences(settings: Any) -> list[tuple[int, str]]:
-    """Return the index of each camera with ignored places, and how many these are."""
+    """Return the index of each camera with ignored places, and a sentence with their number."""
     rig = _rig(settings)
     counts = Counter(camera for camera, *_ in ignored(settings))
     names = [str(index + 1) for index in range(len(rig) if rig else max([2, *(camera + 1 for camera in counts)]))]
@@ -50,24 +45,23 @@ def sentences(settings: Any) -> list[tuple[int, str]]:
 
 
 def _rig(settings: Any) -> CameraRig | None:
-    rig = readiness.rig(absolute(settings.calibration)) if settings.calibration else None
-    return rig if isinstance(rig, CameraRig) else None
+    return readiness.found(readiness.rig, absolute(settings.calibration)) if settings.calibration else None
 
 
 def _waiting(settings: Any) -> dict[str, list[Place]]:
     """Return the places of cameras without a calibration, by source.
 
-    They are text in a .blend that somebody else may have written: anything but such a table counts as none.
+    The text may come from somebody else's .blend: invalid content and unlikely places are left out.
     """
     try:
         table = json.loads(settings.ignored_places or "{}")
         return {
-            source: [(int(camera), float(x), float(y)) for camera, x, y in rows if _may_be(camera, x, y)]
+            source: [
+                (int(camera), float(x), float(y))
+                for camera, x, y in rows
+                if 0 <= camera < 64 and abs(x) < 100_000 and abs(y) < 100_000
+            ]
             for source, rows in table.items()
         }
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         return {}
-
-
-def _may_be(camera: float, x: float, y: float) -> bool:
-    return 0 <= camera < _MOST_CAMERAS and abs(x) < _MOST_PX and abs(y) < _MOST_PX

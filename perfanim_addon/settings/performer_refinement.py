@@ -1,9 +1,8 @@
-"""A refined performer until it is used or refused, and the capture's offer.
+"""Refined performer until it is used or refused, and the offer to refine by the last capture.
 
-No Blender data is kept here, and no file: a refused performer leaves nothing behind.
+Nothing is stored in Blender's data or in files: a refused performer leaves no trace.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,30 +10,31 @@ from ...core.formats.take_file.take_reader import unused_path
 from ...core.markers.subject import Subject
 
 ENDING = ".toml"
-_ADDED = " refined"  # to the name of the performer's file
+_ADDED = " refined"  # part of the file's name
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A refined performer.
+    """A refined performer."""
 
-    Args:
-        take: file that it was refined by.
-        changes: against the performer of the take, in words.
-    """
-
-    take: str
+    take: str  # file of the take that showed the changes
     subject: Subject
-    changes: tuple[str, ...]
+    changes: tuple[str, ...]  # changes against the performer of the take, in words
 
 
 @dataclass
-class _Offer:
-    capture: str = ""
-    refined: Refined | None = None
+class Offer:
+    """Present offer."""
+
+    capture: str = ""  # file of the last capture if it can refine the performer, else ""
+    refined: Refined | None = None  # refined performer that waits for an answer
+
+    def close(self) -> None:
+        """End the offer."""
+        self.capture, self.refined = "", None
 
 
-_offer = _Offer()
+offer = Offer()
 
 
 def command_line(take: str, database: str, result: Path) -> list[str]:
@@ -42,41 +42,9 @@ def command_line(take: str, database: str, result: Path) -> list[str]:
     return ["calibrate", "subject", take, "--refine", take, "--database", database, "--out", str(result)]
 
 
-def offer_capture(take: str) -> None:
-    """Offer the refinement by the take of the last capture, "" for none of it."""
-    _offer.capture = take
-
-
-def captured() -> str:
-    """Return the take of the last capture while it offers a refinement, "" without."""
-    return _offer.capture
-
-
-def keep_refined(take: str, subject: Subject, changes: Sequence[str]) -> None:
-    """Keep a refined performer until it is used or refused."""
-    _offer.refined = Refined(take, subject, tuple(changes))
-
-
-def refined() -> Refined | None:
-    """Return the refined performer that waits for an answer."""
-    return _offer.refined
-
-
-def close() -> None:
-    """End the offer: it was answered, or there is nothing to change."""
-    _offer.capture, _offer.refined = "", None
-
-
 def path_beside(old: Path) -> Path:
     """Return an unused file beside a performer's for the refined one."""
     return unused_path(old.parent, old.name.removesuffix(ENDING).partition(_ADDED)[0] + _ADDED, ENDING)
 
 
-def register() -> None:
-    """Begin without an offer."""
-    close()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    close()
+register = unregister = offer.close

@@ -6,7 +6,7 @@ import bpy
 
 from ..animation.action_placement import Placement, PlacementMode
 from ..animation.keyframes import KeyBounds
-from ..preferences.attach_settings import attach_property_group
+from ..blender_versions import is_selected
 from ..preferences.property_kinds import choice, draw_props, number, property_column, switch
 
 _ONTO = (
@@ -19,6 +19,7 @@ _ONTO = (
 class PERFANIM_PG_result(bpy.types.PropertyGroup):
     """Settings of Put on Character and of captures."""
 
+    attached_to = (bpy.types.Scene, "perfanim_result")
     onto: choice("Insert As", "Destination of the keyframes", _ONTO, default=PlacementMode.ACTION.name)
     start: choice(
         "Start",
@@ -59,35 +60,24 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
 def placement(
     context: bpy.types.Context, armature_object: bpy.types.Object | None, only: frozenset[str] | None = None
 ) -> Placement:
-    """Return the placement of keyframes on an armature.
-
-    Args:
-        armature_object: None for a new character, without selected bones.
-        only: names of the bones that may get keyframes, None for all.
-    """
+    """Return the placement of keyframes on an armature, None for a new one; `only` some bones may get keyframes."""
     chosen = context.scene.perfanim_result
     onto = PlacementMode[chosen.onto]
     bounds = KeyBounds(chosen.reduce_deg, chosen.reduce_mm) if chosen.reduce else None
     if armature_object is None:
         return Placement(onto, None, bounds)
     if chosen.only_selected:
-        bones, has_pose_selection = armature_object.pose.bones, bpy.app.version >= (5, 0, 0)
-        selected = frozenset(bone.name for bone in bones if (bone if has_pose_selection else bone.bone).select)
+        selected = frozenset(bone.name for bone in armature_object.pose.bones if is_selected(bone))
         only = selected if only is None else selected & only
     animation = armature_object.animation_data
     if only is not None and onto is PlacementMode.ACTION and animation is not None and animation.action is not None:
-        onto = PlacementMode.STRIP  # a new action would take the other bones' animation away
+        onto = PlacementMode.STRIP  # a new action would remove the other bones' animation
     return Placement(onto, only, bounds)
 
 
 def start_frame(context: bpy.types.Context) -> float:
     """Return the first scene frame of a take."""
     return 1.0 if context.scene.perfanim_result.start == "FIRST" else float(context.scene.frame_current)
-
-
-def draw_placement(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw where keyframes go."""
-    draw_props(property_column(layout), context.scene.perfanim_result, "onto")
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -97,6 +87,3 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     draw_props(column, chosen, "onto", "start", "filters", "only_selected", "doubtful", "reduce")
     if chosen.reduce:
         draw_props(column, chosen, "reduce_deg", "reduce_mm")
-
-
-register, unregister = attach_property_group(bpy.types.Scene, "perfanim_result", PERFANIM_PG_result)

@@ -5,8 +5,16 @@ from typing import Any
 import bpy
 
 from ...core.sketch.solve_sketch import SketchSettings
-from ..preferences.attach_settings import attach_property_group
-from ..preferences.property_kinds import choice, draw_props, number, property_column, string, switch, whole_number
+from ..preferences.property_kinds import (
+    choice,
+    draw_props,
+    number,
+    pointer,
+    property_column,
+    string,
+    switch,
+    whole_number,
+)
 
 CONTROLS = {
     "HANDS": ("lhand", "rhand"),
@@ -20,6 +28,7 @@ CONTROLS = {
 class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
     """Settings of the Sketch Motion panel, and the sketch's controls and action."""
 
+    attached_to = (bpy.types.Object, "perfanim_sketch")
     parts: choice(
         "Controls",
         "Controls to add, Shift-click for several. What has no control is free",
@@ -41,13 +50,9 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
     free_height: switch(
         "Free Height", "Keys and path of the hips bind as seen from above; the database has their height"
     )
-    controls: bpy.props.PointerProperty(
-        name="Collection", description="Collection of the sketch's controls", type=bpy.types.Collection
-    )
-    action: bpy.props.PointerProperty(name="Result", description="Action with the solved motion", type=bpy.types.Action)
-    rough: bpy.props.PointerProperty(
-        name="Rough Action", description="Action that From Animation reads the keys from", type=bpy.types.Action
-    )
+    controls: pointer("Collection", "Collection of the sketch's controls", bpy.types.Collection)
+    action: pointer("Result", "Action with the solved motion", bpy.types.Action)
+    rough: pointer("Rough Action", "Action that From Animation reads the keys from", bpy.types.Action)
 
     @property
     def chosen_joints(self) -> list[str]:
@@ -60,7 +65,7 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
         return [name.strip() for name in self.behaviours.split(",") if name.strip()]
 
     def solver_settings(self) -> SketchSettings:
-        """Return the settings as the solver takes them."""
+        """Return the settings of the solver."""
         names = tuple(f"{name}*" for name in self.chosen_behaviours)
         return SketchSettings(self.follow, names, self.variation, self.hold_feet)
 
@@ -83,6 +88,3 @@ def draw(layout: bpy.types.UILayout, chosen: Any) -> None:
         listed.operator("perfanim.remove_behaviour", text=name, icon="X").behaviour = name
     listed.operator("perfanim.add_behaviour", text="Add" if chosen.behaviours else "All", icon="ADD")
     draw_props(column, chosen, "variation", "hold_feet", "free_height")
-
-
-register, unregister = attach_property_group(bpy.types.Object, "perfanim_sketch", PERFANIM_PG_sketch)

@@ -1,40 +1,31 @@
-"""Places of controls that go with bones of a rough rig.
-
-They are computed from the rig's keys, without a change of the scene's frame.
-"""
+"""Positions of controls that follow bones of a rough rig, from its keys without changing the scene's frame."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
 import bpy
 import numpy as np
-from mathutils import Euler, Matrix, Quaternion
+from mathutils import Matrix
 
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array
-from .controls import action_curves
+from ..animation.quaternion_curves import quaternions_of, rotation_channel
+from ..blender_versions import action_curves, by_channel
+from .controls import EDITING, only_constraint
 
-_MOVED = 1e-4  # of the rig's metre, by which a bone is off its curves while it is posed
 _OWN = "pose.bones["  # beginning of a bone's channels; others move the whole rig
 
 
 def followed_bone(control: bpy.types.Object) -> tuple[bpy.types.Object, bpy.types.PoseBone] | None:
-    """Return the rig and the bone that a control goes with; None without them.
-
-    It goes with a bone by one *Copy Location* at full influence.
-    """
-    held = control.constraints[0] if len(control.constraints) == 1 else None
-    if held is None or held.type != "COPY_LOCATION" or held.mute or held.influence < 1.0 or control.parent is not None:
-        return None
-    rig = held.target
-    bone = rig.pose.bones.get(held.subtarget) if rig is not None and rig.type == "ARMATURE" else None
-    return None if bone is None else (rig, bone)
+    """Return the rig and the bone that a control follows by one *Copy Location* at full influence, else None."""
+    held = only_constraint(control, "COPY_LOCATION")
+    bone = held.target.pose.bones.get(held.subtarget) if held is not None and held.target.type == "ARMATURE" else None
+    return None if bone is None else (held.target, bone)
 
 
 def curves_that_move(rig: bpy.types.Object, bone: bpy.types.PoseBone) -> list[bpy.types.FCurve]:
-    """Return the curves of a rig's action that move a bone.
+    """Return the curves of a rig's action that move a bone: its own, those of bones above, and the rig's.
 
-    These are the bone's own, those of bones above, and the rig's. All curves where none moves it: it stands still as
-    long as the rig moves.
+    If none moves it, all curves are returned: the bone stands still while the rig moves.
     """
     curves = action_curves(rig)
     paths = tuple(f"{each.path_from_id()}." for each in _chain(bone))
@@ -47,8 +38,8 @@ def places_of_bone(
 ) -> Mapping[int, Array] | None:
     """Return frame -> location in the scene of a bone's head by the keys of its rig.
 
-    None where only the scene shows it: for a rig with strips, drivers, a parent, constraints or keys of its own, and
-    below bones with constraints or that do not inherit all from those above.
+    None if only the evaluated scene shows it: for a rig with strips, drivers, a parent, constraints or keys of its own,
+    and for bones with constraints or partial inheritance in their chain.
     """
     animation, curves = rig.animation_data, action_curves(rig)
     if animation is None or len(animation.drivers) or (animation.use_nla and len(animation.nla_tracks)):
@@ -68,26 +59,26 @@ def places_of_bone(
 
 
 def place_off_curves(rig: bpy.types.Object, bone: bpy.types.PoseBone, frame: int) -> Array | None:
-    """Return where a bone is shown in the present frame, None where its keys have it."""
+    """Return the location of a bone in the present frame if it is off its curves, else None."""
     shown = np.array(bone.head, dtype=np.float64)
     off = np.max(np.abs(_heads(bone, action_curves(rig), [frame])[0] - shown))
-    return _in_scene(rig, shown) if off > _MOVED else None
+    return _in_scene(rig, shown) if off > EDITING.off_curve else None
 
 
 def _in_scene(rig: bpy.types.Object, points: Array) -> Array:
-    """Return points (..., 3) of a rig's space in the scene."""
+    """Transform points (..., 3) from a rig's space to the scene."""
     world = np.array(rig.matrix_world, dtype=np.float64)
     return np.asarray(points @ world[:3, :3].T + world[:3, 3])
 
 
 def _chain(bone: bpy.types.PoseBone) -> list[bpy.types.PoseBone]:
-    """Return a bone and those above, the topmost first."""
+    """Return a bone and its ancestors, the topmost first."""
     return [*reversed(bone.parent_recursive), bone]
 
 
 def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames: Sequence[int]) -> Array:
-    """Return the heads (F, 3) of a bone in its rig's space by curves at frames."""
-    channels = {(curve.data_path, curve.array_index): curve for curve in curves}
+    """Return the heads (F, 3) of a bone in its rig's space, by curves."""
+    channels = by_channel(curves)
     poses, above = np.repeat(np.eye(4)[None], len(frames), axis=0), Matrix()
     for link in _chain(bone):
         rest = link.bone.matrix_local
@@ -99,25 +90,15 @@ def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames:
 def _transforms(
     link: bpy.types.PoseBone, channels: Mapping[tuple[str, int], bpy.types.FCurve], frames: Sequence[int]
 ) -> Array:
-    """Return a bone's own transforms (F, 4, 4), (1, 4, 4) where nothing moves."""
+    """Return a bone's own transforms (F, 4, 4), or (1, 4, 4) if nothing moves."""
     path, mode = link.path_from_id(), link.rotation_mode
-    turn = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(mode, "rotation_euler")
     columns = []
-    for name in ("location", turn, "scale"):
+    for name in ("location", rotation_channel(mode), "scale"):
         for axis, present in enumerate(getattr(link, name)):
             curve = channels.get((f"{path}.{name}", axis))
             columns.append([present] if curve is None else [curve.evaluate(frame) for frame in frames])
     table = np.stack(np.broadcast_arrays(*(np.array(column, dtype=np.float64) for column in columns)), axis=1)
     result = np.zeros((len(table), 4, 4))
-    result[:, :3, :3] = rot.to_matrix(_quaternions(mode, table[:, 3:-3])) * table[:, None, -3:]
+    result[:, :3, :3] = rot.to_matrix(quaternions_of(mode, table[:, 3:-3])) * table[:, None, -3:]
     result[:, :3, 3], result[:, 3, 3] = table[:, :3], 1.0
     return result
-
-
-def _quaternions(mode: str, values: Array) -> Array:
-    """Return quaternions (F, 4) of values of a bone's rotation mode."""
-    if mode == "QUATERNION":
-        return rot.normalize(values)
-    if mode == "AXIS_ANGLE":
-        return np.array([Quaternion(each[1:], each[0]) for each in values.tolist()])
-    return np.array([Euler(each, mode).to_quaternion() for each in values.tolist()])

@@ -1,9 +1,4 @@
-"""Colours of a sketch's controls in the 3D viewports: left, right and middle.
-
-Blender draws all empties in one colour, so each gets a ring.
-"""
-
-from typing import Any
+"""Coloured rings around a sketch's controls in the 3D viewports: Blender draws all empties in one colour."""
 
 import bpy
 import numpy as np
@@ -11,31 +6,18 @@ import numpy as np
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ..settings.capture_settings import settings
 from ..viewport.overlay import Colour, Shapes, projected
+from ..viewport.viewport_drawing import STYLE, DrawHandler
 from .controls import controls_of
 
 _LEFT, _RIGHT, _MIDDLE = (0.25, 0.55, 1.0, 1.0), (1.0, 0.3, 0.25, 1.0), (1.0, 0.8, 0.2, 1.0)
-_RADIUS = 9.0  # in unscaled pixels
-_handlers: list[Any] = []  # at most one
 
 
 def colour_of(joint: str) -> Colour:
-    """Return a control's colour: blue at the left, red at the right, else yellow."""
+    """Return a control's colour: blue on the left, red on the right, else yellow."""
     for side, other, colour in (("l", "r", _LEFT), ("r", "l", _RIGHT)):
         if joint.startswith(side) and other + joint[1:] in JOINT_NAMES:
             return colour
     return _MIDDLE
-
-
-def show() -> None:
-    """Draw rings around the controls of the chosen character until `hide`."""
-    if not _handlers:
-        _handlers.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_PIXEL"))
-
-
-def hide() -> None:
-    """Take them away; safe at any time."""
-    while _handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(_handlers.pop(), "WINDOW")
 
 
 def _draw() -> None:
@@ -48,9 +30,11 @@ def _draw() -> None:
         return
     places = np.array([each.matrix_world.translation for each in shown.values()], dtype=np.float64)
     size = np.array([context.region.width, context.region.height])
-    shapes, scale = Shapes(), context.preferences.system.ui_scale
-    for joint, place in zip(
-        shown, projected(np.array(context.region_data.perspective_matrix), size, places), strict=True
-    ):
-        shapes.ring(place, _RADIUS * scale, colour_of(joint))
+    on_screen = projected(np.array(context.region_data.perspective_matrix), size, places)
+    shapes = Shapes(context.preferences.system.ui_scale)
+    for joint, place in zip(shown, on_screen, strict=True):
+        shapes.ring(place, STYLE.control, colour_of(joint))
     shapes.draw()
+
+
+handler = DrawHandler(_draw)

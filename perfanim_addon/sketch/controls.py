@@ -1,7 +1,7 @@
 """Controls of a sketch: empties at a character's joints, and their keys."""
 
 from collections.abc import Iterable
-from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -11,19 +11,36 @@ from ...core.errors import CharacterError, SettingsError
 from ...core.geometry.arrays import Array
 from ...core.sketch.key_curves import curve_positions
 from ...core.sketch.sketch_file import Control, Sketch
-from ..animation.channels import channels_of, play, play_only, played, slot_of
+from ..animation.actions import present_frame
+from ..blender_versions import action_curves, play, play_only, played
 from ..capture.capture_space import CaptureSpace
 from ..character.bone_map_settings import joint_label
 from ..character.posing import bones_of
+from ..character.selection import leave_modes, select_only
 
 JOINT = "perfanim_joint"  # custom property of a control
 STORED = "perfanim_sketch"  # custom property of a solved action: its sketch as JSON
-_SIZE_M = 0.08  # of a control of a person's hand
-_LARGER = {"root": 2.0, "thorax": 1.6, "head": 1.6}
-_SHAPES = {"root": "CUBE"}
-BREAKDOWN = "BREAKDOWN"  # Keyframe.type of a key that suggests a place and does not bind
-_SAME_M = 0.001  # by which a curve may differ from Blender's default
-_BREAKDOWNS = 4  # frames from one to the next on a curve that is keyed again
+BREAKDOWN = "BREAKDOWN"  # Keyframe.type of a key that suggests a position and does not bind
+
+
+@dataclass(frozen=True)
+class SketchEditing:
+    """Tuned numbers of sketches in Blender."""
+
+    size_m: float = 0.08  # display size of a hand's control on a person
+    sizes: tuple[tuple[str, float], ...] = (("root", 2.0), ("thorax", 1.6), ("head", 1.6))  # relative to a hand's
+    same_curve_m: float = 0.001  # distance from Blender's default curve up to which no breakdown keys are needed
+    step: int = 4  # frames between breakdown keys, and between samples of a control on a path or under a parent
+    off_curve: float = 1e-4  # distance in scene units from its curves at which a control or bone counts as dragged
+    farthest_m: float = 1000.0  # largest distance of a key from the character's origin
+    walk_speed: float = 0.8  # scene units per second along a path whose duration no key tells: a calm walk
+    flat: float = 0.05  # largest height of a path that lies on the floor, in the character's metres
+    listed: int = 3  # unmet keys or clips in the panel's message
+    tick_s: float = 0.015  # time between two checks for edits while live
+    slice_s: float = 0.004  # time per check for filling curves
+
+
+EDITING = SketchEditing()
 
 
 def controls_of(armature_object: bpy.types.Object) -> dict[str, bpy.types.Object]:
@@ -35,11 +52,7 @@ def controls_of(armature_object: bpy.types.Object) -> dict[str, bpy.types.Object
 def add_controls(
     context: bpy.types.Context, armature_object: bpy.types.Object, space: CaptureSpace, joints: Iterable[str]
 ) -> list[str]:
-    """Add and select the missing controls at a character's pose; return their names.
-
-    Raises:
-        CharacterError: a joint has no bone.
-    """
+    """Add and select the missing controls at a character's pose; return their names; CharacterError without a bone."""
     bones, present = bones_of(armature_object), controls_of(armature_object)
     missing = [joint_label(joint) for joint in joints if joint not in bones]
     if missing:
@@ -52,20 +65,12 @@ def add_controls(
     for joint in joints:
         if joint not in present:
             place = posed.matrix_world @ posed.pose.bones[bones[joint]].head
-            names.append(_add_empty(kept, armature_object, joint, place, space.length_in_scene(_SIZE_M)))
-    _select(context, names)
+            size = dict(EDITING.sizes).get(joint, 1.0) * space.length_in_scene(EDITING.size_m)
+            names.append(_add_empty(kept, armature_object, joint, place, size))
+    if names:
+        leave_modes(context)  # the key I then inserts keyframes of the controls
+        select_only(context, [bpy.data.objects[name] for name in names])
     return names
-
-
-def _select(context: bpy.types.Context, names: list[str]) -> None:
-    """Select new controls in Object Mode, so that I keys them."""
-    if not names:
-        return
-    if context.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
-    for each in context.view_layer.objects:
-        each.select_set(each.name in names)
-    context.view_layer.objects.active = bpy.data.objects[names[0]]
 
 
 def collection_of(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Collection:
@@ -83,8 +88,8 @@ def _add_empty(
     kept: bpy.types.Collection, armature_object: bpy.types.Object, joint: str, place: Any, size: float
 ) -> str:
     empty = bpy.data.objects.new(f"{joint_label(joint)} of {armature_object.name}", None)
-    empty.empty_display_type = _SHAPES.get(joint, "SPHERE")
-    empty.empty_display_size = size * _LARGER.get(joint, 1.0)
+    empty.empty_display_type = "CUBE" if joint == "root" else "SPHERE"
+    empty.empty_display_size = size
     empty.show_in_front, empty.location = True, place
     empty[JOINT] = joint
     kept.objects.link(empty)
@@ -92,16 +97,10 @@ def _add_empty(
 
 
 def key_controls(context: bpy.types.Context, armature_object: bpy.types.Object) -> int:
-    """Key the controls at the joints where the character's rough action has keys.
+    """Key the controls where the character's rough action has keys; return the number of frames.
 
-    Their earlier keys go. The rough action is the one that the character plays; once that is a solved sketch, it is the
-    one that was read before.
-
-    Returns:
-        The number of frames with keys.
-
-    Raises:
-        SettingsError: the character has no animation, or only a solved one.
+    Earlier keys are removed. The rough action is the active one, or the one read before if the active one is a solved
+    sketch; SettingsError without one.
     """
     chosen, animation = armature_object.perfanim_sketch, armature_object.animation_data
     playing = animation.action if animation is not None else None
@@ -130,7 +129,7 @@ def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Obje
     controls, bones = controls_of(armature_object), bones_of(armature_object)
     for control in controls.values():
         set_free(control)
-    armature_object.perfanim_sketch.free_height = False  # of a path that they have followed
+    armature_object.perfanim_sketch.free_height = False  # it was that of a followed path
     with present_frame(context.scene):
         for frame in frames:
             context.scene.frame_set(frame)
@@ -142,10 +141,9 @@ def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Obje
 
 
 def set_keys(armature_object: bpy.types.Object, sketch: Sketch, space: CaptureSpace) -> None:
-    """Key the controls as a sketch has them.
+    """Key the controls as in a sketch.
 
-    Their earlier keys, parents and constraints go. A curve that is not Blender's default becomes keys of the type
-    Breakdown.
+    Earlier keys, parents and constraints are removed. A curve other than Blender's default gets breakdown keys.
     """
     controls = controls_of(armature_object)
     for control in sketch.controls:
@@ -161,38 +159,27 @@ def set_keys(armature_object: bpy.types.Object, sketch: Sketch, space: CaptureSp
 
 
 def _breakdowns(control: Control, places: Array, space: CaptureSpace) -> Iterable[tuple[float, Array]]:
-    """Return frames and places between keys (K, 3), none for Blender's default curve."""
+    """Return frames and positions (K, 3) of breakdown keys, none for Blender's default curve."""
     if control.drawn_m is None:
         return []
     steps = np.arange(len(control.drawn_m))
     drawn = space.points_to_scene(control.drawn_m)
     default = curve_positions(control.frames, places, control.frames[0] + steps)
-    if np.max(np.abs(drawn - default)) < space.length_in_scene(_SAME_M):
+    if np.max(np.abs(drawn - default)) < space.length_in_scene(EDITING.same_curve_m):
         return []
-    between = (steps % _BREAKDOWNS == 0) & ~np.isin(control.frames[0] + steps, control.frames)
+    between = (steps % EDITING.step == 0) & ~np.isin(control.frames[0] + steps, control.frames)
     return zip((control.frames[0] + steps[between]).tolist(), drawn[between], strict=True)
 
 
+def only_constraint(control: bpy.types.Object, kind: str) -> Any:
+    """Return the constraint of a control that nothing else places, if it is of a kind and at full influence."""
+    held = control.constraints[0] if len(control.constraints) == 1 and control.parent is None else None
+    is_full = held is not None and held.type == kind and not held.mute and held.influence >= 1.0
+    return held if is_full and held.target is not None else None
+
+
 def set_free(control: bpy.types.Object) -> None:
-    """Take away keys, parent and constraints: keys are places in the scene."""
+    """Remove keys, parent and constraints, so that keys are positions in the scene."""
     control.animation_data_clear()
     control.parent = None
     control.constraints.clear()
-
-
-@contextmanager
-def present_frame(scene: bpy.types.Scene) -> Any:
-    """Go back to the present frame at the end."""
-    frame, part = scene.frame_current, scene.frame_subframe
-    try:
-        yield
-    finally:
-        scene.frame_set(frame, subframe=part)
-
-
-def action_curves(animated: bpy.types.Object) -> list[bpy.types.FCurve]:
-    """Return the curves of an object's action, none without one."""
-    animation = animated.animation_data
-    if animation is None or animation.action is None:
-        return []
-    return [curve for bag in channels_of(animation.action, slot_of(animation)) for curve in bag.fcurves]

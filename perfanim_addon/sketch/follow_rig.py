@@ -1,20 +1,16 @@
-"""Controls that go with the bones of a roughly animated rig."""
+"""Controls that follow the bones of a roughly animated rig."""
 
 import bpy
 
 from ...core.errors import CharacterError, SettingsError
+from ..blender_versions import action_curves
 from ..character.posing import bones_of
-from .controls import STORED, action_curves, collection_of, controls_of, set_free
+from ..character.selection import select_only
+from .controls import STORED, collection_of, controls_of, set_free
 
 
 def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Object:
-    """Add and select a copy of a character, to be posed in its place.
-
-    It is drawn in wire and plays the rough action.
-
-    Raises:
-        SettingsError: the character plays no action with keys, or a solved one.
-    """
+    """Add and select a wire copy of a character with its rough action; SettingsError without such an action."""
     if not action_curves(armature_object):
         advice = "animate it roughly first, or select a rig that is animated"
         raise SettingsError("has no action with keys", where=armature_object.name, advice=advice)
@@ -24,26 +20,18 @@ def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) ->
         raise SettingsError("was solved from a sketch", where=action.name, advice=advice)
     rig = armature_object.copy()
     rig.name = f"Rough {armature_object.name}"
-    rig.perfanim_sketch.controls = None  # those of the character
+    rig.perfanim_sketch.controls = None  # the controls belong to the character
     rig.display_type, rig.show_in_front = "WIRE", True
     collection_of(context, armature_object).objects.link(rig)
     context.view_layer.update()
-    for each in context.view_layer.objects:
-        each.select_set(each == rig)
-    context.view_layer.objects.active = rig
+    select_only(context, [rig])
     return rig
 
 
 def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
-    """Let the controls of a character go with the same joints' bones of a rig.
+    """Let controls follow the same joints' bones of a rig; return their number; CharacterError for a missing bone.
 
-    Their own keys go. Keys of the rig bind; Live solves again when one moves.
-
-    Returns:
-        The number of controls.
-
-    Raises:
-        CharacterError: the rig has no bone for a control, or no bone map is found.
+    Their own keys are removed. Keys of the rig bind; Live solves again when one moves.
     """
     bones, controls = bones_of(rig), controls_of(armature_object)
     missing = [each.name for joint, each in controls.items() if joint not in bones]
@@ -53,5 +41,5 @@ def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
         set_free(control)
         held = control.constraints.new("COPY_LOCATION")
         held.target, held.subtarget = rig, bones[joint]
-    armature_object.perfanim_sketch.free_height = False  # of a path that they have followed
+    armature_object.perfanim_sketch.free_height = False  # it was that of a followed path
     return len(controls)

@@ -1,27 +1,23 @@
-"""Curves that controls of a sketch follow, such as the hips' path on the floor."""
+"""Paths that controls of a sketch follow, such as the hips' path on the floor."""
 
 import bpy
 
 from ...core.errors import SettingsError
 from ..animation.actions import scene_fps
-from .controls import action_curves, controls_of
-
-_SPEED = 0.8  # along a path, in the scene's metres a second: a calm walk, where no other key says how long it takes
-_FLAT = 0.05  # of the character's metre, by which a curve may leave the floor
+from ..blender_versions import action_curves
+from ..character.selection import leave_modes, select_only
+from .controls import EDITING, controls_of
 
 
 def add_path(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Object:
-    """Add an empty curve on the floor, in Edit Mode, and let the mouse draw it."""
-    if context.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
+    """Add an empty curve on the floor, in Edit Mode with the Draw tool."""
+    leave_modes(context)
     data = bpy.data.curves.new(f"Hips Path of {armature_object.name}", "CURVE")
     data.dimensions = "3D"
     path = bpy.data.objects.new(data.name, data)
     path.location.z = armature_object.matrix_world.translation.z
     context.scene.collection.objects.link(path)
-    for each in context.view_layer.objects:
-        each.select_set(each == path)
-    context.view_layer.objects.active = path
+    select_only(context, [path])
     bpy.ops.object.mode_set(mode="EDIT")
     context.tool_settings.curve_paint_settings.depth_mode = "CURSOR"
     context.scene.cursor.location = path.location
@@ -36,17 +32,16 @@ def add_path(context: bpy.types.Context, armature_object: bpy.types.Object) -> b
 def follow(
     context: bpy.types.Context, armature_object: bpy.types.Object, control: bpy.types.Object, path: bpy.types.Object
 ) -> tuple[int, int]:
-    """Let a control go evenly along a curve; return the first and last frame.
+    """Let a control follow a curve at constant speed; return the first and last frame.
 
     It keeps its height above the curve's origin; hips on a flat curve at the character's origin are free in height. It
-    takes the time of the other controls' keys; without them it goes at walking speed from the present frame on. Its own
-    keys go.
+    takes the time span of the other controls' keys; without them it goes at walking speed from the present frame on.
+    Its own keys are removed.
 
     Raises:
-        SettingsError: the curve has no length.
+        SettingsError: The curve has no length.
     """
-    if context.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
+    leave_modes(context)
     context.view_layer.update()
     length = sum(spline.calc_length() for spline in path.data.splines) * path.matrix_world.median_scale
     if length <= 0.0:
@@ -55,7 +50,7 @@ def follow(
     others = [each for each in controls_of(armature_object).values() if each != control]
     frames = sorted(key.co.x for each in others for curve in action_curves(each) for key in curve.keyframe_points)
     first = round(frames[0]) if frames else context.scene.frame_current
-    walked = first + max(1, round(length / _SPEED * scene_fps(context.scene)))
+    walked = first + max(1, round(length / EDITING.walk_speed * scene_fps(context.scene)))
     last = round(frames[-1]) if frames and frames[-1] > first else walked
     if control == controls_of(armature_object).get("root"):
         armature_object.perfanim_sketch.free_height = _is_on_floor(path, armature_object)
@@ -65,7 +60,7 @@ def follow(
     control.location = (0.0, 0.0, height)
     held = control.constraints.new("FOLLOW_PATH")
     held.target, held.use_fixed_location = path, True
-    path.data.update_tag()  # Blender computes places along a curve only once something follows it
+    path.data.update_tag()  # Blender evaluates a path only once something follows it
     for frame, share in ((first, 0.0), (last, 1.0)):
         held.offset_factor = share
         held.keyframe_insert("offset_factor", frame=frame)
@@ -79,5 +74,5 @@ def _is_on_floor(path: bpy.types.Object, armature_object: bpy.types.Object) -> b
     floor = armature_object.matrix_world.translation.z
     splines = path.data.splines
     points = [point.co for spline in splines for point in (spline.bezier_points or spline.points)]
-    tolerance = _FLAT * armature_object.matrix_world.median_scale
+    tolerance = EDITING.flat * armature_object.matrix_world.median_scale
     return all(abs((path.matrix_world @ point.to_3d()).z - floor) < tolerance for point in points)

@@ -1,7 +1,7 @@
 """Solving a sketch again while its controls are edited.
 
-Blender's handler only notes that something changed. A timer reads the keys, sends them to the worker, shows the newest
-solution at the present frame, and fills the action's curves a few at a time, so that Blender is never held up.
+Blender's handler only notes a change. A timer reads the keys, sends them to the worker, shows the newest solution in
+the present frame, and fills the action's curves a few at a time, so that Blender never waits.
 """
 
 import time
@@ -12,7 +12,6 @@ import bpy
 import numpy as np
 
 from ...core.errors import PerfanimError, SettingsError
-from ...core.geometry.arrays import Array
 from ...core.sketch.sketch_file import Sketch
 from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
 from ...core.worker.client import WorkerClient
@@ -24,25 +23,18 @@ from ..capture.armature_driver import ArmatureDriver
 from ..character.create_character import find_armature
 from ..jobs import activity
 from ..settings.capture_settings import settings
-from .controls import controls_of
+from .controls import EDITING, controls_of
 from .read_controls import read_controls
 from .write_solution import SketchBody, keep_sketch, outcome_text, write_solution
 
-KEY = "sketch"  # of the panel's message
-_TICK_S = 0.015
-_SLICE_S = 0.004  # of Blender's time, for filling curves in one tick
+KEY = "sketch"  # panel of the messages
 
 
 class LiveSketch:
     """One character's sketch, solved in a worker of its own after each edit.
 
-    Only names are held: undo replaces Blender's data.
-
-    Args:
-        python: interpreter of the worker, None for Blender's own.
-
-    Raises:
-        PerfanimError: the character cannot be driven, or no control has a key.
+    Only names are held: undo replaces Blender's data. PerfanimError if the character cannot be driven or no control has
+    a key.
     """
 
     def __init__(self, context: bpy.types.Context, armature: str, database: str, python: str | None) -> None:
@@ -51,20 +43,20 @@ class LiveSketch:
         self.body = SketchBody.of(found)
         self._driver = ArmatureDriver(armature, self.body.skeleton, settings(context).body_parts)
         self.noted = False
-        self.shown = 0  # solutions
+        self.shown = 0  # number of solutions
         self._number = self._answered = 0
         self._seen = {each.joint: each for each in read_controls(context, found, self.body.space).controls}
         self._sent: dict[str, Any] = {}
         self._sketches: dict[int, Sketch] = {}
         self._filling: Iterator[None] | None = None
-        self._filled = "", 0  # action, and its address
-        self._kept = ""  # what the message adds on an action that is left alone
+        self._filled = "", 0  # name and address of the action
+        self._kept = ""  # part of the message on an action that is left alone
         fields = self._next_fields(context, *self._read(context))
         request = SketchRequest(live=True, skeleton=self.body.skeleton, database=database, **fields)
         self._client = WorkerClient(request, python)
 
     def _read(self, context: bpy.types.Context) -> tuple[Sketch, dict[str, Any]]:
-        """Return the sketch, and it and its settings as the worker takes them."""
+        """Return the sketch, and its part of the request with the settings."""
         found = find_armature(self.armature)
         sketch = read_controls(context, found, self.body.space, dragged=True, seen=self._seen)
         chosen = found.perfanim_sketch.solver_settings()
@@ -77,11 +69,7 @@ class LiveSketch:
         return {"number": self._number, "frame": context.scene.frame_current, **table}
 
     def tick(self, context: bpy.types.Context) -> None:
-        """Send a noted edit and show the newest solution; never wait.
-
-        Raises:
-            PerfanimError: the worker died, or the character is gone.
-        """
+        """Send a noted edit and show the newest solution, without waiting; PerfanimError if the worker died."""
         if self.noted and self._client.connected:
             self.noted = False
             try:
@@ -103,7 +91,7 @@ class LiveSketch:
             self._fill()
 
     def _show(self, context: bpy.types.Context, solved: SolvedSketch) -> None:
-        """Show a solution at the present frame; a whole one goes into the action."""
+        """Show a solution in the present frame; a whole one is written into the action."""
         self._answered = solved.number if solved.whole else self._answered
         if solved.error:
             activity.set_message(KEY, solved.error, "ERROR")
@@ -125,48 +113,35 @@ class LiveSketch:
         if found.animation_data is not None:
             fit_strips(found.animation_data, action, sketch.frames)
         self._filled = action.name, action.as_pointer()
-        self._filling = self._curves(action.name, sketch.frames, solved)
+        motion = solved.rotations, solved.root_positions_m, self._driver.plan
+        self._filling = refill_action(found, action, sketch.frames, *motion)
         activity.set_message(KEY, outcome_text(solved) + self._kept, "ERROR" if solved.unmet else "INFO")
         activity.redraw_sidebars()
-
-    def _curves(self, action: str, frames: Array, solved: SolvedSketch) -> Iterator[None]:
-        return refill_action(
-            find_armature(self.armature),
-            bpy.data.actions[action],
-            frames,
-            solved.rotations,
-            solved.root_positions_m,
-            self._driver.plan,
-        )
 
     def _fill(self) -> None:
         name, pointer = self._filled
         action = bpy.data.actions.get(name)
-        if action is None or action.as_pointer() != pointer:  # deleted meanwhile, and its curves with it
+        if action is None or action.as_pointer() != pointer:  # it was deleted meanwhile
             self._filling = None
-        limit_s = time.perf_counter() + _SLICE_S
+        limit_s = time.perf_counter() + EDITING.slice_s
         while self._filling is not None and time.perf_counter() < limit_s:
             if next(self._filling, self) is self:
                 self._filling = None
 
     def finish(self) -> None:
-        """Fill the rest of the curves at once."""
+        """Fill the remaining curves at once."""
         while self._filling is not None:
             self._fill()
 
     @property
     def idle(self) -> bool:
-        """Whether all edits are solved and shown."""
+        """True when all edits are solved and shown."""
         return not self.noted and self._filling is None and self._answered == self._number
 
     @property
     def worker_id(self) -> int:
-        """Process of the worker."""
+        """Process id of the worker."""
         return self._client.process_id
-
-    def undone(self) -> None:
-        """Note that undo or redo has replaced Blender's data."""
-        self._filling, self._sent, self.noted = None, {}, True
 
     def close(self) -> None:
         """End the worker."""
@@ -182,31 +157,29 @@ def current() -> LiveSketch | None:
 
 
 def begin(context: bpy.types.Context, armature: str, database: str, python: str | None) -> None:
-    """Start solving edits of a character's sketch; PerfanimError as of `LiveSketch`."""
+    """Start solving edits of a character's sketch; PerfanimError as in `LiveSketch`."""
     end()
     _running.append(LiveSketch(context, armature, database, python))
-    bpy.app.handlers.depsgraph_update_post.append(_note)
-    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
-        handlers.append(_after_undo)
-    bpy.app.handlers.load_pre.append(_before_load)
-    bpy.app.timers.register(_tick, first_interval=_TICK_S)
+    for handlers, handler in _handlers():
+        handlers.append(handler)
+    bpy.app.timers.register(_tick, first_interval=EDITING.tick_s)
 
 
 def end() -> None:
     """Stop solving edits; safe at any time."""
     while _running:
         _running.pop().close()
-    app = bpy.app
-    if app.timers.is_registered(_tick):
-        app.timers.unregister(_tick)
-    for handlers, handler in (
-        (app.handlers.depsgraph_update_post, _note),
-        (app.handlers.undo_post, _after_undo),
-        (app.handlers.redo_post, _after_undo),
-        (app.handlers.load_pre, _before_load),
-    ):
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+    for handlers, handler in _handlers():
         if handler in handlers:
             handlers.remove(handler)
+
+
+def _handlers() -> tuple[tuple[Any, Any], ...]:
+    known = bpy.app.handlers
+    undone = ((each, _after_undo) for each in (known.undo_post, known.redo_post))
+    return (known.depsgraph_update_post, _note), (known.load_pre, _before_load), *undone
 
 
 def _note(_scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
@@ -229,8 +202,8 @@ def _note(_scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
     live = current()
-    if live is not None:
-        live.undone()
+    if live is not None:  # Blender's data was replaced
+        live._filling, live._sent, live.noted = None, {}, True
 
 
 @bpy.app.handlers.persistent
@@ -249,4 +222,4 @@ def _tick() -> float | None:
         activity.redraw_sidebars()
         end()
         return None
-    return _TICK_S
+    return EDITING.tick_s

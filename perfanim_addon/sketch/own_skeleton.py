@@ -12,22 +12,19 @@ from ...core.retarget.to_standard_skeleton import to_standard_skeleton
 from ..character.armature_reading import read_armature_rest
 from ..character.axes import BLENDER_FROM_WORLD
 from ..character.bone_map_settings import stored_map
-from ..character.create_character import check_armature
+from ..character.create_character import joints_without_bone
 from ..character.posing import bones_of
 
 
 def own_skeleton(armature_object: bpy.types.Object) -> Skeleton:
-    """Return the standard skeleton with a character's proportions.
+    """Return the standard skeleton with a character's proportions; CharacterError without a bone map.
 
-    A foreign character's is as large as a person: its legs are as long as the default skeleton's.
-
-    Raises:
-        CharacterError: no bone map is found, or the rest pose is not usable.
+    A foreign character is scaled to a person's size: its legs get the default skeleton's length.
     """
     rest = read_armature_rest(armature_object)
     bones = bones_of(armature_object)
     default = default_skeleton()
-    if not check_armature(armature_object) and stored_map(armature_object) is None:
+    if not joints_without_bone(armature_object) and stored_map(armature_object) is None:
         heads_m = rest.heads @ BLENDER_FROM_WORLD
         turns = {}
     else:

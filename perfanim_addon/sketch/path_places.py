@@ -1,4 +1,4 @@
-"""Places of a control along its curve, without a change of the scene's frame."""
+"""Positions of a control along its path, computed without changing the scene's frame."""
 
 from collections.abc import Iterable, Mapping
 
@@ -6,25 +6,22 @@ import bpy
 import numpy as np
 
 from ...core.geometry.arrays import Array
+from ..blender_versions import by_channel
+from .controls import only_constraint
 
 
 def places_on_path(
     context: bpy.types.Context, control: bpy.types.Object, curves: Iterable[bpy.types.FCurve], frames: Iterable[int]
 ) -> Mapping[int, Array] | None:
-    """Return frame -> location in the scene of a control on a path.
+    """Return frame -> location in the scene of a control on a path, by the curves of its action, within millimetres.
 
-    It is Blender's but for millimetres. None for a control with a parent, or with any constraint but one *Follow Path*
-    at full influence with *Fixed Position*: where these lead is known only where the scene is shown.
-
-    Args:
-        curves: of the control's action.
+    None for a control with a parent, or with any constraint but one *Follow Path* at full influence with *Fixed
+    Position*: only the evaluated scene shows those.
     """
-    held = control.constraints[0] if len(control.constraints) == 1 else None
-    if held is None or control.parent is not None or held.type != "FOLLOW_PATH" or held.target is None:
+    held = only_constraint(control, "FOLLOW_PATH")
+    if held is None or not held.use_fixed_location or held.use_curve_follow:
         return None
-    if held.mute or held.influence < 1.0 or not held.use_fixed_location or held.use_curve_follow:
-        return None
-    points, channels = _points_of(context, held.target), {(each.data_path, each.array_index): each for each in curves}
+    points, channels = _points_of(context, held.target), by_channel(curves)
     if len(points) < 2:
         return None
     lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
@@ -51,7 +48,7 @@ def _points_of(context: bpy.types.Context, path: bpy.types.Object) -> Array:
     mesh.vertices.foreach_get("co", points)
     mesh.edges.foreach_get("vertices", edges)
     shown.to_mesh_clear()
-    # the first spline's edges lead from each vertex to the next, one that is closed back to the first
+    # edges of the first spline lead from each vertex to the next, and back to the first if it is closed
     ends = edges.reshape(-1, 2)
     ahead = np.flatnonzero((ends[:, 1] - ends[:, 0] != 1) | (ends[:, 0] != np.arange(len(ends))))
     count = int(ahead[0]) if len(ahead) else len(ends)

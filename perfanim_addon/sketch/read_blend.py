@@ -1,9 +1,9 @@
-"""Sketch of a .blend, for `perfanim sketch`; headless.
+"""Reading of the sketch in a .blend without a window, for `perfanim sketch`.
 
     python -m perfanim.perfanim_addon.sketch.read_blend FILE.blend
 
-Start it in a process of its own: it opens another scene, without running the scripts in it. The last line on stdout is
-a JSON object.
+Run it in a process of its own: it opens another scene, without running its scripts. The last line on stdout is a JSON
+object.
 """
 
 import json
@@ -18,16 +18,17 @@ import numpy as np
 from ...core.errors import PerfanimError, SettingsError
 from ...core.markers.subject import skeleton_table
 from ...core.sketch.sketch_messages import sketch_table
-from ..character import bone_map_settings
+from ..character.bone_map_settings import PERFANIM_PG_character, PERFANIM_PG_joint
 from ..export.retarget_file import open_file
-from ..settings import sketch_settings
+from ..preferences.property_kinds import attach
+from ..settings.sketch_settings import PERFANIM_PG_sketch
 from .controls import controls_of
 from .read_controls import read_controls
 from .write_solution import SketchBody
 
 
 def read_blend(path: Path) -> dict[str, Any]:
-    """Return skeleton and sketch of the only character with controls; else raise."""
+    """Return skeleton and sketch of the character with controls; SettingsError unless there is exactly one."""
     open_file(path)
     found = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE" and controls_of(obj)]
     if len(found) != 1:
@@ -42,11 +43,10 @@ def read_blend(path: Path) -> dict[str, Any]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
     (path,) = sys.argv[1:] if arguments is None else arguments
-    for module in (bone_map_settings, sketch_settings):  # their data is in the file
-        for each in list(vars(module).values()):
-            if isinstance(each, type) and issubclass(each, bpy.types.PropertyGroup):
-                bpy.utils.register_class(each)
-        module.register()
+    for group in (PERFANIM_PG_joint, PERFANIM_PG_character, PERFANIM_PG_sketch):
+        bpy.utils.register_class(group)
+        if hasattr(group, "attached_to"):
+            attach(group)
     try:
         found = read_blend(Path(path))
     except PerfanimError as error:

@@ -1,4 +1,4 @@
-"""Keys and curves of a sketch's controls as the solver takes them."""
+"""Keys and curves of a sketch's controls for the solver."""
 
 from collections.abc import Iterable, Mapping
 
@@ -10,17 +10,14 @@ from ...core.errors import SettingsError
 from ...core.geometry.arrays import Array
 from ...core.sketch.key_curves import curve_positions
 from ...core.sketch.sketch_file import LIMITS, Control, Sketch
-from ..animation.actions import scene_fps
+from ..animation.actions import present_frame, scene_fps
+from ..blender_versions import action_curves
 from ..capture.capture_space import CaptureSpace
 from .bone_places import curves_that_move, followed_bone, place_off_curves, places_of_bone
-from .controls import BREAKDOWN, action_curves, controls_of, present_frame
+from .controls import BREAKDOWN, EDITING, controls_of
 from .path_places import places_on_path
 
-_FARTHEST_M = 1000.0
-_MOVED = 1e-4  # of a location, by which a control is off its curves while it is dragged
-_STEP = 4  # frames between two looks at a control on a path or under a parent
-
-Keys = tuple[Mapping[int, Array], Array | None]  # frame -> place, and the curve of `Control.drawn_m`; in the scene
+Keys = tuple[Mapping[int, Array], Array | None]  # frame -> location in the scene, and the curve of `Control.drawn_m`
 
 
 def read_controls(
@@ -30,18 +27,18 @@ def read_controls(
     dragged: bool = False,
     seen: Mapping[str, Control] | None = None,
 ) -> Sketch:
-    """Return the sketch of a character's keyed controls, frames as in the scene.
+    """Return the sketch of a character's keyed controls, with the scene's frames.
 
-    Keys bind, those of the type Breakdown only as the first or last. Between them a control has the curve that Blender
-    draws; on a path, with a parent or a bone the way on which the scene shows it.
+    Keys bind; breakdown keys only as the first or last. Between keys a control has Blender's curve, or with a path, a
+    parent or a bone its motion in the scene.
 
     Args:
-        dragged: a control that is moved off its curves has a key in the present frame. The scene stays as it is: of
-            the controls with a parent or constraints only those that follow a curve or go with a bone are read.
-        seen: joint -> control as read before, for those that are not read.
+        dragged: Give a control that is off its curves a key in the present frame. The scene's frame is not changed, so
+            controls with a parent or constraints are read only if they follow a path or a bone.
+        seen: Per joint the control of the last reading, for controls that are not read.
 
     Raises:
-        SettingsError: no key, too many frames, or a control beyond all bounds.
+        SettingsError: No control has a key, the keys span too many frames, or a key is too far away.
     """
     scene, found = context.scene, []
     for joint, control in controls_of(armature_object).items():
@@ -53,7 +50,10 @@ def read_controls(
         if keys:
             frames = np.array(sorted(keys), dtype=np.float64)
             points_m = space.points_from_scene(np.array([keys[frame] for frame in sorted(keys)]))
-            _check_far(control.name, points_m)
+            farthest_m = float(np.max(np.abs(points_m)))
+            if not farthest_m <= EDITING.farthest_m:
+                advice = f"keep it within {EDITING.farthest_m:g} m of the character's origin"
+                raise SettingsError(f"a key lies {farthest_m:.0f} m away", where=control.name, advice=advice)
             drawn_m = None if drawn is None else space.points_from_scene(drawn)
             is_free = joint == "root" and armature_object.perfanim_sketch.free_height
             found.append(Control(joint, frames, points_m, drawn_m, is_free))
@@ -72,10 +72,7 @@ def read_controls(
 
 
 def _keys(context: bpy.types.Context, control: bpy.types.Object, dragged: bool) -> Keys | None:
-    """Return the keys of a control and the curve between them.
-
-    None for one that is dragged, with a parent or constraints that place it where only other frames show.
-    """
+    """Return the keys of a control and the curve between them, None if the scene's frame would have to change."""
     curves = action_curves(control)
     if control.parent is not None or len(control.constraints):
         return _keys_along(context, control, curves, dragged)
@@ -88,35 +85,35 @@ def _keys(context: bpy.types.Context, control: bpy.types.Object, dragged: bool) 
     frames = _binding(channels.values())
     keys = dict(zip(frames, places(frames), strict=True))
     now, here = context.scene.frame_current, np.array(control.location, dtype=np.float64)
-    if dragged and frames and np.max(np.abs(places([now])[0] - here)) > _MOVED:
+    if dragged and frames and np.max(np.abs(places([now])[0] - here)) > EDITING.off_curve:
         keys[now] = here
     if not keys or _is_too_long(sorted(keys)):
         return keys, None
-    # Blender's default curve, too: clamped by axis, it is another one in the axes of a turned character
+    # also for Blender's default curve: it is clamped per axis and so differs in a turned character's axes
     return keys, places(range(min(keys), max(keys) + 1))
 
 
 def _binding(curves: Iterable[bpy.types.FCurve]) -> list[int]:
-    """Return the frames of keys that bind: first, last, and all but breakdowns."""
+    """Return the frames of binding keys: the first, the last, and all but breakdowns."""
     keys = [(round(key.co.x), key.type != BREAKDOWN) for curve in curves for key in curve.keyframe_points]
     frames = [frame for frame, _ in keys]
     return sorted({frame for frame, binds in keys if binds} | ({min(frames), max(frames)} if frames else set()))
 
 
 def _is_too_long(frames: list[int]) -> bool:
-    """Return whether keys span more frames than a sketch may have: they are refused."""
+    """Return whether keys span more frames than a sketch may have."""
     return frames[-1] - frames[0] >= LIMITS.most_frames
 
 
 def _keys_along(
     context: bpy.types.Context, control: bpy.types.Object, curves: list[bpy.types.FCurve], dragged: bool
 ) -> Keys | None:
-    """Return the keys of any channel, and the way between them as of `_keys`."""
+    """Return the same as `_keys` for a control with a parent or constraints: keys of any channel."""
     followed = followed_bone(control)
     frames = _binding(curves if followed is None else curves_that_move(*followed))
     if not frames:
         return {}, None
-    steps = sorted({*frames, *([] if _is_too_long(frames) else range(frames[0], frames[-1], _STEP))})
+    steps = sorted({*frames, *([] if _is_too_long(frames) else range(frames[0], frames[-1], EDITING.step))})
     places: Mapping[int, Array] | None
     if not dragged:
         places = _shown_along(context.scene, control, steps)
@@ -138,7 +135,7 @@ def _keys_along(
 
 
 def _shown_along(scene: bpy.types.Scene, control: bpy.types.Object, frames: list[int]) -> Mapping[int, Array]:
-    """Return frame -> location where the scene shows a control."""
+    """Return frame -> location of a control in the evaluated scene."""
     found = {}
     with present_frame(scene):
         for frame in frames:
@@ -146,10 +143,3 @@ def _shown_along(scene: bpy.types.Scene, control: bpy.types.Object, frames: list
             shown = control.evaluated_get(bpy.context.evaluated_depsgraph_get())
             found[frame] = np.array(shown.matrix_world.translation, dtype=np.float64)
     return found
-
-
-def _check_far(name: str, points_m: Array) -> None:
-    farthest_m = float(np.max(np.abs(points_m), initial=0.0))
-    if not farthest_m <= _FARTHEST_M:
-        advice = f"keep it within {_FARTHEST_M:g} m of the character's origin"
-        raise SettingsError(f"a key lies {farthest_m:.0f} m away", where=name, advice=advice)

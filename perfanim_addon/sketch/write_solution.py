@@ -1,8 +1,7 @@
-"""Solved sketches as actions, and the sketch that stays with its action."""
+"""Solved sketches as actions; each action stores its sketch."""
 
 import json
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import bpy
@@ -23,22 +22,20 @@ from ..character.part_bones import bones_of_parts
 from ..character.posing import plan_for
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
-from .controls import STORED
+from .controls import EDITING, STORED
 from .own_skeleton import own_skeleton
-
-_LISTED = 3  # unmet keys in the panel
 
 
 @dataclass(frozen=True)
 class SketchBody:
-    """A character's own skeleton, and its place in the scene."""
+    """A character's own skeleton and capture space."""
 
     skeleton: Skeleton
     space: CaptureSpace
 
     @classmethod
     def of(cls, armature_object: bpy.types.Object) -> "SketchBody":
-        """Return a character's; CharacterError for one that cannot be driven."""
+        """Return the skeleton and space of a character; CharacterError if it cannot be driven."""
         skeleton = own_skeleton(armature_object)
         return cls(skeleton, CaptureSpace(armature_object, plan_for(armature_object, skeleton)))
 
@@ -55,12 +52,12 @@ def write_solution(
     """Write a solved sketch as an action of its character; return the line to show.
 
     Args:
-        chosen: settings that it was solved with.
-        bounds: of the reduction of keys; None as the settings of results have it.
-        ends_only: key only the first and the last frame: `refill_action` does the rest in pieces.
+        chosen: Settings of the solver.
+        bounds: Bounds of the key reduction; None for those of the result settings.
+        ends_only: Key only the first and last frame; `refill_action` keys the rest in pieces.
 
     Raises:
-        CharacterError: the character cannot be animated.
+        CharacterError: The character cannot be animated.
     """
     skeleton = own_skeleton(armature_object)
     only = bones_of_parts(armature_object, plan_for(armature_object, skeleton), settings(context).body_parts)
@@ -90,12 +87,7 @@ def keep_sketch(action: bpy.types.Action, sketch: Sketch, chosen: SketchSettings
 
 
 def kept_sketch(action: bpy.types.Action | None) -> tuple[Sketch, SketchSettings]:
-    """Return the sketch and settings of an action.
-
-    Raises:
-        CharacterError: the action has none.
-        SettingsError: it is damaged.
-    """
+    """Return the sketch and settings of an action; CharacterError without a sketch, SettingsError for a damaged one."""
     if action is None or STORED not in action:
         advice = "choose an action that Solve Sketch has made, in the Action editor"
         raise CharacterError("the character's action has no sketch", advice=advice)
@@ -105,29 +97,16 @@ def kept_sketch(action: bpy.types.Action | None) -> tuple[Sketch, SketchSettings
 
 
 def outcome_text(solved: SolvedSketch) -> str:
-    """Return the unmet keys in plain words, else the clips that it is drawn from."""
-    if not solved.unmet:
+    """Return the unmet keys in plain words, else the clips that the motion is drawn from."""
+    count, listed = len(solved.unmet), EDITING.listed
+    if not count:
         drawn = list(dict.fromkeys(solved.drawn_from))
-        more = f" and {len(drawn) - _LISTED} more" if len(drawn) > _LISTED else ""
-        return f"all keys are met; drawn from {', '.join(drawn[:_LISTED])}{more}"
-    farthest = sorted(solved.unmet, key=lambda key: -key[2])
-    texts = [
-        f"{joint_label(j)} in frame {frame} is {_length(m)} off ({_in_words(why)})" for j, frame, m, why in farthest
-    ]
-    more = f"; and {len(texts) - _LISTED} more" if len(texts) > _LISTED else ""
-    count = len(texts)
-    return f"{count} key{'s are' if count > 1 else ' is'} not met: {'; '.join(texts[:_LISTED])}{more}"
-
-
-def _in_words(reason: str) -> str:
-    """Return the solver's reason with the labels of joints."""
-    return re.sub(rf"\b({'|'.join(JOINT_NAMES)})\b", lambda found: joint_label(found[0]), reason)
-
-
-def _length(metres: float) -> str:
-    return f"{metres:.1f} m" if metres >= 1.0 else f"{100.0 * metres:.1f} cm"
-
-
-def joints_of(sketch: Sketch) -> Iterable[str]:
-    """Return the joints with controls in a sketch."""
-    return [control.joint for control in sketch.controls]
+        more = f" and {len(drawn) - listed} more" if len(drawn) > listed else ""
+        return f"all keys are met; drawn from {', '.join(drawn[:listed])}{more}"
+    texts = []
+    for joint, frame, off_m, reason in sorted(solved.unmet, key=lambda key: -key[2])[:listed]:
+        off = f"{off_m:.1f} m" if off_m >= 1.0 else f"{100.0 * off_m:.1f} cm"
+        why = re.sub(rf"\b({'|'.join(JOINT_NAMES)})\b", lambda found: joint_label(found[0]), reason)
+        texts.append(f"{joint_label(joint)} in frame {frame} is {off} off ({why})")
+    more = f"; and {count - listed} more" if count > listed else ""
+    return f"{count} key{'s are' if count > 1 else ' is'} not met: {'; '.join(texts)}{more}"

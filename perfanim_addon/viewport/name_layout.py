@@ -1,4 +1,4 @@
-"""Layout of the markers' names, so that no two lie over each other."""
+"""Layout of the markers' names without overlaps."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -6,62 +6,62 @@ from itertools import count
 
 from ...core.geometry.arrays import Array
 
-_ABOVE, _BELOW = 0.95, 0.25  # how far letters reach from their line, in sizes of the text
-_MIDDLE = 0.35  # of letters above their line
-_LINE = 1.25  # from one line to the next
-
 Box = tuple[float, float, float, float]  # left, bottom, right, top
 
 
 @dataclass(frozen=True)
+class Lettering:
+    """Heights relative to the size of the text, measured on Blender's font."""
+
+    above: float = 0.95  # reach of letters above their base line
+    below: float = 0.25  # reach of letters below it
+    middle: float = 0.35  # middle of letters above it
+    line: float = 1.25  # distance of two lines
+
+
+_LETTERS = Lettering()
+
+
+@dataclass(frozen=True)
 class PlacedName:
-    """A name's place, all in pixels.
+    """Position of a name in pixels."""
 
-    Args:
-        start: left end of the line that its letters stand on.
-        box: what it covers.
-        near: middle of the side that looks at what it names.
-        is_away: it had to go from beside what it names, so that a line between both is needed.
-    """
-
-    start: tuple[float, float]
-    box: Box
-    near: tuple[float, float]
-    is_away: bool
+    start: tuple[float, float]  # left end of the base line of its letters
+    box: Box  # covered area
+    near: tuple[float, float]  # middle of the side that faces the named point
+    is_away: bool  # the name is not right beside its point, so that a line between both is needed
 
 
 def place_names(points: Array, widths: Sequence[float], size: float, beside: float, dot: float) -> list[PlacedName]:
-    """Return a place for each name: beside its point, or near it.
-
-    It is the first free one; earlier names come first.
+    """Return the first free position of each name beside or near its point; earlier names come first.
 
     Args:
-        points: (N, 2) that they name.
-        widths: of the names.
-        size: of the text.
-        beside: from a point to its name.
-        dot: radius of the dots at the points, which no name covers.
+        points: Named points (N, 2).
+        widths: Widths of the names.
+        size: Size of the text.
+        beside: Distance from a point to its name.
+        dot: Radius of the dots at the points, which no name covers.
     """
     taken: list[Box] = [(x - dot, y - dot, x + dot, y + dot) for x, y in points.tolist()]
     placed = []
     for (x, y), width in zip(points.tolist(), widths, strict=True):
-        for name in _candidates(x, y, width, size, beside):
-            if not any(_overlap(name.box, box) for box in taken):
-                break
+        name = next(
+            each for each in _candidates(x, y, width, size, beside) if not any(_overlap(each.box, box) for box in taken)
+        )
         taken.append(name.box)
         placed.append(name)
     return placed
 
 
 def _candidates(x: float, y: float, width: float, size: float, beside: float) -> Iterator[PlacedName]:
-    """Yield places right and left of a point, then ever farther above and below it."""
+    """Yield positions right and left of a point, then ever farther above and below it."""
     for lines in count():
         for up in (lines, -lines) if lines else (0,):
             aside = beside * (1 + lines)  # slanting lines to neighbours can be distinguished
-            middle = y + up * _LINE * size
-            base = middle - _MIDDLE * size
+            middle = y + up * _LETTERS.line * size
+            base = middle - _LETTERS.middle * size
             for left, near in ((x + aside, x + aside), (x - aside - width, x - aside)):
-                box = (left, base - _BELOW * size, left + width, base + _ABOVE * size)
+                box = (left, base - _LETTERS.below * size, left + width, base + _LETTERS.above * size)
                 yield PlacedName((left, base), box, (near, middle), lines > 0)
 
 

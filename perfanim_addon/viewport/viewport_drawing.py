@@ -1,6 +1,7 @@
-"""Drawing over 3D viewports: text, triangles, free area."""
+"""Drawing over 3D viewports: handlers, text, triangles, free area."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -8,7 +9,52 @@ import numpy as np
 
 from ...core.geometry.arrays import Array
 
-_FONT = 0
+_FONT = 0  # Blender's default font
+
+
+@dataclass(frozen=True)
+class Style:
+    """Sizes in unscaled pixels, chosen by eye."""
+
+    text: float = 16.0
+    name: float = 11.0  # text size of markers' names
+    margin: float = 16.0  # distance of text and pictures from the edges
+    beside: float = 8.0  # distance of a name from its point
+    dot: float = 5.0  # radius of markers
+    bone: float = 3.0  # width of bones
+    ray: float = 1.0  # width of rays and leader lines
+    control: float = 9.0  # radius of the rings around a sketch's controls
+    picture: float = 640.0  # width of the camera preview
+    picture_share: float = 0.6  # largest share of the viewport's width for the preview
+
+
+STYLE = Style()
+
+
+class DrawHandler:
+    """Function that draws over all 3D viewports while it is added."""
+
+    def __init__(self, draw: Callable[[], None]) -> None:
+        self._draw = draw
+        self._handle: Any = None
+
+    @property
+    def added(self) -> bool:
+        """True from `add` to `remove`."""
+        return self._handle is not None
+
+    def add(self) -> None:
+        """Add the function, unless it is added."""
+        if not self.added:
+            self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
+
+    def remove(self) -> bool:
+        """Remove the function; return whether it was added."""
+        was_added = self.added
+        if was_added:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
+            self._handle = None
+        return was_added
 
 
 def redraw(*kinds: str) -> None:
@@ -31,8 +77,8 @@ def free(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float, float]:
 
 
 def text_width(line: str, size: float) -> float:
-    """Return how wide a line of text is, in pixels."""
-    import blf  # without a window there is none of this
+    """Return the width of a line of text in pixels."""
+    import blf  # only with a window
 
     blf.size(_FONT, size)
     return float(blf.dimensions(_FONT, line)[0])
@@ -52,7 +98,7 @@ def text(line: str, place: Sequence[float], size: float, colour: Sequence[float]
 
 
 def triangles(corners: Array, colours: Sequence[Any]) -> None:
-    """Draw triangles: corners (3 N, 2) in pixels of the region, and colours, RGBA."""
+    """Draw triangles with corners (3 N, 2) in pixels of the region, and an RGBA colour for each corner."""
     import gpu
     from gpu_extras.batch import batch_for_shader
 

@@ -44,7 +44,7 @@ def capture_facts():
         return {"registered": False}
     messages = {panel: text for panel, (text, _icon) in running._state.messages.items()}
     facts = {"registered": True, "messages": messages, "activity": None, "heading": ""}
-    facts["walk"] = part("settings.guide_steps").walk()
+    facts["walk"] = part("settings.guide_steps").seen.walk
     activity = running.current()
     facts["timer"] = running._state.timer is not None
     if activity is not None:
@@ -65,7 +65,7 @@ def preview_facts():
     preview = part("viewport.picture_overlay")
     if preview is None:
         return {}
-    return {"shown": preview._state.handler is not None, "image": preview.NAME in bpy.data.images}
+    return {"shown": preview.handler.added, "image": preview.NAME in bpy.data.images}
 
 
 def remember(run):

@@ -152,14 +152,8 @@ def test_bones_in_euler_angles_play_quaternions(performer):
     assert bpy.data.objects[performer].pose.bones["head"].rotation_mode == "QUATERNION"
 
 
-@pytest.mark.parametrize(
-    ("frames", "message"),
-    [([], "no frames to write"), ([1, 2, 2], "times do not increase"), ([1, 2], "2 frames of 29 joints cannot")],
-)
-def test_bad_input_leaves_no_action(performer, frames, message):
+def test_poses_with_nan_leave_no_action(performer):
     rotations, roots = smooth_motion(3)
-    with pytest.raises(CharacterError, match=message):
-        actions.write_action(performer, frames, rotations, roots, SKELETON)
     rotations[1, 3, 0] = np.nan
     with pytest.raises(CharacterError, match="finite"):
         actions.write_action(performer, [1, 2, 3], rotations, roots, SKELETON)

@@ -6,7 +6,6 @@ import pytest
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
 from perfanim.core.geometry import rotations as rot
-from perfanim.perfanim_addon.animation import action_placement as action_placement
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.animation.action_placement import Placement, PlacementMode
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
@@ -85,7 +84,7 @@ def test_a_layer_blends_in_and_out_over_what_was_played(performer):
     first, second = swinging(80, 1), swinging(40, 2)
     write(performer, np.arange(1, 81), (first[0], first[1]), Placement(), "walk")
     write(performer, np.arange(21, 61), (-second[0], second[1]), LAYER, "wave")  # q and -q are the same turn
-    blend = int(action_placement.BLEND_S * 24)
+    blend = int(LAYER.blend_s * 24)
     assert off_deg(performer, np.arange(1, 22), first[0][:21]) < 0.1
     assert off_deg(performer, np.arange(21 + blend, 61 - blend), second[0][blend : 40 - blend]) < FLOAT32_DEG
     assert off_deg(performer, np.arange(62, 81), first[0][61:]) < FLOAT32_DEG
@@ -107,7 +106,7 @@ def test_a_layer_that_turns_once_around_blends_back_the_short_way(performer, bou
     found, _ = played_poses(performer, np.arange(1, 90), SKELETON)
     wanted = np.tile(still, (89, 1, 1))
     wanted[10:70] = around
-    blend = int(action_placement.BLEND_S * 24)
+    blend = int(LAYER.blend_s * 24)
     assert np.degrees(rot.angle_between(found, wanted))[10 + blend : 70 - blend].max() < 0.2 + FLOAT32_DEG
     # in the blends the body stands between the turn, which is 37 degrees from its end there, and standing still
     assert np.degrees(rot.angle_between(found, wanted)).max() < 37.0

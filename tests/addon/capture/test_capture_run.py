@@ -11,7 +11,8 @@ from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.errors import CaptureError
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
 from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_json, encode_preview
-from perfanim.perfanim_addon.capture.capture_run import STOP_LIMIT_S, CaptureRun, Phase
+from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
+from perfanim.perfanim_addon.capture.tuning import TUNING
 
 
 class Clock:
@@ -134,7 +135,7 @@ def test_a_worker_that_does_not_stop_is_not_waited_for_forever() -> None:
         worker.say(*poses([number]))
         run.tick()
         assert run.phase is Phase.FINISHING
-    clock.now += STOP_LIMIT_S + 1
+    clock.now += TUNING.stop_limit_s + 1
     run.tick()
     assert run.phase is Phase.DONE
     assert len(run.poses) == 20
@@ -232,7 +233,7 @@ def test_a_busy_computer_is_told_and_stop_has_more_time() -> None:
     clock.now += 3.0
     assert run.notice == "this computer is busy: work takes 5 times as long as otherwise; close other programs"
     run.stop()
-    clock.now += 3.0 * STOP_LIMIT_S
+    clock.now += 3.0 * TUNING.stop_limit_s
     run.tick()
     assert run.phase is Phase.FINISHING
     worker.say(encode_json(MessageKind.STATUS, {"stalled_s": 0.0, "slowness": 1.1}))

@@ -42,7 +42,7 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
         overlay = part("viewport.overlay")
         assert overlay._state.parts == {"MARKERS"}
         bpy.context.scene.perfanim.overlay = set()
-        tick_until(capture, lambda: overlay._state.handler is None)
+        tick_until(capture, lambda: not overlay.handler.added)
         bpy.context.scene.perfanim.overlay = {"SKELETON"}
         count = len(capture.run.poses)
         tick_until(capture, lambda: len(capture.run.poses) > count + 5)

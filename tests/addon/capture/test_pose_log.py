@@ -17,9 +17,8 @@ def pose(number: int) -> ScenePose:
     return ScenePose((PerformerPose(number, number / 60, rotations, np.zeros(3), 0.9, none, none, single, 0.01),))
 
 
-def filled(monkeypatch: pytest.MonkeyPatch) -> pose_log.PoseLog:
-    monkeypatch.setattr(pose_log, "_IN_MEMORY", IN_MEMORY)
-    log = pose_log.PoseLog()
+def filled() -> pose_log.PoseLog:
+    log = pose_log.PoseLog(IN_MEMORY)
     for number in range(COUNT):
         log.append(pack_solved(TimedPose(pose(number), 0.0)), pose(number))
         assert log[-1].number == number
@@ -35,8 +34,8 @@ def check(log: pose_log.PoseLog) -> None:
         log[COUNT]
 
 
-def test_poses_are_kept_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    log = filled(monkeypatch)
+def test_poses_are_kept_in_their_order() -> None:
+    log = filled()
     check(log)
     assert len(log._recent) == COUNT % IN_MEMORY
 
@@ -46,6 +45,6 @@ def test_poses_stay_in_memory_on_a_full_disk(monkeypatch: pytest.MonkeyPatch) ->
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(pose_log.tempfile, "TemporaryFile", full)
-    log = filled(monkeypatch)
+    log = filled()
     check(log)
     assert len(log._recent) == COUNT

@@ -83,7 +83,7 @@ def test_a_second_character_gets_a_name_of_its_own_and_leaves_edit_mode():
     assert bpy.context.view_layer.objects.active.name == second
     assert bpy.data.objects[second].mode == "OBJECT"
     assert {bone.rotation_mode for bone in bpy.data.objects[second].pose.bones} == {"QUATERNION"}
-    assert create_character.check_armature(bpy.data.objects[second]) == []
+    assert create_character.joints_without_bone(bpy.data.objects[second]) == []
 
 
 def test_bones_without_length_survive():
@@ -93,7 +93,7 @@ def test_bones_without_length_survive():
     name = create_character.create_character(
         bpy.context, Skeleton(SKELETON.names, SKELETON.parents, SKELETON.offsets_m, tips)
     )
-    assert create_character.check_armature(bpy.data.objects[name]) == []
+    assert create_character.joints_without_bone(bpy.data.objects[name]) == []
 
 
 def test_knees_and_elbows_bend_the_right_way():
@@ -200,7 +200,7 @@ def test_euler_bones_are_switched_and_other_bones_left_alone():
 def test_a_character_that_lacks_bones_follows_with_the_others():
     name = create_character.create_character(bpy.context, SKELETON)
     edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in ("lthumb", "rtoes")])
-    assert create_character.check_armature(bpy.data.objects[name]) == ["rtoes", "lthumb"]
+    assert create_character.joints_without_bone(bpy.data.objects[name]) == ["rtoes", "lthumb"]
     driver = ArmatureDriver(name, SKELETON)
     rotations, root = random_pose(10)
     driver.apply(rotations, root)
@@ -224,7 +224,7 @@ def test_a_character_without_legs_is_refused():
 def test_a_lost_or_wrong_object_is_a_clear_error():
     name = create_character.create_character(bpy.context, SKELETON)
     driver = ArmatureDriver(name, SKELETON)
-    with pytest.raises(CharacterError, match="is no armature but a mesh"):
+    with pytest.raises(CharacterError, match="is a mesh, not an armature"):
         ArmatureDriver(f"{name} body", SKELETON)
     bpy.data.objects.remove(bpy.data.objects[name])
     with pytest.raises(CharacterError, match="there is no object 'Performer'"):
@@ -253,13 +253,6 @@ def test_the_driver_survives_undo():
     driver.apply(rotations, root)
     expected, _ = forward_kinematics(SKELETON, rotations, root)
     assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
-
-
-def test_a_skeleton_of_other_joints_makes_no_character():
-    other = Skeleton(("hips", "leg"), np.array([-1, 0]), np.zeros((2, 3)), np.ones((2, 3)))
-    with pytest.raises(CharacterError, match="lacks joints: root, lfemur"):
-        create_character.create_character(bpy.context, other)
-    assert len(bpy.data.objects) == 0
 
 
 @pytest.mark.parametrize("skeleton", [SKELETON, default_skeleton(1.2), uneven_skeleton(3)])

@@ -195,7 +195,7 @@ def test_blender_itself_does_it_where_there_is_no_module(
     ("arguments", "said"),
     [
         (("missing.glb",), "missing.glb: cannot be read (no such file)"),
-        (("hero.txt",), "hero.txt: is no character file"),
+        (("hero.txt",), "hero.txt: is not a character file"),
         (("hero.blend", "--map", "nobody"), "there is no bone map 'nobody'"),
         (("broken.glb",), "broken.glb: cannot be read"),
     ],

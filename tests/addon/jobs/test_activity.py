@@ -42,8 +42,8 @@ def activity(running: Any) -> PlayedActivity:
 
 
 def gone(running: Any, activity: PlayedActivity) -> bool:
-    shown = running.picture_overlay._state.handler is not None or running.picture_overlay.NAME in bpy.data.images
-    shown = shown or running.overlay._state.handler is not None
+    shown = running.picture_overlay.handler.added or running.picture_overlay.NAME in bpy.data.images
+    shown = shown or running.overlay.handler.added
     return activity.closed == 1 and running.current() is None and running._state.timer is None and not shown
 
 

@@ -123,7 +123,7 @@ def test_own_takes_are_solved_for_who_was_recorded(part: Any, folder: Path, tmp_
         part("settings.batch_settings").plan_file(bpy.context, chosen)
     bpy.context.scene.perfanim.subject = str(folder / "anna.toml")
     chosen.character, chosen.save_as = str(folder / "anna.toml"), "fbx"
-    monkeypatch.setattr(part("settings.batch_settings"), "blender_program", lambda: "/opt/blender")
+    monkeypatch.setattr(bpy.app, "binary_path", "/opt/blender")
     plan = tomllib.loads(part("settings.batch_settings").plan_file(bpy.context, chosen).read_text())
     assert {key: plan[key] for key in ("to", "save_as", "blender")} == {
         "to": str(folder / "anna.toml"), "save_as": "fbx", "blender": "/opt/blender",

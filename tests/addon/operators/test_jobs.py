@@ -150,7 +150,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert text.startswith(("good: residual ", "usable: residual "))
     assert states.first_missing_step(chosen) == ""
     assert states.performer(chosen).text.startswith("Zoë 2, ")
-    labels = [label for _, label, _ in subject._profile_items(None, bpy.context)]
+    labels = [label for _, label, _ in subject._profiles(bpy.context)]
     assert labels == [f"Zoë-2: {states.performer(chosen).text}"]  # the file's name before the performer's
     # upright is where the performer's body points, who leans up to 3 degrees: 0.17 m at the cameras, 3.3 m away
     found, true = load_rig(chosen.calibration), default_rig()

@@ -50,6 +50,10 @@ def refine(part: Any, take: str) -> str:
     return run_job(part, part("operators.refine_performer").PERFANIM_OT_refine_performer, SimpleNamespace(path=take))
 
 
+def refined_by(part: Any, take: str, subject: Subject, *changes: str) -> Any:
+    return part("settings.performer_refinement").Refined(take, subject, changes)
+
+
 def bones_off(subject: Subject, right: Subject) -> float:
     """Mean deviation of the bones' lengths, as a share."""
     found, true = (np.linalg.norm(each.skeleton.offsets_m[1:], axis=1) for each in (subject, right))
@@ -59,10 +63,10 @@ def bones_off(subject: Subject, right: Subject) -> float:
 def test_a_wrong_body_is_refined_and_used_from_a_file_beside_the_old_one(
     part: Any, walk: SimpleNamespace, anna: Path, take: str
 ) -> None:
-    before, offer = anna.read_bytes(), part("settings.performer_refinement")
+    before, offer = anna.read_bytes(), part("settings.performer_refinement").offer
     assert refine(part, take) == ""
-    assert offer.refined().changes[0].startswith("whole body ")
-    assert "smaller (± " in offer.refined().changes[0]
+    assert offer.refined.changes[0].startswith("whole body ")
+    assert "smaller (± " in offer.refined.changes[0]
     assert bpy.context.scene.perfanim.subject == str(anna)
     assert [file.name for file in anna.parent.iterdir()] == ["anna.toml"]
     assert bpy.ops.perfanim.use_refined_performer() == {"FINISHED"}
@@ -73,20 +77,20 @@ def test_a_wrong_body_is_refined_and_used_from_a_file_beside_the_old_one(
     assert (found.name, found.marker_set.names) == ("Anna", walk.right.marker_set.names)
     assert bones_off(found, walk.right) < 0.6 * bones_off(walk.wrong, walk.right)
     assert "anna refined.toml is used from now on" in part("jobs.activity").message("takes")[0]
-    texts = [text for _, text, _ in part("operators.subject_operators")._profile_items(None, None)]
+    texts = [text for _, text, _ in part("operators.subject_operators")._profiles(None)]
     assert texts == [f"{stem}: Anna, average body" for stem in ("anna refined", "anna")]
     assert not bpy.ops.perfanim.use_refined_performer.poll()
-    offer.keep_refined(take, found, ["again"])
+    offer.refined = refined_by(part, take, found, "again")
     assert bpy.ops.perfanim.use_refined_performer() == {"FINISHED"}
     assert bpy.context.scene.perfanim.subject == str(anna.with_name("anna refined (2).toml"))
 
 
 def test_a_refused_performer_leaves_no_trace(part: Any, walk: SimpleNamespace, anna: Path, take: str) -> None:
-    offer = part("settings.performer_refinement")
+    offer = part("settings.performer_refinement").offer
     assert not bpy.ops.perfanim.refuse_refined_performer.poll()
-    offer.keep_refined(take, walk.right, ["arms 4 % shorter (± 1 %)"])
+    offer.refined = refined_by(part, take, walk.right, "arms 4 % shorter (± 1 %)")
     assert bpy.ops.perfanim.refuse_refined_performer() == {"FINISHED"}
-    assert offer.refined() is None
+    assert offer.refined is None
     assert bpy.context.scene.perfanim.subject == str(anna)
     assert [file.name for file in anna.parent.iterdir()] == ["anna.toml"]
 
@@ -96,23 +100,23 @@ def test_the_refined_performer_of_another_file_is_kept_where_performers_are(
 ) -> None:
     save_subject(Subject("Ben", walk.right.skeleton, walk.right.marker_set), tmp_path / "ben.toml")
     bpy.context.scene.perfanim.subject = str(tmp_path / "ben.toml")
-    part("settings.performer_refinement").keep_refined(take, walk.right, ["arms 4 % shorter (± 1 %)"])
+    part("settings.performer_refinement").offer.refined = refined_by(part, take, walk.right, "arms 4 % shorter (± 1 %)")
     assert bpy.ops.perfanim.use_refined_performer() == {"FINISHED"}
     assert bpy.context.scene.perfanim.subject == str(anna.with_name("Anna refined.toml"))
     assert [file.name for file in tmp_path.iterdir()] == ["ben.toml"]
 
 
 def test_a_body_that_fits_is_said_to_where_the_button_was(part: Any, walk: SimpleNamespace, take: str) -> None:
-    offer, operator = part("settings.performer_refinement"), part("operators.refine_performer")
+    offer, operator = part("settings.performer_refinement").offer, part("operators.refine_performer")
     for captured, shown in (("", ""), (take, "Anna fits this take: nothing to change")):
-        offer.offer_capture(captured)
+        offer.capture = captured
         result = Path(bpy.app.tempdir) / "refined.toml"
         save_subject(walk.right, result)
         clicked = SimpleNamespace(path=take, _result=result)
         text = operator.PERFANIM_OT_refine_performer.on_result(clicked, bpy.context, {"changes": []})
         assert text == "Anna fits this take: nothing to change"
         assert part("jobs.activity").message("capture")[0] == shown
-        assert (offer.refined(), offer.captured(), result.exists()) == (None, "", False)
+        assert (offer.refined, offer.capture, result.exists()) == (None, "", False)
 
 
 def test_a_cancelled_refinement_changes_nothing(part: Any, anna: Path, take: str) -> None:
@@ -122,7 +126,7 @@ def test_a_cancelled_refinement_changes_nothing(part: Any, anna: Path, take: str
     assert not bpy.ops.perfanim.refine_performer.poll()
     assert bpy.ops.perfanim.cancel_job("EXEC_DEFAULT") == {"FINISHED"}
     assert part("jobs.activity").current() is None
-    assert part("settings.performer_refinement").refined() is None
+    assert part("settings.performer_refinement").offer.refined is None
     assert [file.name for file in anna.parent.iterdir()] == ["anna.toml"]
     assert bpy.context.scene.perfanim.subject == str(anna)
 
@@ -145,7 +149,7 @@ def test_takes_that_refine_nothing_are_refused_with_the_reason(part: Any, take: 
             click("EXEC_DEFAULT", path=str(folder / f"{name}.perftake"))
     with pytest.raises(Exception, match="has no poses"):
         refine(part, str(folder / "still.perftake"))
-    assert part("settings.performer_refinement").refined() is None
+    assert part("settings.performer_refinement").offer.refined is None
 
 
 def test_a_database_that_is_gone_greys_the_button_out(part: Any, take: str, tmp_path: Path) -> None:
@@ -175,7 +179,7 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, wa
     live, chosen, offer = (
         part("capture.live_capture"),
         bpy.context.scene.perfanim,
-        part("settings.performer_refinement"),
+        part("settings.performer_refinement").offer,
     )
 
     def captured(seconds: float, file: str = take) -> str:
@@ -192,10 +196,10 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, wa
     assert captured(20.0) == take
     takes, panel = part("panels.takes_panel"), part("panels.capture_panel").PERFANIM_PT_capture
     assert "Refine Performer by This Capture" not in labels(panel, takes.draw_offer)
-    offer.offer_capture(captured(20.0))
+    offer.capture = captured(20.0)
     assert "Refine Performer by This Capture" in labels(panel, takes.draw_offer)
     changes = ["arms 4 % longer (± 1 %)", "lower legs 14 % longer (± 10 %)", "marker right shoulder 12 mm (± 10 mm)"]
-    offer.keep_refined(take, walk.right, changes)
+    offer.refined = refined_by(part, take, walk.right, *changes)
     drawn = labels(panel, takes.draw_offer)
     assert {"Use", "Keep", "Anna, refined by this take:", "Arms 4\u00a0% longer (±\u00a01\u00a0%)"} <= set(drawn)
     assert cut_off(takes.draw_offer, panel) == []
@@ -206,7 +210,7 @@ def test_a_long_capture_offers_the_refinement_in_the_capture_panel(part: Any, wa
 def test_the_end_of_a_capture_makes_the_offer(part: Any, anna: Path, take: str) -> None:
     operator, offer = (
         part("operators.capture_operators").PERFANIM_OT_start_capture,
-        part("settings.performer_refinement"),
+        part("settings.performer_refinement").offer,
     )
     bpy.context.scene.perfanim.source = "CAMERAS"
     for seconds, offered in ((21.0, take), (5.0, "")):
@@ -215,7 +219,7 @@ def test_the_end_of_a_capture_makes_the_offer(part: Any, anna: Path, take: str) 
             run=SimpleNamespace(poses=poses), keep=lambda _: "2 frames recorded", take_path=take, setup=None
         )
         ended = operator._finish(SimpleNamespace(_capture=capture, report=lambda *_: None), bpy.context)
-        assert (ended, offer.captured()) == ({"FINISHED"}, offered)
+        assert (ended, offer.capture) == ({"FINISHED"}, offered)
         assert part("jobs.activity").message("capture")[0] == "2 frames recorded"
 
 
@@ -228,7 +232,7 @@ def refined_live(part: Any, take: str, database: Path, seconds: float) -> Any:
         assert time.monotonic() < limit
         time.sleep(0.05)
         is_offered |= refinement.tick(seconds)
-    assert is_offered == (part("settings.performer_refinement").refined() is not None)
+    assert is_offered == (part("settings.performer_refinement").offer.refined is not None)
     return refinement
 
 
@@ -236,19 +240,19 @@ def test_a_wrong_body_is_refined_while_the_capture_goes_on(
     part: Any, walk: SimpleNamespace, anna: Path, take: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Path(take).write_bytes(Path(take).read_bytes()[:-400])  # as a file that is still being written
-    offer, before = part("settings.performer_refinement"), anna.read_bytes()
+    offer, before = part("settings.performer_refinement").offer, anna.read_bytes()
     refinement = part("capture.live_refinement").LiveRefinement(take, str(walk.folder / "walk.pfdb"), None)
     assert not refinement.tick(19.9)
     assert refinement._job is None
     refined_live(part, take, walk.folder / "walk.pfdb", 20.0)
-    assert offer.captured() == offer.refined().take == take
-    assert bones_off(offer.refined().subject, walk.right) < 0.6 * bones_off(walk.wrong, walk.right)
+    assert offer.capture == offer.refined.take == take
+    assert bones_off(offer.refined.subject, walk.right) < 0.6 * bones_off(walk.wrong, walk.right)
     assert (anna.read_bytes(), bpy.context.scene.perfanim.subject) == (before, str(anna))
     assert [file.name for file in Path(bpy.app.tempdir).glob("refined*")] == []
     takes, panel = part("panels.takes_panel"), part("panels.capture_panel").PERFANIM_PT_capture
     drawn = labels(panel, takes.draw_offer)
     assert {"Use", "Keep", "Anna, refined by this take:"} <= set(drawn)
-    monkeypatch.setattr(takes.activity, "current", lambda: object.__new__(takes.LiveCapture))
+    monkeypatch.setattr(takes.activity, "current", lambda: object.__new__(part("capture.live_capture").LiveCapture))
     while_capturing = labels(panel, takes.draw_offer)
     assert "Anna, refined by this take:" in while_capturing
     assert not {"Use", "Keep", "Refine Performer by This Capture"} & set(while_capturing)
@@ -281,4 +285,4 @@ def test_the_end_of_a_capture_ends_its_refinement(part: Any, walk: SimpleNamespa
     assert process.status is None
     refinement.close()
     assert process.status is not None
-    assert part("settings.performer_refinement").refined() is None
+    assert part("settings.performer_refinement").offer.refined is None

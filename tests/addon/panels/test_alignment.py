@@ -56,5 +56,6 @@ def test_a_notice_of_a_running_capture_is_seen(
     capture.run.statistics.waiting = 5
     behind = sidebar.draw()
     assert starting != running != warned != behind
-    part("settings.performer_refinement").keep_refined("walk.perftake", None, ["arms 4 % shorter (± 1 %)"])
+    refinement = part("settings.performer_refinement")
+    refinement.offer.refined = refinement.Refined("walk.perftake", None, ("arms 4 % shorter (± 1 %)",))
     assert sidebar.draw() != behind

@@ -108,7 +108,7 @@ def test_the_self_test_captures_the_simulated_performer(self_test: Any, tmp_path
     assert f"numpy {np.__version__}" in libraries
     assert cameras.startswith("Cameras found: ")
     poses, good = (int(word) for word in capture.split() if word.isdigit())
-    assert poses >= self_test.WANTED_POSES
+    assert poses >= self_test.TUNING.tested_poses
     assert good > 0.9 * poses
 
 

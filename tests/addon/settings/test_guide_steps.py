@@ -171,7 +171,7 @@ def test_the_space_of_a_good_check_is_drawn_until_the_next_job(
     check = part("operators.guide_operators").PERFANIM_OT_check_setup
     for summary in (BUMPED | {"space": space.text}, GOOD):
         check.on_result(clicked, bpy.context, summary)
-        assert overlay._state.handler is None
+        assert not overlay.handler.added
     assert check.on_result(clicked, bpy.context, GOOD | {"space": space.text}).endswith(space.text)
     drawn = overlay._state
     shapes, names = overlay.shapes_of(drawn.scene, drawn.pose, drawn.parts, lambda points_m: points_m[:, :2], 1.0)
@@ -179,7 +179,7 @@ def test_the_space_of_a_good_check_is_drawn_until_the_next_job(
     assert all(np.isfinite(corners).all() for corners in shapes.corners) and shapes.corners
     assert np.abs(drawn.scene.placed(space.outline_m)[:, 2]).max() == 0.0  # flat in Blender's axes
     activity.end()
-    assert overlay._state.handler is None
+    assert not overlay.handler.added
 
 
 def test_reflections_are_ignored_and_looked_for_again_by_a_click(
@@ -271,12 +271,12 @@ def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any
     capture.run = SimpleNamespace(poses=walk, statistics=SimpleNamespace(lost=0))
     texts = SimpleNamespace(marker_set=SimpleNamespace(texts=("left hand", "head")))
     capture.setup = SimpleNamespace(performers=[texts])
-    guide.keep_walk(live.judge_capture(capture))
-    assert guide.walk() == "captures will be good, joints within about 4 degrees; nothing needs to be mended"
+    guide.seen.walk = live.judge_capture(capture)
+    assert guide.seen.walk == "captures will be good, joints within about 4 degrees; nothing needs to be mended"
     capture.run.statistics.lost = 400
     assert "50% of the images are lost" in live.judge_capture(capture)
-    guide.forget()
-    assert guide.walk() == ""
+    guide.seen.forget()
+    assert guide.seen.walk == ""
 
 
 def test_a_capture_shows_the_fault_to_practise_on(part: Any, chosen: Any) -> None:
@@ -296,5 +296,5 @@ def test_a_capture_shows_the_fault_to_practise_on(part: Any, chosen: Any) -> Non
 def test_forgetting_begins_with_the_pictures(part: Any, guide: Any, chosen: Any) -> None:
     chosen.practise = True
     guide.keep_check(chosen, GOOD)
-    part("settings.guide_steps").forget()
+    guide.seen.forget()
     assert title(guide, chosen) == "Exposure"

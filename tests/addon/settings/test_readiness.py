@@ -112,15 +112,6 @@ def test_an_armature_that_cannot_be_driven_says_why(states: Any, chosen: Any) ->
     assert len(armature.perfanim_character.joints) == 29  # to be chosen by hand
 
 
-def test_only_armatures_can_be_picked(chosen: Any) -> None:
-    mesh = bpy.data.objects.new("Box", bpy.data.meshes.new("Box"))
-    pick = chosen.bl_rna.properties["armature"]
-    assert pick.fixed_type.identifier == "Object"
-    bpy.context.scene.collection.objects.link(mesh)
-    properties = sys.modules[type(chosen).__module__]
-    assert not properties.is_armature(chosen, mesh)
-
-
 def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path) -> None:
     assert states.markers(chosen).text == "9 markers"
     chosen.marker_set_file = str(tmp_path / "mine.toml")

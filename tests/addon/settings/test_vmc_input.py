@@ -22,7 +22,7 @@ PATIENCE_S = 300.0
 
 def test_only_programs_of_this_computer_without_online_access(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     chosen, told = bpy.context.scene.perfanim, bpy.context.scene.perfanim_receiving
-    states, sending = part("settings.readiness"), part("settings.vmc_input")
+    states, sending = part("settings.readiness"), part("settings.vmc_settings")
     chosen.source = "VMC"
     assert states.cameras(chosen).text == f"port {told.port}"  # no calibration is asked for
     assert "use an average body" in states.first_missing_step(chosen)

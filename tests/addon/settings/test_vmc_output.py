@@ -29,12 +29,12 @@ def test_switched_on_it_goes_to_host_and_port(asked: Any) -> None:
 
 
 def test_without_online_access_only_this_computer_is_sent_to(asked: Any, part: Any, monkeypatch: Any) -> None:
-    chosen, sending = bpy.context.scene.perfanim_sending, part("settings.vmc_output")
+    chosen, sending = bpy.context.scene.perfanim_sending, part("settings.vmc_settings")
     chosen.on, chosen.host = True, "192.168.1.20"
     for allowed in (False, True):
         monkeypatch.setattr(sending, "is_online_allowed", lambda allowed=allowed: allowed)
         assert (asked() and astuple(asked())) == (("192.168.1.20", 39539) if allowed else None)
-        assert bool(sending.problem(chosen)) != allowed
+        assert bool(sending.sending_problem(chosen)) != allowed
     monkeypatch.setattr(sending, "is_online_allowed", lambda: False)
     for host in ("127.0.0.1", "::1", "localhost"):
         chosen.host = host

@@ -2,6 +2,7 @@
 
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -108,7 +109,8 @@ def live(part: Any, keyed: bpy.types.Object) -> Any:
 def test_the_first_motion_is_written_in_pieces(
     part: Any, keyed: bpy.types.Object, walk: Motion, live: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(part("sketch.live_sketch"), "_SLICE_S", 1e-4)
+    module = part("sketch.live_sketch")
+    monkeypatch.setattr(module, "EDITING", replace(module.EDITING, slice_s=1e-4))
     bpy.context.scene.perfanim_result.reduce = True
     begun, most = live(), []
     limit_s = time.monotonic() + PATIENCE_S

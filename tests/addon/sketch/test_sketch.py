@@ -208,7 +208,7 @@ def test_a_sketch_goes_above_other_animation(part: Any, keyed: bpy.types.Object,
 
 
 def test_behaviours_are_chosen_from_those_of_the_database(part: Any, keyed: bpy.types.Object) -> None:
-    listed = [item[0] for item in part("operators.sketch_operators")._listed(None, bpy.context)]
+    listed = [item[0] for item in part("operators.sketch_operators")._listed(bpy.context)]
     assert listed[:2] == ["walking", "walking brisk"]
     assert len(listed) == 5
     for name in ("walking brisk", "walking neutral", "walking brisk"):
@@ -225,7 +225,7 @@ def test_a_damaged_database_lists_nothing(part: Any, keyed: bpy.types.Object, tm
     damaged = tmp_path / "damaged.pfdb"
     damaged.write_bytes(b"PERFANIM-DB")
     bpy.context.scene.perfanim.database = str(damaged)
-    assert part("operators.sketch_operators")._listed(None, bpy.context) == []
+    assert part("operators.sketch_operators")._listed(bpy.context) == []
 
 
 def test_motion_paths_come_and_go(part: Any, keyed: bpy.types.Object) -> None:

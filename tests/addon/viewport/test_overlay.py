@@ -69,10 +69,10 @@ def test_names_that_had_to_go_away_have_a_line_to_their_markers(monkeypatch: pyt
     for apart_px, has_line in ((200.0, False), (3.0, True)):
         shapes = overlay.Shapes()
         names = [(name, np.array([100.0, 100.0 + apart_px * number])) for number, name in enumerate(NAMES)]
-        placed = overlay._placed(shapes, names, 1.0)
+        placed = overlay._placed(shapes, names)
         assert [name for name, _ in placed] == list(NAMES)
         assert bool(shapes.corners) == has_line
-    assert overlay._placed(overlay.Shapes(), [], 1.0) == []
+    assert overlay._placed(overlay.Shapes(), []) == []
 
 
 def test_the_skeleton_is_green_where_it_is_sure_and_red_where_it_is_guessed() -> None:
@@ -137,9 +137,9 @@ def test_what_is_behind_the_viewer_is_not_in_sight() -> None:
 def test_it_is_drawn_only_while_something_is_chosen(addon: ModuleType) -> None:
     scene = overlay.Scene(((SKELETON, NAMES),), CAMERAS_M, lambda points_m: points_m)
     overlay.show(scene, ScenePose((pose(),)), frozenset())
-    assert overlay._state.handler is None
+    assert not overlay.handler.added
     overlay.show(scene, ScenePose((pose(),)), frozenset({"MARKERS"}))
-    assert overlay._state.handler is not None
+    assert overlay.handler.added
     overlay.show(scene, ScenePose((pose(),)), frozenset())
     assert overlay._state == overlay._State(parts=frozenset({"MARKERS"}))
 
