@@ -32,6 +32,7 @@ class JobStatus:
     activity: Annotated[str | None, About("activity in plain words")] = None
     fraction: Annotated[float | None, About("share that is done", "", -_MOST, _MOST)] = None
     heading: Annotated[str | None, About("progress in a word or two")] = None
+    views: Annotated[int, About("views of the board taken", "", 0, _MOST)] = 0
     cue: Annotated[PoseCue | None, About("cue for the performer")] = None
     frames: Annotated[int, About("frames or poses sent", "", 0, _MOST)] = 0
     queued: Annotated[int, About("messages that the receiver has not taken", "", 0, _MOST)] = 0

@@ -40,6 +40,7 @@ class Job:
         self.finishable = finishable
         self.text = "starting"
         self.cue: PoseCue | None = None
+        self.views = 0
         self.heading = ""  # progress in the panel's header
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
@@ -78,7 +79,7 @@ class Job:
         if message.kind is MessageKind.STATUS:
             status = message.status()
             if status.activity is not None:
-                self.text, self.cue = status.activity, status.cue
+                self.text, self.cue, self.views = status.activity, status.cue, status.views
             self.heading = self.heading if status.heading is None else status.heading
             self.fraction = self.fraction if status.fraction is None else status.fraction
         elif message.kind is MessageKind.RESULT:

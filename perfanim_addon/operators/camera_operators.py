@@ -89,9 +89,9 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Poll the worker at each tick, and beep when a view was taken."""
-        before = self._job.heading
+        before = self._job.views
         result = super().modal(context, event)
-        if self._job.heading.split()[:1] != before.split()[:1] and before:
+        if self._job.views > before:
             sound.beep(_TAKEN_HZ)
         return result
 

@@ -107,7 +107,7 @@ def _watch(
             advice = advice or guidance.advice
         if (advice, session.views) != sent:
             sent = (advice, session.views)
-            channel.send_status(advice, session.fraction, heading=_heading(session))
+            channel.send_status(advice, session.fraction, heading=_heading(session), views=session.views)
         if session.done:
             return
 

@@ -48,7 +48,7 @@ def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
     (tmp_path / "left" / "old.png").touch()
 
     def four_views(message: Message) -> bool:
-        return message.kind is MessageKind.STATUS and str(message.json().get("heading")).startswith("4 views")
+        return message.kind is MessageKind.STATUS and message.status().views == 4
 
     messages = played(asked({"kind": "simulated"}, tmp_path, preview=True), four_views)
     result = outcome(messages).json()
