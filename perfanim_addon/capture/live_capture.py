@@ -12,7 +12,7 @@ from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
 from .. import take_library
 from ..jobs import activity
-from ..jobs.job import Job, command
+from ..jobs.job import Job
 from ..settings import readiness
 from ..settings.capture_settings import settings
 from ..settings.result_settings import start_frame
@@ -27,17 +27,15 @@ from .write_take import RecordedPart, TakeMotion, write_take
 
 
 class LiveCapture:
-    """One capture: a missing starter database is built, then the run starts.
-
-    Only names are held: undo and file load replace Blender's data.
+    """One capture; only names are held, as undo and file load replace Blender's data.
 
     Args:
         python: Interpreter of the worker; None for Blender's own.
-        prepare: Arguments of the command to run before, [] for none.
+        first: Job that builds the starter database; None if it is built.
     """
 
-    def __init__(self, python: str | None, prepare: list[str]) -> None:
-        self.job = Job("Making the starter database", "capture", command(prepare), python) if prepare else None
+    def __init__(self, python: str | None, first: Job | None = None) -> None:
+        self.job = first
         self.run: CaptureRun | None = None
         self.recordings: list[Recording] = []
         self.by_button = False

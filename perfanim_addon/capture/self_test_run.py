@@ -1,6 +1,5 @@
 """Self-test: the worker's libraries, the cameras, and a simulated capture."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from ...core.body.standard_skeleton import default_skeleton
@@ -19,13 +18,9 @@ _MARKER_SET = "boxing"
 
 
 class SelfTest(Job):
-    """One run of the self-test; `lines` holds the results so far.
+    """One run of the self-test; `lines` holds the results so far."""
 
-    The command `prepare` makes the database, [] if it exists.
-    """
-
-    def __init__(self, database: str, prepare: Sequence[str], python: str | None) -> None:
-        first = Job("Making the starter database", PANEL, command(prepare), python) if prepare else None
+    def __init__(self, database: str, first: Job | None, python: str | None) -> None:
         super().__init__("Self-test", PANEL, command(["diagnose"]), python, first=first)
         self.text = "looking for cameras"
         self.lines: list[str] = []

@@ -12,7 +12,7 @@ from ..preferences import preferences
 from ..settings import guide_steps, readiness
 from ..settings.capture_settings import settings
 from ..settings.performer_refinement import offer
-from .database_operators import is_starter_missing, starter_arguments
+from .database_operators import is_starter_missing, starter_job
 from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
 
 PANEL = "capture"
@@ -29,8 +29,8 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         activity.set_message(PANEL, "")
         offer.capture = ""
         try:
-            prepare = starter_arguments() if is_starter_missing(context) else []
-            capture = LiveCapture(preferences.worker_python(context), prepare)
+            python = preferences.worker_python(context)
+            capture = LiveCapture(python, starter_job(PANEL, python) if is_starter_missing(context) else None)
         except PerfanimError as error:
             return report_error(self, PANEL, error)
         self._capture = capture

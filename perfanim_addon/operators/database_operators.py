@@ -27,11 +27,12 @@ _ADDRESS = "ADDRESS"
 _COLLECTIONS = [(name, each.title, each.good_for) for name, each in public_collections().items()]
 
 
-def starter_arguments() -> list[str]:
-    """Return the arguments of the command that builds the starter database; DatabaseError without shipped motion."""
+def starter_job(panel: str, python: str | None) -> Job:
+    """Return the job that builds the starter database; DatabaseError without shipped motion."""
     if not MOTION.is_dir() or not any(MOTION.iterdir()):
         raise DatabaseError("the starter motion is missing", where=str(MOTION), advice="install the add-on again")
-    return ["database", "build", str(MOTION), "--out", str(readiness.starter_database_path())]
+    build = ["database", "build", str(MOTION), "--out", str(readiness.starter_database_path())]
+    return Job("Building the starter database", panel, command(build), python)
 
 
 def is_starter_missing(context: bpy.types.Context) -> bool:
@@ -47,9 +48,8 @@ class SolvingOperator(JobOperator):
         return True
 
     def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
-        request, first = self.request(context), None
-        if self.uses_starter(context) and is_starter_missing(context):
-            first = Job("Building the starter database", self.panel, command(starter_arguments()), python)
+        request, waits = self.request(context), self.uses_starter(context) and is_starter_missing(context)
+        first = starter_job(self.panel, python) if waits else None
         return Job(self.title, self.panel, request, python, first=first)
 
 

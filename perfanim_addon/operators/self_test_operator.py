@@ -10,7 +10,7 @@ from ..jobs.job import Job
 from ..preferences import diagnostics
 from ..settings import readiness
 from ..viewport import viewport_drawing
-from .database_operators import starter_arguments
+from .database_operators import starter_job
 from .job_operators import JobOperator
 
 
@@ -22,7 +22,7 @@ class PERFANIM_OT_self_test(JobOperator, bpy.types.Operator):
 
     def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
         database = readiness.starter_database_path()
-        self._test = SelfTest(str(database), [] if database.exists() else starter_arguments(), python)
+        self._test = SelfTest(str(database), None if database.exists() else starter_job(PANEL, python), python)
         return self._test
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

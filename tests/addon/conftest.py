@@ -42,9 +42,51 @@ def part(addon: object, extension: str) -> Callable[[str], Any]:
 
 
 @pytest.fixture
-def shown(addon: object) -> Any:
+def errors(addon: object, extension: str) -> Any:
+    """The errors as the add-on raises them."""
+    return importlib.import_module(f"{extension}.core.errors")
+
+
+@pytest.fixture
+def chosen(addon: object) -> Any:
+    """The add-on's settings of the scene."""
+    return bpy.context.scene.perfanim
+
+
+@pytest.fixture
+def targets(addon: object) -> Any:
     """The list of further targets."""
     return bpy.context.scene.perfanim_targets
+
+
+@pytest.fixture
+def new_character(part: Callable[[str], Any]) -> Callable[..., Any]:
+    """Add a character of the product's own, by its skeleton and name."""
+    create = part("character.create_character").create_character
+    return lambda *given: bpy.data.objects[create(bpy.context, *given)]
+
+
+@pytest.fixture
+def new_capture(part: Callable[[str], Any]) -> Callable[[], Any]:
+    """Start a capture of the real worker, to be closed by the test; a missing starter database is built first."""
+
+    def start() -> Any:
+        operators = part("operators.database_operators")
+        first = operators.starter_job("capture", None) if operators.is_starter_missing(bpy.context) else None
+        return part("capture.live_capture").LiveCapture(None, first)
+
+    return start
+
+
+@pytest.fixture
+def listed_takes(part: Callable[[str], Any]) -> Callable[[], list[Any]]:
+    """Fill the list of takes, and return its entries."""
+
+    def fill() -> list[Any]:
+        part("panels.takes_panel")._fill()
+        return list(bpy.context.window_manager.perfanim_takes.entries)
+
+    return fill
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,7 @@
 import os
 import shutil
 import signal
-import time
-from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +13,6 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.formats.take_file.chunks import scan
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
@@ -27,38 +25,28 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from played import curves_of, key_times
-
-PATIENCE_S = 600.0
+from solved_poses import scene_pose
+from ticking import tick_poses
 
 
 @pytest.fixture
-def part(part: Any) -> Iterator[Any]:
-    """Return a module of the add-on by its name; there are no takes before and after."""
-
-    def clear() -> None:
-        shutil.rmtree(part("take_library").folder())
-        part("take_library").forget()
-
-    clear()
-    yield part
-    clear()
+def takes(part: Any) -> Any:
+    """The library, empty."""
+    library = takes
+    library.forget()
+    return library
 
 
 def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30, orphaned: bool = False) -> Path:
     """A take of somebody who stands in the rest pose and rises."""
     subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
-    writer = TakeWriter(
-        folder / f"{name}.perftake", TakeSetup.of(default_rig(), (subject,), {}, {}, {}), TakeNotes(name)
-    )
-    none = np.full((9, 3), np.nan)
+    setup = TakeSetup.of(default_rig(), (subject,), {}, {}, {})
+    writer = TakeWriter(folder / f"{name}.perftake", setup, TakeNotes(name))
     for number in range(frames):
         writer.add_frame(pack_stamped(0.0, MarkerFrame(number, number / 60)))
         if number < poses:
-            rotations = np.tile([1.0, 0.0, 0.0, 0.0], (29, 1))
-            pose = PerformerPose(
-                number, number / 60, rotations, np.array([0, 1 + number / 60, 0]), 0.5, none, none, np.full(9, -1), 0.0
-            )
-            writer.add_pose(pack_solved(TimedPose(ScenePose((pose,)), 0.0)))
+            pose = scene_pose(number, None, (0.0, 1.0 + number / 60, 0.0), 0.5)
+            writer.add_pose(pack_solved(TimedPose(pose, 0.0)))
     writer.close(orphaned)
     return writer.path
 
@@ -70,30 +58,14 @@ def cut(path: Path) -> Path:
     return path
 
 
-def shown(part: Any) -> list[Any]:
-    part("panels.takes_panel")._fill()
-    return list(bpy.context.window_manager.perfanim_takes.entries)
-
-
-def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) -> None:
-    live, takes = part("capture.live_capture"), part("take_library")
-    prepare = (
-        []
-        if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database_operators").starter_arguments()
-    )
-    bpy.context.scene.perfanim.feet = "off"  # shown as the take has it
-    capture = live.LiveCapture(None, prepare)
-    limit = time.monotonic() + PATIENCE_S
-    try:
-        while capture.run is None or len(capture.run.poses) < 30:
-            assert time.monotonic() < limit, capture.line
-            capture.tick(bpy.context)
-            time.sleep(1 / 60)
+def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(
+    part: Any, chosen: Any, takes: Any, new_capture: Any, listed_takes: Any
+) -> None:
+    chosen.feet = "off"  # shown as the take has it
+    with closing(new_capture()) as capture:  # closed as with a Blender that is killed, too: nobody starts another
+        tick_poses(capture, 30)
         assert takes.cut_off() == []  # it is being recorded
         os.kill(capture.run._client.process_id, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows has one way
-    finally:
-        capture.close()  # and so is Blender: nobody starts another
     received = [pose.number for pose in capture.run.poses]
     path = takes.cut_off()[0].path
     assert len(read_take_file(path).poses) >= len(received) - 30  # half a second
@@ -106,21 +78,20 @@ def test_a_worker_that_is_killed_leaves_a_take_that_can_be_recovered(part: Any) 
     assert path.with_name(path.name + ".cut").exists()  # set aside, not deleted
     for solved, pose in zip(whole.poses, capture.run.poses, strict=False):
         np.testing.assert_array_equal(solved.pose.performers[0].rotations, pose.performers[0].rotations)
-    armature = bpy.context.scene.perfanim.armature
-    assert len(key_times(curves_of(armature))) == len(whole.poses)
+    assert len(key_times(curves_of(chosen.armature))) == len(whole.poses)
     again = part("operators.solve_takes").PERFANIM_OT_solve_take
     as_before = {"database": "RECORDED", "performer": "RECORDED", "cameras": "RECORDED", "put_on": True}
     text = run_job(part, again, SimpleNamespace(path=str(whole.path), method="lwr", **as_before))
     assert text.startswith(f"{len(whole.frames)} frames in {whole.notes.name} (lwr)")
-    assert [item.title for item in shown(part)] == [f"{whole.notes.name} (lwr)", whole.notes.name]
+    assert [item.title for item in listed_takes()] == [f"{whole.notes.name} (lwr)", whole.notes.name]
 
 
-def test_a_take_that_is_listed_already_can_still_be_chosen(part: Any) -> None:
+def test_a_take_that_is_listed_already_can_still_be_chosen(part: Any, takes: Any, listed_takes: Any) -> None:
     """The panel may be drawn between the end of a take's file and the operator that selects it."""
     panel = part("panels.takes_panel")
-    write_take(part("take_library").folder(), "older")
-    write_take(part("take_library").folder(), "newer")
-    shown(part)
+    write_take(takes.folder(), "older")
+    write_take(takes.folder(), "newer")
+    listed_takes()
     other = next(path for path in panel._paths() if path != panel.active_path(bpy.context))
     assert not bpy.app.timers.is_registered(panel._fill)
     panel.choose(Path(other))
@@ -133,10 +104,9 @@ def test_a_take_that_is_listed_already_can_still_be_chosen(part: Any) -> None:
     assert not bpy.app.timers.is_registered(panel._fill)
 
 
-def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
-    takes = part("take_library")
+def test_the_list_shows_what_is_in_the_folder(part: Any, takes: Any, listed_takes: Any) -> None:
     folder = takes.folder()
-    assert shown(part) == []
+    assert listed_takes() == []
     write_take(folder, "walk")
     cut(write_take(folder, "jump"))
     write_take(folder, "stand", frames=0)
@@ -147,23 +117,20 @@ def test_the_list_shows_what_is_in_the_folder(part: Any) -> None:
     writer = TakeWriter(folder / "running.perftake", read_take_file(folder / "walk.perftake").setup)
     writer.add_frame(pack_stamped(0.0, MarkerFrame(0, 0.0)))
     try:
-        rows = {item.title: item for item in shown(part)}
-        assert len(shown(part)) == 3
+        rows = {item.title: item for item in listed_takes()}
+        assert len(listed_takes()) == 3
         assert set(rows) == {"walk", "jump", "stand"}
-        assert (rows["walk"].summary.complete, part("panels.takes_panel")._length(rows["walk"].summary)) == (
-            True,
-            "0:00",
-        )
+        assert rows["walk"].summary.complete
+        assert part("panels.takes_panel")._length(rows["walk"].summary) == "0:00"
         assert not rows["jump"].summary.complete
         assert [take.path for take in takes.cut_off()] == [folder / "jump.perftake"]
     finally:
         writer.close()
     takes.forget()
-    assert "running" in {item.title for item in shown(part)}
+    assert "running" in {item.title for item in listed_takes()}
 
 
-def test_a_take_that_goes_while_the_folder_is_read_is_no_error(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    takes = part("take_library")
+def test_a_take_that_goes_while_the_folder_is_read_is_no_error(monkeypatch: pytest.MonkeyPatch, takes: Any) -> None:
     for name in ("walk", "jump"):
         write_take(takes.folder(), name)
     summarise = takes.summarise
@@ -182,13 +149,13 @@ def test_a_take_that_goes_while_the_folder_is_read_is_no_error(part: Any, monkey
     assert [take.path.stem for take in takes.listed()] == ["jump"]
 
 
-def test_name_notes_and_rating_are_kept_in_the_file(part: Any) -> None:
-    path = write_take(part("take_library").folder(), "walk")
-    (item,) = shown(part)
+def test_name_notes_and_rating_are_kept_in_the_file(part: Any, takes: Any, listed_takes: Any) -> None:
+    path = write_take(takes.folder(), "walk")
+    (item,) = listed_takes()
     item.title, item.notes, item.rating = "Gang 1", "left foot slides", 4
     assert read_take_file(path).notes == TakeNotes("Gang 1", "left foot slides", 4)
     size = path.stat().st_size
-    (item,) = shown(part)
+    (item,) = listed_takes()
     assert (item.title, item.rating) == ("Gang 1", 4)
     assert path.stat().st_size == size  # to show it is not to change it
     cut(path)
@@ -196,22 +163,23 @@ def test_name_notes_and_rating_are_kept_in_the_file(part: Any) -> None:
     assert "recover it first" in part("jobs.activity").message("takes")[0]
 
 
-def test_a_take_is_put_on_the_character(part: Any) -> None:
-    path = write_take(part("take_library").folder(), "walk", frames=30, poses=20)
+def test_a_take_is_put_on_the_character(part: Any, chosen: Any, takes: Any) -> None:
+    path = write_take(takes.folder(), "walk", frames=30, poses=20)
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_current = 11
     text = part("operators.put_on_character").put_on_character(bpy.context, path)
-    armature = bpy.context.scene.perfanim.armature
+    armature = chosen.armature
     assert text == f"20 frames in walk on {armature.name}; 10 more frames have no pose: use Solve Again"
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(11, 31), atol=1e-3)
     with pytest.raises(Exception, match="has no solved poses"):
         part("operators.put_on_character").put_on_character(bpy.context, write_take(path.parent, "none", poses=0))
 
 
-def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(part: Any) -> None:
-    takes = part("take_library")
+def test_a_capture_that_outlived_blender_is_offered_until_it_is_on_a_character(
+    part: Any, takes: Any, listed_takes: Any
+) -> None:
     path = write_take(takes.folder(), "walk", orphaned=True)
     assert [take.path for take in takes.cut_off()] == [path]
     part("operators.put_on_character").put_on_character(bpy.context, path)
     assert takes.cut_off() == []
-    assert [item.title for item in shown(part)] == ["walk"]
+    assert [item.title for item in listed_takes()] == ["walk"]

@@ -1,21 +1,19 @@
 """What a click on a button does, without a window."""
 
-import time
 from functools import partial
 from typing import Any
 
 import bpy
-
-PATIENCE_S = 300.0
+from ticking import repeat
 
 
 def run_job(part: Any, operator: Any, clicked: Any) -> str:
-    """Do what an operator of long work does between the click and the end; return its line.
+    """Do what an operator of long work does between the click and the end; return its message.
 
     Args:
-        part: imports the add-on's parts by name.
-        operator: its class.
-        clicked: stands for the operator, with the properties that it is asked with.
+        part: Function that imports the add-on's modules by name.
+        operator: The operator's class.
+        clicked: Stand-in for the operator, with its properties; its `said` gets the texts of the progress.
     """
     clicked.arguments = partial(operator.arguments, clicked)
     clicked.request = partial(operator.request, clicked)
@@ -25,17 +23,21 @@ def run_job(part: Any, operator: Any, clicked: Any) -> str:
     for name in ("title", "panel", "finishable"):
         setattr(clicked, name, getattr(operator, name))
     job = operator.create_job(clicked, bpy.context, None)
-    limit = time.monotonic() + PATIENCE_S
+    pictures, said = part("viewport.picture_overlay"), []
+    clicked.said = said
+
+    def step() -> None:
+        job.tick()
+        if job.text not in said:
+            said.append(job.text)
+        picture = job.take_preview()
+        if picture is not None:
+            pictures.show(picture, job.text)
+            assert tuple(bpy.data.images[pictures.NAME].size) == picture.shape[1::-1]
+
     try:
-        while not job.ended:
-            job.tick()
-            picture = job.take_preview()
-            if picture is not None:
-                part("viewport.picture_overlay").show(picture, job.text)
-                assert tuple(bpy.data.images["Perfanim Preview"].size) == picture.shape[1::-1]
-            assert time.monotonic() < limit, job.text
-            time.sleep(0.02)
+        repeat(step, lambda: job.ended, lambda: job.text)
     finally:
         job.close()
-        part("viewport.picture_overlay").hide()
+        pictures.hide()
     return str(operator.on_result(clicked, bpy.context, job.summary))

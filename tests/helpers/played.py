@@ -13,6 +13,11 @@ def points_from_blender(points) -> np.ndarray:
     return np.asarray(points, dtype=np.float64) @ _PRODUCT_FROM_BLENDER.T
 
 
+def points_to_blender(points) -> np.ndarray:
+    """Points (..., 3) of the product in Blender's axes: (x, -z, y)."""
+    return np.asarray(points, dtype=np.float64) @ _PRODUCT_FROM_BLENDER
+
+
 def curves_of(animated) -> list:
     """The curves of the action that an object plays: the action's own up to Blender 4.3, its slot's from 4.4 on."""
     animation = animated.animation_data
@@ -48,3 +53,10 @@ def _pose_at(object_name: str, frame: float, skeleton: Skeleton) -> tuple[np.nda
 def key_times(curves) -> np.ndarray:
     """Scene frames at which any of the curves has a key, ascending."""
     return np.array(sorted({key.co[0] for curve in curves for key in curve.keyframe_points}))
+
+
+def select_bones(armature_object, names) -> None:
+    """Select these bones and no others."""
+    for bone in armature_object.pose.bones:
+        holder = bone if bpy.app.version >= (5, 0, 0) else bone.bone
+        holder.select = bone.name in names

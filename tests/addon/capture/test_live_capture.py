@@ -1,6 +1,6 @@
 """A capture in Blender without a window: the real worker, session, armature and action; the test plays the timer."""
 
-import sys
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,26 +12,21 @@ import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import save_rig
-from perfanim.core.markers.subject import save_subject
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.session.pose_filters import FilterSettings, filter_poses
 from perfanim.core.simulate.studio.simulated_source import open_simulated
 from played import curves_of, key_times
-from ticking import tick_until
+from solved_poses import scene_pose
+from ticking import stop_and_keep, tick, tick_poses, tick_until
 
 
-def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None:
-    live, states, database = (
-        part("capture.live_capture"),
-        part("settings.readiness"),
-        part("operators.database_operators"),
-    )
+def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen: Any, new_capture: Any) -> None:
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
-    prepare = [] if states.starter_database_path().exists() else database.starter_arguments()
-    capture = live.LiveCapture(None, prepare)
-    try:
-        tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 60)
-        character = bpy.context.scene.perfanim.armature
+    with closing(new_capture()) as capture:
+        tick_poses(capture, 60)
+        character = chosen.armature
         assert character.type == "ARMATURE"
         bone = character.pose.bones["lfemur"]
         assert not np.allclose(bone.rotation_quaternion, (1, 0, 0, 0))
@@ -41,19 +36,14 @@ def test_the_defaults_capture_a_new_character_into_one_action(part: Any) -> None
             np.testing.assert_array_equal(bone.rotation_quaternion, before)
         overlay = part("viewport.overlay")
         assert overlay._state.parts == {"MARKERS"}
-        bpy.context.scene.perfanim.overlay = set()
+        chosen.overlay = set()
         tick_until(capture, lambda: not overlay.handler.added)
-        bpy.context.scene.perfanim.overlay = {"SKELETON"}
-        count = len(capture.run.poses)
-        tick_until(capture, lambda: len(capture.run.poses) > count + 5)
+        chosen.overlay = {"SKELETON"}
+        tick_poses(capture, len(capture.run.poses) + 6)
         check_drawn_over(character, overlay._state)
         overlay.hide()
-        capture.stop()
-        tick_until(capture, lambda: capture.done)
-        text = capture.keep(bpy.context)
+        text = stop_and_keep(capture)
         assert capture._refinement is None  # a simulated performer's body is known
-    finally:
-        capture.close()
     figures, poses = capture.run.statistics, capture.run.poses
     assert figures.handed_over == figures.received == len(poses) >= 60
     assert f"{len(poses)} frames recorded" in text
@@ -84,29 +74,15 @@ def check_drawn_over(character: Any, drawn: Any) -> None:
     np.testing.assert_allclose(places, np.array(heads), atol=1e-4)
 
 
-def test_stop_before_the_first_frame_leaves_the_old_action(part: Any) -> None:
-    live, character = part("capture.live_capture"), part("operators.character_operators")
-    name = part("capture.performer_targets").add_character(
-        bpy.context, character.performer_skeleton(bpy.context.scene.perfanim)
-    )
-    armature = bpy.data.objects[name]
-    old = bpy.data.actions.new("Old")
-    armature.animation_data_create().action = old
-    prepare = (
-        []
-        if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database_operators").starter_arguments()
-    )
-    capture = live.LiveCapture(None, prepare)
-    try:
+def test_stop_before_the_first_frame_leaves_the_old_action(armature: Any, new_capture: Any) -> None:
+    armature.animation_data_create().action = old = bpy.data.actions.new("Old")
+    with closing(new_capture()) as capture:
         tick_until(capture, lambda: capture.run is not None)
         assert armature.animation_data.action is None  # so that it does not pull at the bones
         capture.stop()
         tick_until(capture, lambda: capture.done)
         capture.run.poses = []  # a fast machine may have sent some before the stop
         assert capture.keep(bpy.context) == ""
-    finally:
-        capture.close()
     assert armature.animation_data.action is old
 
 
@@ -125,116 +101,75 @@ def swing(skeleton: Any, bones: tuple[str, ...], frames: int) -> np.ndarray:
     return result
 
 
-def play_worker(part: Any, monkeypatch: pytest.MonkeyPatch, skeleton: Any, rotations: np.ndarray) -> Any:
-    """Let a capture get a pose of these (F, J, 4) at each tick, numbered from 5 on, 60 a second; return its run."""
-    root = np.array([0.0, 1.0, 0.0])
-    solved = [
-        SimpleNamespace(
-            number=n + 5,
-            time_s=n / 60,
-            props=(),
-            performers=(
-                SimpleNamespace(
-                    time_s=n / 60, rotations=turns, root_position_m=root, confidence=1.0, doubtful_parts=[]
-                ),
-            ),
-        )
-        for n, turns in enumerate(rotations)
-    ]
-    run = SimpleNamespace(poses=[], persistent_warning="", activity="", take_preview=lambda: None)
-    run.tick = lambda: run.poses.append(solved[len(run.poses)]) or run.poses[-1]
-    run.shown = run.close = run.stop = lambda: None
-    performers = (SimpleNamespace(name="Anna", skeleton=skeleton),)
-    asked = {"take": "a.perftake"}
-    setup = SimpleNamespace(performers=performers, props=(), request=asked, start=lambda _python: run)
-    monkeypatch.setattr(part("capture.capture_request"), "make", lambda _chosen: setup)
-    bpy.context.scene.perfanim.overlay = set()  # there are no cameras
-    return run
+def anna(skeleton: Any, rotations: np.ndarray) -> tuple[list[Any], Subject]:
+    """Poses of Anna with rotations (F, J, 4), 60 a second and numbered from 5 on, and Anna."""
+    poses = [scene_pose(5 + n, turned, (0.0, 1.0, 0.0), 1.0) for n, turned in enumerate(rotations)]
+    return poses, Subject("Anna", skeleton, load_marker_set("boxing"))
 
 
-def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    skeleton = part("operators.character_operators").performer_skeleton(bpy.context.scene.perfanim)
+def test_a_recording_of_a_length_says_which_part_of_the_take_it_is(chosen: Any, play: Any, skeleton: Any) -> None:
     bpy.context.scene.render.fps = 60
     bpy.context.scene.frame_set(7)
-    run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
-    noted: list[Any] = []
-    monkeypatch.setattr(part("take_library"), "mark_captured", lambda path, _, span: noted.append((path, *span)))
-    bpy.context.scene.perfanim.record_length_s = 0.5
-    capture = part("capture.live_capture").LiveCapture(None, [])
-    for _ in range(45):
-        capture.tick(bpy.context)
+    chosen.record_length_s = 0.5
+    capture = play(*anna(skeleton, swing(skeleton, ("head",), 60)))
+    tick(capture, 45)
     assert capture.recording is None
     assert capture.keep(bpy.context).startswith("31 frames recorded")
-    assert len(run.poses) == 44
-    assert noted == [("a.perftake", 5, 35)]
-    times = key_times(curves_of(bpy.context.scene.perfanim.armature))
+    assert len(capture.run.poses) == 44
+    ((take, _, span),) = play.marked
+    assert (take, span) == ("a.perftake", (5, 35))
+    times = key_times(curves_of(chosen.armature))
     np.testing.assert_allclose(times, np.arange(7.0, 38.0), atol=1e-3)
 
 
-def test_a_rehearsal_records_what_the_button_says(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    chosen, running = bpy.context.scene.perfanim, part("jobs.activity")
-    skeleton = part("operators.character_operators").performer_skeleton(chosen)
+def test_a_rehearsal_records_what_the_button_says(
+    part: Any, chosen: Any, play: Any, skeleton: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     bpy.context.scene.render.fps = 60
-    run = play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
-    noted: list[Any] = []
-    monkeypatch.setattr(part("take_library"), "mark_captured", lambda path, _, span: noted.append((path, *span)))
     chosen.record_by_button = True
-    capture = part("capture.live_capture").LiveCapture(None, [])
-    monkeypatch.setattr(running, "current", lambda: capture)
+    capture = play(*anna(skeleton, swing(skeleton, ("head",), 60)))
+    monkeypatch.setattr(part("jobs.activity"), "current", lambda: capture)
     assert not bpy.ops.perfanim.record.poll()  # nothing is captured yet
-
-    def go_on(ticks: int) -> None:
-        for _ in range(ticks):
-            capture.tick(bpy.context)
-
-    go_on(11)
+    tick(capture, 11)
     assert capture.line == "rehearsing, nothing is recorded"
     bpy.context.scene.frame_set(20)
     for ticks in (8, 5, 4, 3):  # recorded, not, recorded, not
         assert bpy.ops.perfanim.record() == {"FINISHED"}
-        go_on(ticks)
+        tick(capture, ticks)
         bpy.context.scene.frame_set(50)
-    text = capture.keep(bpy.context)
-    poses = run.poses
+    text, poses = capture.keep(bpy.context), capture.run.poses
     assert text.startswith("10 frames recorded in Capture, Capture.001")
     first, second = (bpy.data.actions[name] for name in ("Capture", "Capture.001"))
     spans = [tuple(np.round(action.frame_range, 2)) for action in (first, second)]
     assert spans == [(20.0, 26.0), (50.0, 52.0)]
     assert first.use_fake_user or first.users  # the second does not push it out of the file
     # poses that came with the tick of the click are of before it
-    assert noted == [("a.perftake", poses[11].number, poses[26].number)]
+    ((take, _, span),) = play.marked
+    assert (take, span) == ("a.perftake", (poses[11].number, poses[26].number))
 
 
-def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    chosen = bpy.context.scene.perfanim
-    skeleton = part("operators.character_operators").performer_skeleton(chosen)
-    play_worker(part, monkeypatch, skeleton, swing(skeleton, ("head",), 60))
+def test_a_rehearsal_without_a_recording_keeps_the_scene_as_it_was(chosen: Any, play: Any, skeleton: Any) -> None:
     chosen.record_by_button = True
-    capture = part("capture.live_capture").LiveCapture(None, [])
-    for _ in range(9):
-        capture.tick(bpy.context)
+    capture = play(*anna(skeleton, swing(skeleton, ("head",), 60)))
+    tick(capture, 9)
     assert capture.keep(bpy.context) == ""
     assert len(bpy.data.actions) == 0
 
 
-def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    live, running, chosen = part("capture.live_capture"), part("jobs.activity"), bpy.context.scene.perfanim
+def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(
+    part: Any, chosen: Any, play: Any, skeleton: Any, armature: Any
+) -> None:
+    live, running, name = part("capture.live_capture"), part("jobs.activity"), armature.name
     bpy.context.scene.render.fps = 60
-    skeleton = part("operators.character_operators").performer_skeleton(chosen)
-    name = part("capture.performer_targets").add_character(bpy.context, skeleton)
-    armature = bpy.data.objects[name]
     nod = swing(skeleton, ("head", "lradius", "rradius"), 100)
     still = np.tile([0.0, 1.0, 0.0], (100, 1))
     part("animation.actions").write_action(name, np.arange(1.0, 101.0), nod, still, skeleton, name="Nod")
     alone = {frame: {bone: quaternion_at(armature, bone, frame) for bone in ("head", "rradius")} for frame in (31, 60)}
-    turned = swing(skeleton, ("lradius", "lfemur", "head"), 200)[::2]
-    run = play_worker(part, monkeypatch, skeleton, turned)
     chosen.body_parts = {"ARM_L"}
     bpy.context.scene.frame_set(30)
-    capture = live.LiveCapture(None, [])
+    capture = play(*anna(skeleton, swing(skeleton, ("lradius", "lfemur", "head"), 200)[::2]))
     running.begin(bpy.context, capture, 1.0)
-    for _ in range(32):  # the first begins it
-        capture.tick(bpy.context)
+    tick(capture, 32)  # the first begins it
     arm = np.array(armature.pose.bones["lradius"].rotation_quaternion)
     assert abs(arm[1:]).max() > 0.1
     for frame, bones in alone.items():  # the timeline is played while live
@@ -244,7 +179,7 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
     assert np.allclose(armature.pose.bones["lfemur"].rotation_quaternion, (1, 0, 0, 0))
     text = running.finish(bpy.context)  # which ticks once more
 
-    assert text.startswith(f"{len(run.poses)} frames recorded")
+    assert text.startswith(f"{len(capture.run.poses)} frames recorded")
     assert live._after_frame_change not in bpy.app.handlers.frame_change_post
     assert [track.name for track in armature.animation_data.nla_tracks] == ["Nod", "Capture"]
     for frame, bones in alone.items():
@@ -254,11 +189,8 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(part: Any, m
     np.testing.assert_allclose(quaternion_at(armature, "lfemur", 60), (1, 0, 0, 0), atol=1e-6)
 
 
-def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
-    posing = part("character.posing")
-    parts = part("character.part_bones")
-    skeleton = part("operators.character_operators").performer_skeleton(bpy.context.scene.perfanim)
-    armature = bpy.data.objects[part("capture.performer_targets").add_character(bpy.context, skeleton)]
+def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any, skeleton: Any, armature: Any) -> None:
+    posing, parts = part("character.posing"), part("character.part_bones")
     product = posing.plan_for(armature, skeleton)
     assert parts.bones_of_parts(armature, product, parts.PARTS) is None
     by_part = {one: parts.bones_of_parts(armature, product, {one}) for one in parts.PARTS}
@@ -276,16 +208,13 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any) -> None:
 
 
 @pytest.mark.parametrize("way_out", ["closed window", "file load"])
-def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any, way_out: str) -> None:
-    prepare = (
-        []
-        if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database_operators").starter_arguments()
-    )
+def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(
+    part: Any, new_capture: Any, way_out: str
+) -> None:
     running, operator = part("jobs.activity"), part("operators.capture_operators").PERFANIM_OT_start_capture
-    capture = part("capture.live_capture").LiveCapture(None, prepare)
+    capture = new_capture()
     running.begin(bpy.context, capture, 1.0)
-    tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
+    tick_poses(capture, 10)
     keys: list[int] = []
 
     def count_keys(*_: object) -> None:
@@ -310,23 +239,13 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(part: Any,
     assert running.current() is None
 
 
-def test_a_character_deleted_while_capturing_does_not_lose_the_take(part: Any) -> None:
-    live = part("capture.live_capture")
-    prepare = (
-        []
-        if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database_operators").starter_arguments()
-    )
-    capture = live.LiveCapture(None, prepare)
-    errors = sys.modules[live.__name__.replace("perfanim_addon.capture.live_capture", "core.errors")]
-    try:
-        tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= 10)
-        bpy.data.objects.remove(bpy.context.scene.perfanim.armature)
+def test_a_character_deleted_while_capturing_does_not_lose_the_take(chosen: Any, errors: Any, new_capture: Any) -> None:
+    with closing(new_capture()) as capture:
+        tick_poses(capture, 10)
+        bpy.data.objects.remove(chosen.armature)
         with pytest.raises(errors.CharacterError, match="there is no object"):
             tick_until(capture, lambda: capture.done)
         text = capture.keep(bpy.context)
-    finally:
-        capture.close()
     assert "frames recorded" in text
     assert len(bpy.data.actions) == 1
 
@@ -353,7 +272,9 @@ class Refinement:
         self.is_closed = True
 
 
-def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_image_folders_are_captured_to_their_end(
+    part: Any, chosen: Any, new_capture: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     source = open_simulated({"kind": "simulated", "behaviour": "walking", "seconds": 3.0, "height_m": 1.75})
     count = 60
     for number in range(200, 200 + count):
@@ -362,22 +283,13 @@ def test_image_folders_are_captured_to_their_end(part: Any, tmp_path: Path, monk
             assert cv2.imwrite(str(tmp_path / side / f"{number}.jpg"), image)
     save_rig(source.rig, tmp_path / "cameras.toml")
     save_subject(source.subject, tmp_path / "subject.toml")
-    chosen = bpy.context.scene.perfanim
     chosen.source = "IMAGES"
     chosen.left_folder, chosen.right_folder = str(tmp_path / "left"), str(tmp_path / "right")
     chosen.calibration, chosen.subject = str(tmp_path / "cameras.toml"), str(tmp_path / "subject.toml")
-    prepare = (
-        []
-        if part("settings.readiness").starter_database_path().exists()
-        else part("operators.database_operators").starter_arguments()
-    )
     monkeypatch.setattr(part("capture.live_capture"), "LiveRefinement", Refinement)
-    capture = part("capture.live_capture").LiveCapture(None, prepare)
-    try:
+    with closing(new_capture()) as capture:
         tick_until(capture, lambda: capture.done)
         text = capture.keep(bpy.context)
-    finally:
-        capture.close()
     assert capture.run.error is None
     assert text.startswith(f"{count} frames recorded")
     refinement = capture._refinement

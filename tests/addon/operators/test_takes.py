@@ -1,6 +1,5 @@
 """What the Takes panel's buttons do: import, solve again, put on a character, export, delete, have back, clean up."""
 
-import shutil
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,75 +10,39 @@ import bpy
 import numpy as np
 import pytest
 from clicked import run_job
-from perfanim.core.body.motion import resampled, sliced
-from perfanim.core.body.scene_pose import PerformerPose, ScenePose
+from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import marker_positions
-from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import write_take
-from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
-from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.pose_codec import TimedPose
+from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.take_file.take_reader import read_take_file
-from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.take_setup import TakeNotes
 from perfanim.core.formats.take_file.whole_take import write_whole_take
-from perfanim.core.markers.marker_frame import MarkerFrame
-from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.system.assets import MOTION
-from played import curves_of, key_times
+from perfanim.core.markers.subject import save_subject
+from played import curves_of, key_times, points_to_blender, select_bones
+from solved_poses import scene_pose, write_poses
+
+pytestmark = pytest.mark.usefixtures("anna")
+CHOSEN = {"database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED", "put_on": False}
 
 
 @pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
-    """Somebody's walk as C3D with z up, who it is, and a database with that walk."""
-    folder = tmp_path_factory.mktemp("walk")
-    motion = resampled(read_motion(MOTION / "walking-01-neutral.bvh"), 30.0)
-    write_bvh(motion, folder / "walk.bvh")
-    assert main(["database", "build", str(folder / "walk.bvh"), "--fps", "30", "--out", str(folder / "walk.pfdb")]) == 0
-    subject = Subject("Anna", motion.skeleton, load_marker_set("locomotion"))
-    save_subject(subject, folder / "anna.toml")
-    part = sliced(motion, 20, 40)
-    joints = subject.marker_set.joint_indices(part.skeleton)
-    offsets = subject.marker_set.offsets_m
-    markers = marker_positions(part.skeleton, joints, offsets, part.rotations, part.root_positions_m)
-    z_up = markers @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
-    write_take(MarkerTake("walk", 30.0, subject.marker_set.names, z_up), folder / "walk.c3d")
-    return SimpleNamespace(folder=folder, motion=part, subject=subject)
-
-
-@pytest.fixture
-def part(part: Any, walk: SimpleNamespace) -> Any:
-    """Return a module of the add-on by its name; what a capture needs is chosen, and there are no takes."""
-    chosen = bpy.context.scene.perfanim
-    chosen.subject, chosen.database = str(walk.folder / "anna.toml"), str(walk.folder / "walk.pfdb")
-    chosen.marker_set = "locomotion"
-    shutil.rmtree(part("take_library").folder())
-    part("take_library").forget()
-    return part
+def walk(walk: SimpleNamespace) -> SimpleNamespace:
+    """Twenty frames of Anna's walk, also as C3D with z up."""
+    motion, markers = sliced(walk.motion, 20, 40), walk.subject.marker_set
+    joints = markers.joint_indices(motion.skeleton)
+    places = marker_positions(motion.skeleton, joints, markers.offsets_m, motion.rotations, motion.root_positions_m)
+    write_take(MarkerTake("walk", 30.0, markers.names, points_to_blender(places)), walk.folder / "walk.c3d")
+    return SimpleNamespace(folder=walk.folder, motion=motion, subject=walk.subject)
 
 
 def recorded(part: Any, walk: SimpleNamespace, name: str, **notes: Any) -> Path:
     """A take with the walk as its poses."""
-    none, motion = np.full((8, 3), np.nan), (walk.motion.rotations, walk.motion.root_positions_m)
-    poses = [
-        PerformerPose(number, number / 30.0, rotations, root, 0.9, none, none, np.full(8, -1), 0.0)
-        for number, (rotations, root) in enumerate(zip(*motion, strict=True))
-    ]
-    setup = TakeSetup.of(default_rig(), (walk.subject,), {"method": "lwr"}, {"path": "C:/data/walks.pfdb"}, {})
-    frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
-    path = part("take_library").folder() / f"{name}.perftake"
-    write_whole_take(
-        path, setup, TakeNotes(name, **notes), frames, [TimedPose(ScenePose((pose,)), 0.0) for pose in poses]
-    )
+    motion = zip(walk.motion.rotations, walk.motion.root_positions_m, strict=True)
+    poses = [scene_pose(number, *pose, fps=30.0, markers=8) for number, pose in enumerate(motion)]
+    path = write_poses(part("take_library").folder(), name, (walk.subject,), poses, **notes)
     part("take_library").forget()
     return path
-
-
-def shown(part: Any) -> list[Any]:
-    part("panels.takes_panel")._fill()
-    return list(bpy.context.window_manager.perfanim_takes.entries)
 
 
 def imported(part: Any, walk: SimpleNamespace, *files: str) -> str:
@@ -89,107 +52,110 @@ def imported(part: Any, walk: SimpleNamespace, *files: str) -> str:
     return run_job(part, operator, SimpleNamespace(**given))
 
 
-def test_marker_takes_are_imported_into_the_list_and_played(part: Any, walk: SimpleNamespace) -> None:
+def test_marker_takes_are_imported_into_the_list_and_played(
+    part: Any, walk: SimpleNamespace, listed_takes: Any, chosen: Any
+) -> None:
     (walk.folder / "words.trc").write_text("no markers")
     write_take(MarkerTake("half", 30.0, ("a", "b"), np.zeros((5, 2, 3))), walk.folder / "half.csv")
     text = imported(part, walk, "words.trc", "walk.c3d", "half.csv")
     assert text.startswith("1 of 3 takes imported; ")
     assert "words.trc" in text
     assert "choose the marker set that was worn" in text
-    (item,) = shown(part)
+    (item,) = listed_takes()
     assert (item.title, item.summary.complete) == ("walk", True)
-    assert part("panels.takes_panel").origin_of(item.summary) == "Anna, locomotion, nearest, database walk"
-    assert part("panels.takes_panel").size_of(item.summary).startswith("20 frames, ")
+    panel = part("panels.takes_panel")
+    assert panel.origin_of(item.summary) == "Anna, locomotion, nearest, database walk"
+    assert panel.size_of(item.summary).startswith("20 frames, ")
     bpy.context.scene.render.fps = 30
     bpy.context.scene.frame_set(7)
     assert bpy.ops.perfanim.play_take(path=item.path) == {"FINISHED"}
-    armature = bpy.context.scene.perfanim.armature
+    armature = chosen.armature
     np.testing.assert_allclose(key_times(curves_of(armature)), np.arange(7, 27), atol=1e-3)
-    assert part("panels.takes_panel").origin_of(shown(part)[0].summary).endswith(f"on {armature.name}")
+    assert panel.origin_of(listed_takes()[0].summary).endswith(f"on {armature.name}")
     bpy.context.scene.frame_set(15)  # half way through the walk the body stands upright there
     hips = armature.matrix_world @ armature.pose.bones["root"].head
-    wanted = walk.motion.root_positions_m[8] @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
+    wanted = points_to_blender(walk.motion.root_positions_m[8])
     assert np.linalg.norm(np.array(hips - armature.location) - wanted) < 0.05
 
 
-def test_nothing_to_import_is_said_before_any_work(part: Any, walk: SimpleNamespace) -> None:
+def test_nothing_to_import_is_said_before_any_work(part: Any, walk: SimpleNamespace, listed_takes: Any) -> None:
     with pytest.raises(Exception, match="not found"):
         imported(part, walk, "none.c3d")
     (walk.folder / "none.trc").write_text("no markers")
     with pytest.raises(Exception, match=r"none\.trc"):
         imported(part, walk, "none.trc")
-    assert shown(part) == []
+    assert listed_takes() == []
 
 
-def test_without_a_database_the_starter_is_made_first(part: Any, walk: SimpleNamespace, monkeypatch: Any) -> None:
-    bpy.context.scene.perfanim.database = ""
+def test_without_a_database_the_starter_is_made_first(
+    part: Any, walk: SimpleNamespace, monkeypatch: Any, listed_takes: Any, chosen: Any
+) -> None:
+    chosen.database = ""
     target = part("settings.readiness").starter_database_path()
-    made = ["database", "build", str(walk.folder / "walk.bvh"), "--fps", "30", "--out", str(target)]
-    monkeypatch.setattr(part("operators.database_operators"), "starter_arguments", lambda: made)
+    monkeypatch.setattr(part("operators.database_operators"), "MOTION", walk.folder)
     assert not target.exists()
     assert imported(part, walk, "walk.c3d") == "1 take imported"
     assert target.exists()
-    assert read_take_file(shown(part)[0].path).setup.database["path"] == str(target)
+    assert read_take_file(listed_takes()[0].path).setup.database["path"] == str(target)
 
 
-def test_a_take_is_solved_again_with_other_settings(part: Any, walk: SimpleNamespace) -> None:
+def test_a_take_is_solved_again_with_other_settings(
+    part: Any, walk: SimpleNamespace, listed_takes: Any, chosen: Any
+) -> None:
     imported(part, walk, "walk.c3d")
-    (item,) = shown(part)
-    path = item.path
+    path = listed_takes()[0].path
     save_subject(replace(walk.subject, name="Anna anew"), walk.folder / "anew.toml")
-    bpy.context.scene.perfanim.subject = str(walk.folder / "anew.toml")
+    chosen.subject = str(walk.folder / "anew.toml")
     operator = part("operators.solve_takes").PERFANIM_OT_solve_take
-    chosen = {"database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED", "put_on": False}
-    text = run_job(part, operator, SimpleNamespace(path=path, method="local-pca", **chosen))
+    text = run_job(part, operator, SimpleNamespace(path=path, method="local-pca", **CHOSEN))
     assert text == "20 frames solved as walk (local-pca)"
-    assert [(i.title, part("panels.takes_panel").origin_of(i.summary)) for i in shown(part)] == [
+    assert [(i.title, part("panels.takes_panel").origin_of(i.summary)) for i in listed_takes()] == [
         ("walk (local-pca)", "Anna anew, locomotion, local-pca, database walk"),
         ("walk", "Anna, locomotion, nearest, database walk"),
     ]
     assert bpy.context.window_manager.perfanim_takes.active == 0
-    bpy.context.scene.perfanim.calibration = ""
+    chosen.calibration = ""
     with pytest.raises(Exception, match="choose one under Cameras"):
-        run_job(part, operator, SimpleNamespace(path=path, method="best", **chosen | {"cameras": "CHOSEN"}))
+        run_job(part, operator, SimpleNamespace(path=path, method="best", **CHOSEN | {"cameras": "CHOSEN"}))
 
 
-def test_a_take_without_a_performer_is_listed_and_solved_with_the_chosen_one(part: Any, walk: SimpleNamespace) -> None:
+def test_a_take_without_a_performer_is_listed_and_solved_with_the_chosen_one(
+    part: Any, walk: SimpleNamespace, listed_takes: Any, chosen: Any
+) -> None:
     """As `perfanim track --out TAKE.perftake` writes it, without labels and poses."""
     imported(part, walk, "walk.c3d")
-    take = read_take_file(shown(part)[0].path)
+    take = read_take_file(listed_takes()[0].path)
     bare = part("take_library").folder() / "bare.perftake"
     frames = [(0.0, replace(frame, labels=np.full(len(frame.points_m), -1))) for frame in take.frames]
     write_whole_take(bare, replace(take.setup, performers=(), database={}), TakeNotes("bare"), frames, [])
     part("take_library").forget()
-    (item,) = (item for item in shown(part) if item.title == "bare")
+    (item,) = (item for item in listed_takes() if item.title == "bare")
     assert part("panels.takes_panel").origin_of(item.summary) == "no performer yet: click Solve Again"
     for operator in (bpy.ops.perfanim.play_take, bpy.ops.perfanim.export_take):
         with pytest.raises(RuntimeError, match="bare: has no solved poses; click Solve Again"):
             operator(path=str(bare))
-    operator = part("operators.solve_takes").PERFANIM_OT_solve_take
-    chosen = {"database": "CHOSEN", "performer": "RECORDED", "cameras": "RECORDED", "put_on": False}
-    text = run_job(part, operator, SimpleNamespace(path=str(bare), method="nearest", **chosen))
+    operator, given = part("operators.solve_takes").PERFANIM_OT_solve_take, CHOSEN | {"performer": "RECORDED"}
+    text = run_job(part, operator, SimpleNamespace(path=str(bare), method="nearest", **given))
     assert text == "20 frames solved as bare (nearest)"
     assert len(read_take_file(bare.with_name("bare (nearest).perftake")).poses) == 20
-    bpy.context.scene.perfanim.subject = ""
+    chosen.subject = ""
     with pytest.raises(Exception, match="no subject is chosen; choose one under Subject"):
-        run_job(part, operator, SimpleNamespace(path=str(bare), method="best", **chosen))
+        run_job(part, operator, SimpleNamespace(path=str(bare), method="best", **given))
 
 
 def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
     path, scene = recorded(part, walk, "walk"), bpy.context.scene
     scene.render.fps = 30
-    chosen = scene.perfanim_result
-    chosen.start, chosen.reduce = "FIRST", True
+    result = scene.perfanim_result
+    result.start, result.reduce = "FIRST", True
     scene.frame_set(50)
     bpy.ops.perfanim.play_take(path=str(path))
     armature = scene.perfanim.armature
     curves = curves_of(armature)
     assert key_times(curves)[[0, -1]].tolist() == pytest.approx([1.0, 20.0])
     assert sum(len(curve.keyframe_points) for curve in curves) < 0.7 * 20 * len(curves)
-    chosen.start, chosen.reduce, chosen.onto, chosen.only_selected = "PLAYHEAD", False, "LAYER", True
-    for bone in armature.pose.bones:
-        holder = bone if bpy.app.version >= (5, 0, 0) else bone.bone
-        holder.select = bone.name == "lhumerus"
+    result.start, result.reduce, result.onto, result.only_selected = "PLAYHEAD", False, "LAYER", True
+    select_bones(armature, {"lhumerus"})
     bpy.ops.perfanim.play_take(path=str(path))
     tracks = armature.animation_data.nla_tracks
     assert [track.name for track in tracks] == ["walk", "walk.001"]
@@ -200,43 +166,43 @@ def test_a_take_goes_where_is_chosen(part: Any, walk: SimpleNamespace) -> None:
     assert {curve.group.name for curve in curves_of(armature)} == {"lhumerus"}
 
 
-def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path) -> None:
-    path = recorded(part, walk, "walk")
-    assert bpy.ops.perfanim.export_take(path=str(path), kind="FBX", filepath=str(tmp_path / "a.bvh")) == {"FINISHED"}
-    text, icon = part("jobs.activity").message("takes")
-    name = bpy.context.scene.perfanim.armature.name
-    assert (text, icon) == (f"20 frames of walk on {name} in {tmp_path / 'a.fbx'}", "INFO")
+def test_a_take_is_exported(part: Any, walk: SimpleNamespace, tmp_path: Path, chosen: Any, message: Any) -> None:
+    path, export = str(recorded(part, walk, "walk")), bpy.ops.perfanim.export_take
+    assert export(path=path, kind="FBX", filepath=str(tmp_path / "a.bvh")) == {"FINISHED"}
+    assert message("takes") == f"20 frames of walk on {chosen.armature.name} in {tmp_path / 'a.fbx'}"
     assert [file.name for file in tmp_path.iterdir()] == ["a.fbx"]
     with pytest.raises(RuntimeError, match="cannot be written"):
-        bpy.ops.perfanim.export_take(path=str(path), kind="FBX", filepath=str(tmp_path / "a.fbx" / "b.fbx"))
+        export(path=path, kind="FBX", filepath=str(tmp_path / "a.fbx" / "b.fbx"))
     for kind, name in (("VRMA", "b.vrma"), ("ANGLES", "b.angles.csv")):
-        bpy.ops.perfanim.export_take(path=str(path), kind=kind, filepath=str(tmp_path / name), rate=15, naming="unreal")
-        assert part("jobs.activity").message("takes")[0] == f"10 frames of walk in {tmp_path / name}"
+        export(path=path, kind=kind, filepath=str(tmp_path / name), rate=15, naming="unreal")
+        assert message("takes") == f"10 frames of walk in {tmp_path / name}"
     assert "hand_l_z_deg" in (tmp_path / "b.angles.csv").read_text()
     given = {"kind": "BVH", "naming": "unreal", "scale": 100.0, "rate": 15.0}
-    bpy.ops.perfanim.export_take(path=str(path), filepath=str(tmp_path / "c.bvh"), **given)
+    export(path=path, filepath=str(tmp_path / "c.bvh"), **given)
     read = read_bvh(tmp_path / "c.bvh")
     assert (read.frames, read.fps, read.metres_per_unit) == (10, 15.0, 0.01)
     assert "pelvis" in read.names
 
 
-def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace) -> None:
+def test_a_deleted_take_can_be_had_back(part: Any, walk: SimpleNamespace, listed_takes: Any) -> None:
     first, second = recorded(part, walk, "walk"), recorded(part, walk, "run")
     content = first.read_bytes()
     assert bpy.ops.perfanim.delete_take(path=str(first)) == {"FINISHED"}
-    assert [item.title for item in shown(part)] == ["run"]
+    assert [item.title for item in listed_takes()] == ["run"]
     assert part("take_library").disk_space() == (second.stat().st_size, len(content))
     (gone,) = part("take_library").deleted()
     recorded(part, walk, "walk")  # another of that name
     assert bpy.ops.perfanim.restore_take(take=str(gone.path)) == {"FINISHED"}
-    assert sorted(item.title for item in shown(part)) == ["run", "walk", "walk"]
+    assert sorted(item.title for item in listed_takes()) == ["run", "walk", "walk"]
     assert not bpy.ops.perfanim.restore_take.poll()
     assert (first.parent / "walk (2).perftake").read_bytes() == content
     with pytest.raises(RuntimeError, match="cannot be read"):
         bpy.ops.perfanim.delete_take(path=str(first) + "x")
 
 
-def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(part: Any, walk: SimpleNamespace) -> None:
+def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(
+    part: Any, walk: SimpleNamespace, listed_takes: Any, chosen: Any, message: Any
+) -> None:
     takes = part("take_library")
     for name, days, rating in (("old", 100, 0), ("old but good", 100, 3), ("new", 1, 0), ("gone", 1, 5)):
         path = recorded(part, walk, name, rating=rating)
@@ -249,21 +215,16 @@ def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(part: Any, wal
     deleted = next(iter(takes.deleted())).path.stat().st_size
     assert takes.disk_space()[1] == deleted + 500
     assert bpy.ops.perfanim.clean_up_takes(deleted=True, old=False) == {"FINISHED"}
-    assert part("jobs.activity").message("takes")[0] == f"2 files removed, {takes.size_text(deleted + 500)} free"
-    assert {item.title for item in shown(part)} == {"new", "old", "old but good"}
+    assert message("takes") == f"2 files removed, {takes.size_text(deleted + 500)} free"
+    assert {item.title for item in listed_takes()} == {"new", "old", "old but good"}
     assert takes.disk_space()[1] == 0
     assert bpy.ops.perfanim.clean_up_takes(deleted=False, old=True, days=90, stars=0) == {"FINISHED"}
-    assert {item.title for item in shown(part)} == {"new", "old but good"}
+    assert {item.title for item in listed_takes()} == {"new", "old but good"}
     with pytest.raises(RuntimeError, match="nothing is chosen"):
         bpy.ops.perfanim.clean_up_takes(deleted=True, old=False)
 
 
 def test_sizes_are_told_as_people_read_them(part: Any) -> None:
     text = part("take_library").size_text
-    assert [text(n) for n in (0, 999, 1000, 2_340_000, 1_250_000_000)] == [
-        "0 bytes",
-        "999 bytes",
-        "1 KB",
-        "2 MB",
-        "1.2 GB",
-    ]
+    sizes = {0: "0 bytes", 999: "999 bytes", 1000: "1 KB", 2_340_000: "2 MB", 1_250_000_000: "1.2 GB"}
+    assert {size: text(size) for size in sizes} == sizes
