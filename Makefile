@@ -22,7 +22,7 @@ NUMPY_OF_5.2 := 2.3
 export OPENBLAS_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bpy-test window-test extras-test docs pictures extension release coverage mutation bench \
+.PHONY: help demo test check bpy-test window-test extras-test docs pictures extension release coverage mutation \
 	bench-priors train-prior soak fuzz operator-fuzz clean
 
 help: ## list the targets
@@ -68,7 +68,6 @@ docs: $(STAMP) .venv-docs/.installed ## the manual in out/docs; a warning or a w
 
 pictures: export PERFANIM_KEEP_PICTURES := 1
 pictures: $(STAMP) ## the README's pictures, in a window (BLENDER=COMMAND)
-	$(BIN)/python tools/moving_picture.py --out docs/pictures/live.webp
 	$(BIN)/python -m pytest tests/window -m pictures
 
 extension: $(STAMP) ## the extension's archives in dist
@@ -90,11 +89,6 @@ mutation: .venv-quality/.installed ## small changes of a module that no test not
 	.venv-quality/bin/cosmic-ray init $(MUTATION) out/mutation.sqlite
 	.venv-quality/bin/cosmic-ray exec $(MUTATION) out/mutation.sqlite
 	.venv-quality/bin/cr-report out/mutation.sqlite
-
-NAME ?=
-ARGS ?=
-bench: $(STAMP) ## times of single stages: NAME=frame ARGS="--data DIR"; more: `perfanim bench`
-	$(BIN)/python tools/$(NAME)_bench.py $(ARGS)
 
 # None of these priors has seen the performers of its takes, nor do its deviations come from their errors. Half an hour.
 OUT ?= out/bench

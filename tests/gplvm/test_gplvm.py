@@ -1,7 +1,7 @@
 """The GPLVM of Figure 5. It needs GPy, so an environment of its own: `make extras-test`."""
 
 import numpy as np
-from bench.pose_models import gplvm, linear
+from bench.figure5 import gplvm, linear
 
 
 def test_a_curve_is_held_in_one_dimension():

@@ -7,7 +7,7 @@ import pytest
 from motion_synthesis import BEHAVIOURS, STYLES, perform, performance
 from motion_synthesis.arm_rotations import arm_rest, hanging_arm, leg_rest, two_bones
 from motion_synthesis.bodies import body, prototype_bodies, save_bodies
-from motion_synthesis.curves import Track, ease, pendulum_filtered
+from motion_synthesis.curves import Track, pendulum_filtered
 from motion_synthesis.make_assets import clips, motion_of, write_clip, write_performance
 from motion_synthesis.proportions import Body
 from motion_synthesis.sword import gripping, sword_axes
@@ -21,28 +21,35 @@ from perfanim.core.simulate.shipped_performance import load_performance
 from perfanim.core.subjects.prototype_bodies import load_bodies
 from perfanim.core.system.assets import ASSETS, MOTION, PERFORMANCES
 
-SECONDS = 9.0
 FPS = 60.0
 CASES = [(behaviour, style) for behaviour in BEHAVIOURS for style in ("neutral", "energetic", "tired")]
+LIMITS_DEG = {"lowerback": 45, "upperback": 45, "thorax": 45, "lowerneck": 35, "upperneck": 35, "head": 35}
+LIMITS_DEG |= {
+    f"{side}{joint}": most for side in "lr" for joint, most in (("hand", 82), ("wrist", 132), ("clavicle", 40))
+}
 
 
 @pytest.fixture(scope="module")
-def motions() -> dict[tuple[str, str], Motion]:
+def motions():
     return {
         (behaviour, style): perform(
-            behaviour, SECONDS, FPS, body(1.55 + 0.06 * i % 0.4, 0.3, 40 + i), STYLES[style], seed=500 + i
+            behaviour, 9.0, FPS, body(1.55 + 0.06 * i % 0.4, 0.3, 40 + i), STYLES[style], seed=500 + i
         )
         for i, (behaviour, style) in enumerate(CASES)
     }
 
 
-def balls_and_heels(motion: Motion) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def positions_of(motion: Motion, *joints: str) -> list[np.ndarray]:
+    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    return [positions[:, motion.skeleton.index(joint)] for joint in joints]
+
+
+def balls_and_heels(motion):
     """Heights of ball and heel above where they rest, and the ball's path, by side."""
-    positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    _, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     result = {}
-    for side in "lr":
+    for side, ball in zip("lr", positions_of(motion, "ltoes", "rtoes"), strict=True):
         sole = Body(motion.skeleton).sole(side)
-        ball = positions[:, motion.skeleton.index(f"{side}toes")]
         foot = world[:, motion.skeleton.index(f"{side}foot")]
         heel = ball + rot.rotate(rot.multiply(foot, rot.conjugate(sole.flat)), sole.heel_m)
         result[side] = (ball[:, 1] - sole.ball_height_m, heel[:, 1], ball)
@@ -50,11 +57,9 @@ def balls_and_heels(motion: Motion) -> dict[str, tuple[np.ndarray, np.ndarray, n
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_feet_neither_sink_nor_slide(motions: dict[tuple[str, str], Motion], case: tuple[str, str]) -> None:
-    motion = motions[case]
-    for ball_height, heel_height, ball in balls_and_heels(motion).values():
-        assert ball_height.min() > -0.002
-        assert heel_height.min() > -0.002
+def test_feet_neither_sink_nor_slide(motions, case):
+    for ball_height, heel_height, ball in balls_and_heels(motions[case]).values():
+        assert min(ball_height.min(), heel_height.min()) > -0.002
         planted = np.abs(ball_height) < 0.0002
         still = planted[:-1] & planted[1:]
         # away from the first and last frame of a contact, in which the foot already or still moves
@@ -65,24 +70,19 @@ def test_feet_neither_sink_nor_slide(motions: dict[tuple[str, str], Motion], cas
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_knees_and_elbows_are_hinges_that_bend_one_way(
-    motions: dict[tuple[str, str], Motion], case: tuple[str, str]
-) -> None:
+def test_joints_turn_as_people_do(motions, case):
+    """Knees and elbows are hinges that bend one way, trunk, neck and wrists have limits, nothing jumps."""
     motion = motions[case]
+    turns = np.degrees(rot.to_rotation_vector(motion.rotations))
     for side in "lr":
-        _, knee = leg_rest(Body(motion.skeleton).sole(side).flat)
-        _, elbow = arm_rest(side)
+        knee, elbow = leg_rest(Body(motion.skeleton).sole(side).flat)[1], arm_rest(side)[1]
         for joint, hinge, most in ((f"{side}tibia", knee, 125.0), (f"{side}radius", elbow, 155.0)):
-            turn = np.degrees(rot.to_rotation_vector(motion.rotations[:, motion.skeleton.index(joint)]))
+            turn = turns[:, motion.skeleton.index(joint)]
             along = turn @ hinge
             assert np.allclose(turn, along[:, None] * hinge, atol=1e-6)
-            assert along.min() > -1e-6
-            assert along.max() < most
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_joints_turn_without_jumps(motions: dict[tuple[str, str], Motion], case: tuple[str, str]) -> None:
-    motion = motions[case]
+            assert -1e-6 < along.min() < along.max() < most
+    for joint, most in LIMITS_DEG.items():
+        assert np.linalg.norm(turns[:, motion.skeleton.index(joint)], axis=1).max() < most, joint
     steps = rot.to_rotation_vector(rot.multiply(rot.conjugate(motion.rotations[:-1]), motion.rotations[1:])) * FPS
     speed = np.degrees(np.linalg.norm(steps, axis=-1))
     acceleration = np.linalg.norm(np.diff(steps, axis=0), axis=-1) * FPS
@@ -91,24 +91,8 @@ def test_joints_turn_without_jumps(motions: dict[tuple[str, str], Motion], case:
     assert acceleration.max() < 1800.0, JOINT_NAMES[int(acceleration.max(axis=0).argmax())]
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_trunk_neck_and_wrists_stay_within_human_range(
-    motions: dict[tuple[str, str], Motion], case: tuple[str, str]
-) -> None:
-    motion = motions[case]
-    limits = {"lowerback": 45, "upperback": 45, "thorax": 45, "lowerneck": 35, "upperneck": 35, "head": 35}
-    limits |= {
-        f"{side}{joint}": most for side in "lr" for joint, most in (("hand", 82), ("wrist", 132), ("clavicle", 40))
-    }
-    for joint, most in limits.items():
-        angle = np.degrees(rot.angle_between(motion.rotations[:, motion.skeleton.index(joint)], rot.identity()))
-        assert angle.max() < most, joint
-
-
 @pytest.mark.parametrize("behaviour", list(BEHAVIOURS))
-def test_performer_stays_in_view_and_mostly_faces_the_cameras(
-    motions: dict[tuple[str, str], Motion], behaviour: str
-) -> None:
+def test_performer_stays_in_view_and_mostly_faces_the_cameras(motions, behaviour):
     takes = [motion for (kind, _), motion in motions.items() if kind == behaviour]
     path = np.concatenate([motion.root_positions_m for motion in takes])
     assert np.abs(path[:, 0]).max() < 1.4
@@ -118,7 +102,7 @@ def test_performer_stays_in_view_and_mostly_faces_the_cameras(
 
 
 @pytest.mark.parametrize("behaviour", ["running", "hopping", "jumping"])
-def test_flights_are_ballistic(motions: dict[tuple[str, str], Motion], behaviour: str) -> None:
+def test_flights_are_ballistic(motions, behaviour):
     motion = motions[(behaviour, "neutral")]
     feet = balls_and_heels(motion)
     free = (feet["l"][0] > 0.001) & (feet["r"][0] > 0.001)
@@ -130,25 +114,20 @@ def test_flights_are_ballistic(motions: dict[tuple[str, str], Motion], behaviour
     assert np.mean(np.abs(vertical + 9.81) < 0.5) > 0.8
 
 
-def sword_in_right_hand(motion: Motion, along_m: float) -> np.ndarray:
-    """World positions (F, 3) of the sword's point that far from the left fist to the tip, by the right hand alone."""
-    still = np.zeros((1, 3))
-    wrist, hand = gripping("r", still, still, Body(motion.skeleton).arm_m)
-    in_hand = rot.rotate(rot.conjugate(hand), along_m * sword_axes(still)[0] - wrist)[0]
-    positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    joint = motion.skeleton.index("rhand")
-    return positions[:, joint] + rot.rotate(world[:, joint], in_hand)
-
-
-def test_both_hands_hold_one_sword(motions: dict[tuple[str, str], Motion]) -> None:
+def test_both_hands_hold_one_sword(motions):
     motion = motions[("kendo", "neutral")]
-    pommel, tip = (sword_in_right_hand(motion, along_m) for along_m in (-0.04, 1.11))
-    positions, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    hand = motion.skeleton.index("lhand")
-    size = Body(motion.skeleton).arm_m
-    fist = positions[:, hand] + rot.rotate(world[:, hand], size * np.array([0.12, -0.035, 0.0]))
+    _, world = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    left, right = positions_of(motion, "lhand", "rhand")
+    left_turn, right_turn = (world[:, motion.skeleton.index(joint)] for joint in ("lhand", "rhand"))
+    still, arm_m = np.zeros((1, 3)), Body(motion.skeleton).arm_m
+    wrist, hand = gripping("r", still, still, arm_m)
+    # points of the sword so far from the left fist, by the right hand alone
+    pommel, tip = (
+        right + rot.rotate(right_turn, rot.rotate(rot.conjugate(hand), along_m * sword_axes(still)[0] - wrist)[0])
+        for along_m in (-0.04, 1.11)
+    )
+    from_pommel = left + rot.rotate(left_turn, arm_m * np.array([0.12, -0.035, 0.0])) - pommel
     blade = (tip - pommel) / np.linalg.norm(tip - pommel, axis=1, keepdims=True)
-    from_pommel = fist - pommel
     along = np.sum(from_pommel * blade, axis=1)
     apart = np.linalg.norm(from_pommel - along[:, None] * blade, axis=1)
     held = slice(80, -140)  # after drawing up and before putting away
@@ -159,40 +138,31 @@ def test_both_hands_hold_one_sword(motions: dict[tuple[str, str], Motion]) -> No
     assert np.degrees(turn.max()) * FPS < 2000.0
 
 
-def test_boxer_keeps_the_guard_up() -> None:
-    motion = perform("boxing", 10.0, seed=901)
-    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
-    hands = [positions[:, motion.skeleton.index(f"{side}hand"), 1] for side in "lr"]
-    chest = positions[:, motion.skeleton.index("upperback"), 1]
-    fight = slice(90, -150)
-    assert np.mean((hands[0] > chest)[fight]) > 0.9
-    assert np.mean((hands[1] > chest)[fight]) > 0.9
-    # blows: the hands come to nearly an arm's length from the shoulders
-    reach = [
-        np.linalg.norm(
-            positions[:, motion.skeleton.index(f"{s}hand")] - positions[:, motion.skeleton.index(f"{s}humerus")], axis=1
-        )
-        for s in "lr"
-    ]
-    assert max(r.max() for r in reach) > 0.9 * Body(motion.skeleton).arm_m
+def test_boxer_keeps_the_guard_up_and_strikes_to_an_arms_length():
+    motion, fight = perform("boxing", 10.0, seed=901), slice(90, -150)
+    (chest,) = positions_of(motion, "upperback")
+    reach = []
+    for side in "lr":
+        hand, shoulder = positions_of(motion, f"{side}hand", f"{side}humerus")
+        assert np.mean((hand[:, 1] > chest[:, 1])[fight]) > 0.9
+        reach.append(np.linalg.norm(hand - shoulder, axis=1).max())
+    assert max(reach) > 0.9 * Body(motion.skeleton).arm_m
 
 
-def test_walking_looks_like_human_gait() -> None:
+def test_walking_looks_like_human_gait():
     motion = perform("walking", 12.0, seed=321)
     speed = np.gradient(motion.root_positions_m[:, 2]) * FPS
     assert 0.6 < speed.max() < 1.6
     knee = np.degrees(rot.angle_between(motion.rotations[:, JOINT_NAMES.index("ltibia")], rot.identity()))
     assert 40.0 < knee.max() < 75.0
     # arms swing with the opposite legs
-    positions, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     to_front = rot.conjugate(motion.rotations[:, 0])
-    foot = rot.rotate(to_front, positions[:, JOINT_NAMES.index("lfoot")] - positions[:, 0])[:, 2]
-    same = rot.rotate(to_front, positions[:, JOINT_NAMES.index("lhand")] - positions[:, 0])[:, 2]
-    other = rot.rotate(to_front, positions[:, JOINT_NAMES.index("rhand")] - positions[:, 0])[:, 2]
+    root, *others = positions_of(motion, "root", "lfoot", "lhand", "rhand")
+    foot, same, other = (rot.rotate(to_front, point - root)[:, 2] for point in others)
     assert np.corrcoef(foot, other)[0, 1] > 0.3 > -0.3 > np.corrcoef(foot, same)[0, 1]
 
 
-def test_no_two_cycles_are_alike() -> None:
+def test_no_two_cycles_are_alike():
     motion = perform("running", 9.0, seed=11)
     knee = rot.to_rotation_vector(motion.rotations[:, JOINT_NAMES.index("rtibia")])[:, 0]
     peaks = [i for i in range(1, len(knee) - 1) if knee[i - 1] < knee[i] > knee[i + 1] and knee[i] > 1.2]
@@ -201,39 +171,29 @@ def test_no_two_cycles_are_alike() -> None:
     assert np.degrees(np.std(knee[peaks])) > 0.5
 
 
-def test_performance_begins_in_the_t_pose() -> None:
+def test_performance_begins_in_the_t_pose_and_goes_on_without_jumps():
     skeleton = body(1.83, 0.4, 5)
-    motion = performance([("walking", 4.0)], skeleton=skeleton, seed=3)
-    still = slice(0, 110)
-    apart = np.degrees(rot.angle_between(motion.rotations[still], t_pose(skeleton)))
+    motion = performance([(behaviour, 3.5) for behaviour in BEHAVIOURS], skeleton=skeleton, seed=8)
+    apart = np.degrees(rot.angle_between(motion.rotations[:110], t_pose(skeleton)))
     legs = [JOINT_NAMES.index(side + joint) for side in "lr" for joint in ("femur", "tibia", "foot")]
-    others = [j for j in range(len(JOINT_NAMES)) if j not in legs]
-    assert apart[:, others].mean() < 2.5
+    assert np.delete(apart, legs, axis=1).mean() < 2.5
     assert apart[:, legs].mean() < 10.0  # nobody's knees are quite straight, nor legs of quite one length
-    assert np.linalg.norm(np.ptp(motion.root_positions_m[still], axis=0)) < 0.05
-
-
-def test_behaviours_follow_one_another_without_jumps() -> None:
-    motion = performance([(behaviour, 3.5) for behaviour in BEHAVIOURS], seed=8)
+    assert np.linalg.norm(np.ptp(motion.root_positions_m[:110], axis=0)) < 0.05
     steps = np.degrees(rot.angle_between(motion.rotations[:-1], motion.rotations[1:])) * FPS
     assert steps.max() < 2000.0
     assert np.linalg.norm(np.diff(motion.root_positions_m, axis=0), axis=1).max() * FPS < 5.0
 
 
-@pytest.mark.parametrize("fps", [24.0, 30.0, 120.0])
-def test_rate_changes_only_the_sampling(fps: float) -> None:
-    motion = perform("walking", 5.0, fps=fps, seed=6)
-    assert motion.fps == fps
-    assert abs(motion.duration_s - 5.0) < 1.0 / fps
-    whole = perform("walking", 5.0, fps=120.0, seed=6)
-    if fps == 30.0:
-        assert np.degrees(rot.angle_between(motion.rotations, whole.rotations[::4])).max() < 0.5
+def test_rate_changes_only_the_sampling():
+    half, whole = (perform("walking", 5.0, fps=fps, seed=6) for fps in (30.0, 120.0))
+    assert (half.fps, half.frames) == (30.0, 151)
+    assert np.degrees(rot.angle_between(half.rotations, whole.rotations[::4])).max() < 0.5
 
 
 # ---- building blocks
 
 
-def test_track_reproduces_a_ballistic_flight_and_holds_levels() -> None:
+def test_track_reproduces_a_ballistic_flight_and_holds_levels():
     track = Track()
     track.key(0.0, 1.0)
     track.key(1.0, 1.0)
@@ -245,7 +205,7 @@ def test_track_reproduces_a_ballistic_flight_and_holds_levels() -> None:
     assert np.allclose(track.sample(np.linspace(0.0, 1.0, 20)), 1.0, atol=1e-12)
 
 
-def test_pendulum_leads_the_support_and_ends_over_it() -> None:
+def test_pendulum_leads_the_support_and_ends_over_it():
     times = np.arange(0.0, 8.0, 0.01)
     support = np.where(times < 4.0, 0.0, 0.3)[:, None]
     path = pendulum_filtered(support, 3.1, 0.01)[:, 0]
@@ -256,14 +216,11 @@ def test_pendulum_leads_the_support_and_ends_over_it() -> None:
     inside = slice(300, 380)
     acceleration = np.gradient(np.gradient(path, 0.01), 0.01)[inside]
     assert np.allclose(acceleration, 3.1**2 * path[inside], atol=0.02)
-    assert ease(0.5) == pytest.approx(0.5)
 
 
-def test_two_bones_reach_and_keep_their_lengths() -> None:
-    rng = np.random.default_rng(1)
-    rest = arm_rest("l")
-    start = rng.normal(0.0, 0.1, (50, 3))
-    way = rng.standard_normal((50, 3))
+def test_two_bones_reach_and_keep_their_lengths():
+    rng, rest = np.random.default_rng(1), arm_rest("l")
+    start, way = rng.normal(0.0, 0.1, (50, 3)), rng.standard_normal((50, 3))
     target = start + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.2, 0.52, (50, 1))
     first, flexion_rad = two_bones(start, target, rng.standard_normal((50, 3)), (0.3, 0.28), rest)
     bend = rot.from_rotation_vector(rest[1] * flexion_rad[:, None])
@@ -272,33 +229,28 @@ def test_two_bones_reach_and_keep_their_lengths() -> None:
     assert np.allclose(end, target, atol=1e-6)
 
 
-@pytest.mark.parametrize("side", ["l", "r"])
-def test_arm_angles_include_the_rest_pose_and_hanging(side: str) -> None:
-    s = 1.0 if side == "l" else -1.0
+@pytest.mark.parametrize(("side", "s"), [("l", 1.0), ("r", -1.0)])
+def test_arm_angles_include_the_rest_pose_and_hanging(side, s):
     zero = np.zeros(1)
     rest = hanging_arm(side, zero, zero + np.pi / 2, zero - np.pi / 6)
     assert np.allclose(np.abs(rest), rot.identity((1,)), atol=1e-9)
-    hanging = hanging_arm(side, zero, zero, zero)
-    assert np.allclose(rot.rotate(hanging, [s, 0.0, 0.0]), [[0.0, -1.0, 0.0]], atol=1e-9)
-    forward = hanging_arm(side, zero + np.pi / 2, zero, zero)
-    assert np.allclose(rot.rotate(forward, [s, 0.0, 0.0]), [[0.0, 0.0, 1.0]], atol=1e-9)
+    for swing, direction in ((0.0, [0.0, -1.0, 0.0]), (np.pi / 2, [0.0, 0.0, 1.0])):
+        assert np.allclose(rot.rotate(hanging_arm(side, zero + swing, zero, zero), [s, 0.0, 0.0]), direction, atol=1e-9)
 
 
 # ---- bodies and assets
 
 
-def test_bodies_have_their_height_and_differ_in_proportion(tmp_path: Path) -> None:
+def test_bodies_have_their_height_and_differ_in_proportion(tmp_path: Path):
     plain = body(1.75)
     assert np.allclose(plain.offsets_m, default_skeleton(1.75).offsets_m)
     assert np.allclose(plain.tips_m, default_skeleton(1.75).tips_m)
     bodies = prototype_bodies()
     assert len(bodies) >= 20
-    legs = np.array([Body(b).leg_m / Body(b).arm_m for b in bodies])
-    assert np.ptp(legs) > 0.1
+    assert np.ptp([Body(b).leg_m / Body(b).arm_m for b in bodies]) > 0.1
+    chained = [j for j in range(1, len(plain)) if np.allclose(plain.tips_m[plain.parents[j]], plain.offsets_m[j])]
     for one in bodies:
-        joints = range(1, len(one))
-        chained = [j for j in joints if np.allclose(plain.tips_m[plain.parents[j]], plain.offsets_m[j])]
-        assert all(np.allclose(one.tips_m[one.parents[j]], one.offsets_m[j]) for j in chained)
+        assert np.allclose(one.tips_m[one.parents[chained]], one.offsets_m[chained])
     save_bodies(bodies, tmp_path / "b.json")
     again = load_bodies(tmp_path / "b.json")
     assert all(np.allclose(a.offsets_m, b.offsets_m, atol=1e-5) for a, b in zip(bodies, again, strict=True))
@@ -307,7 +259,7 @@ def test_bodies_have_their_height_and_differ_in_proportion(tmp_path: Path) -> No
         load_bodies(tmp_path / "b.json")
 
 
-def test_embedded_database_is_what_the_command_makes(tmp_path: Path) -> None:
+def test_embedded_database_is_what_the_command_makes(tmp_path: Path):
     planned = clips()
     assert sorted(path.stem for path in MOTION.glob("*.bvh")) == sorted(clip.name for clip in planned)
     for clip in (planned[0], planned[-1]):
@@ -318,7 +270,7 @@ def test_embedded_database_is_what_the_command_makes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["demo", "boxing"])
-def test_shipped_performance_is_what_the_command_makes(tmp_path: Path, name: str) -> None:
+def test_shipped_performance_is_what_the_command_makes(tmp_path: Path, name: str):
     made = write_performance(name, tmp_path / f"{name}.npz")
     with np.load(tmp_path / f"{name}.npz") as again, np.load(PERFORMANCES / f"{name}.npz") as shipped:
         assert set(again) == set(shipped)
@@ -329,14 +281,12 @@ def test_shipped_performance_is_what_the_command_makes(tmp_path: Path, name: str
     assert start == round(2.9 * FPS)
 
 
-def test_embedded_database_is_small_and_holds_every_behaviour_and_transitions() -> None:
-    files = list(MOTION.glob("*.bvh"))
-    assert sum(path.stat().st_size for path in files) < 12e6
+def test_embedded_database_is_small_and_holds_every_behaviour_and_transitions():
+    assert sum(path.stat().st_size for path in MOTION.glob("*.bvh")) < 12e6
     planned = clips()
     for behaviour in BEHAVIOURS:
         assert sum(clip.script[0][0] == behaviour and len(clip.script) == 1 for clip in planned) >= 6
     assert sum(len(clip.script) > 1 for clip in planned) >= 5
-    assert {clip.style for clip in planned} <= set(STYLES)
     headings = []
     for clip in (clip for clip in planned if clip.name.startswith("walking")):
         facing = rot.rotate(motion_of(clip).rotations[:, 0], [0.0, 0.0, 1.0])
@@ -345,7 +295,7 @@ def test_embedded_database_is_small_and_holds_every_behaviour_and_transitions() 
     assert sum(heading.min() < -170.0 for heading in headings) >= 2
 
 
-def test_demo_is_neither_in_the_database_nor_unrelated_to_it() -> None:
+def test_demo_is_neither_in_the_database_nor_unrelated_to_it():
     demo, _ = load_performance("demo")
     known = np.concatenate([motion_of(clip).rotations[::3, 1:] for clip in clips()[::2]]).astype(np.float32)
     nearest = []

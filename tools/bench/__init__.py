@@ -1,6 +1,10 @@
-"""Tables and figures of the paper, on motion that the databases do not hold.
+"""Tables and figures of the paper, and ours, on motion that the databases do not hold.
 
-Every bench takes `data` (folder that holds `cmu` and, for some, `bandai`), `out` (folder to write to), `workers`
-(processes that read motion) and a progress report; it returns the contents of its JSON file. It raises FormatError if
-the data are missing, SettingsError if matplotlib is.
+Every bench is a module with a function of its name, which takes a `Run` (where it reads and writes, and its processes)
+and returns the contents of its JSON file.
 """
+
+import sys
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))  # measures that tests share

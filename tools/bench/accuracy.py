@@ -4,75 +4,115 @@ Each take is solved live and offline from exact and from disturbed markers. The 
 databases (motion_prior*.npz) that has not seen the performer.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.file_selection import subject_of
-from perfanim.core.database.store import open_database
+from perfanim.core.database.store import Database, open_database
 from perfanim.core.simulate.simulated_markers import simulate_markers
-from perfanim.core.system.progress import Progress
+from perfanim.core.solver.settings import SolveSettings
 
-from .accuracy_cases import CONDITIONS, Case, cases_of
 from .baseline import Baseline
-from .calibration import Expected, confidence_ratio, coverage
-from .disturbed import CLEAN, DISTURBANCES, MEASURES, QUICK, SEEDS, disturbed_means, solve_disturbed
-from .feet import feet_errors
-from .figure6 import MARKER_SET, describe, solve_truth, true_subject
-from .methods import BASELINE, METHODS, default_settings
-from .paired import paired_ratios
-from .plots import Line, Panel, check_plots, write_plot
-from .processes import Processes
-from .report import Rows, write_figures
-from .solved_takes import LIVE, OFFLINE
-from .worst_frames import Picture, write_pictures
+from .disturbed import MEASURES, SEEDS, disturbed_means, solve_disturbed
+from .plots import Line, Panel, Picture, check_plots, write_pictures, write_plot
+from .run import Rows, Run
+from .scenarios import (
+    ACCURACY_TAKES,
+    BANDAI,
+    BASELINE,
+    CMU,
+    DISTURBANCES,
+    LIVE,
+    METHODS,
+    OFFLINE,
+    QUICK_DISTURBANCES,
+    STUDIO_TAKES,
+    TUNED,
+    Take,
+)
+from .solving import (
+    DEEPEST,
+    MARKER_SET,
+    SKATE,
+    Expected,
+    confidence_ratio,
+    coverage,
+    describe,
+    feet_errors,
+    solve_truth,
+    true_subject,
+)
+from .tables import groups, mean, paired_ratios
 
-TUNED = "local-pca (tuned)"
-_NEAREST, _BEST = "nearest", "best"
-_QUICK_METHODS = (_NEAREST, _BEST, TUNED)
+UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND = "unseen clip", "unseen subject", "unseen kind of motion"
+STUDIO, OTHER_STUDIO = "Bandai-Namco by CMU", "CMU by Bandai-Namco"  # studios
+EMBEDDED = "embedded motion alone"
+CONDITIONS = (UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND, STUDIO, OTHER_STUDIO, EMBEDDED)
+# kind of motion of each trial, and the behaviours that are of that kind
+_KINDS = {
+    "16_16": ("walk", "walk"),
+    "35_01": ("walk", "walk"),
+    "16_02": ("jump", "jump|hop"),
+    "09_03": ("run", "run|jog|dash"),
+    "14_02": ("box", "box|punch|kick"),
+    "86_01": ("kick", "jump|kick|box"),
+}
+_QUICK_METHODS = ("nearest", "best", TUNED)
 _FRAMES, _QUICK_FRAMES = 240, 120  # of each take, so that all takes an hour, or ten minutes
-_QUICK_SEEDS = SEEDS[:1]
 _MOMENTS = (0.2, 0.4, 0.6, 0.8)  # shares of a take that are pictured
-_DRAWN = (_NEAREST, LIVE, OFFLINE, BASELINE, TUNED)  # in the plot
+_PLOTTED = ("nearest", LIVE, OFFLINE, BASELINE, TUNED)
 _MEASURES = (*MEASURES, "foot_skate_truth_cm_s")
-_FEET = ("skate_beyond_cm_s", "toes_below_mm")
 
 
 @dataclass(frozen=True)
-class _Solved:
-    """A case solved by all methods.
+class Case:
+    """A take to be solved with a database; another process may read it."""
 
-    Args:
-        joints: errors by joint, of methods and of disturbances by way.
-        live: the motion solved live from exact markers.
-        error: its, degrees per joint.
-        expected: errors beside the expected ones, by disturbance and way.
-    """
+    condition: str
+    take: Take
+    truth: Motion  # its first frames
+    skeleton: Path  # file with the body
+    database: Path
+    settings: SolveSettings
+
+    @property
+    def of(self) -> dict[str, str]:
+        """The columns that name it in tables."""
+        return {"condition": self.condition, "take": self.take.title}
+
+    def database_of(self, baseline: Baseline) -> Path:
+        """Return another version's database of the same motion, built if missing."""
+        if self.condition == EMBEDDED:
+            return baseline.embedded_database()
+        clips = {clip.name for clip in open_database(self.database).clips}
+        return baseline.database(self.database.stem, clips, BANDAI if self.condition == OTHER_STUDIO else CMU)
+
+
+class _Solved(NamedTuple):
+    """A case solved by all methods."""
 
     rows: list[dict[str, Any]]
-    joints: list[dict[str, Any]]
     disturbed: list[dict[str, Any]]
-    live: Motion
-    error: float
-    expected: dict[tuple[str, str], list[Expected]]
+    live: Motion  # solved live from exact markers
+    error: float  # of that, degrees per joint
+    expected: dict[tuple[str, str], list[Expected]]  # beside the errors, by disturbance and way
 
 
-def accuracy(
-    data: Path, out: Path, workers: int, progress: Progress, checkout: Path | None = None, quick: bool = False
-) -> dict[str, Any]:
+def accuracy(run: Run, baseline: Path | None = None, quick: bool = False) -> dict[str, Any]:
     """Solve takes by every method in every condition.
 
     Unseen kinds keep the performer's other clips. `live` and `offline` are the default settings; the methods are all
     live, without the learned prior.
 
     Args:
-        checkout: of another version; it solves the same takes with its own databases of the same motion.
-        quick: whether fewer methods are compared, fewer frames are solved, and markers are disturbed in three
-            ways with one seed.
+        baseline: Folder of another version, which solves the same takes with its own databases of the same motion.
+        quick: Compare fewer methods, solve fewer frames, and disturb markers in three ways with one seed.
 
     Returns:
         rows (condition, take, method, frames, errors, held feet, share of the nearest neighbour's error), means (the
@@ -81,59 +121,73 @@ def accuracy(
         (errors of its lowest and highest tenths), priors, databases, outputs.
     """
     check_plots()
-    out.mkdir(parents=True, exist_ok=True)
     frames = _QUICK_FRAMES if quick else _FRAMES
-    cases = list(cases_of(data, out, frames, workers, progress))
-    with Processes(workers, out) as processes:
-        baselines: list[tuple[Baseline, Path] | None] = [None] * len(cases)
-        if checkout:
-            baseline = Baseline(checkout, data, out / "baseline")
-            by_file = {case.database: case for case in cases}
-            jobs = {str(path): (case, baseline) for path, case in by_file.items()}
-            built = processes.run("baseline-databases", Case.baseline_database, jobs, lambda path: [], progress)
-            paths = dict(zip(by_file, built, strict=True))
-            baselines = [(baseline, paths[case.database]) for case in cases]
-        titles = [f"{case.take.title}, {case.condition}" for case in cases]
-        of_case = {
-            title: (case, out, baseline, quick) for title, case, baseline in zip(titles, cases, baselines, strict=True)
-        }
-        solved = processes.run("accuracy", _solve, of_case, lambda done: done.rows + done.disturbed, progress)
-    rows, joints, disturbed = ([row for each in solved for row in getattr(each, name)] for name in _TABLES)
+    cases = list(cases_of(run, frames))
+    baselines: list[tuple[Baseline, Path] | None] = [None] * len(cases)
+    if baseline:
+        product = Baseline(baseline, run)
+        by_file = {case.database: case for case in cases}
+        jobs = {str(path): (case, product) for path, case in by_file.items()}
+        paths = dict(zip(by_file, run.each("baseline-databases", Case.database_of, jobs), strict=True))
+        baselines = [(product, paths[case.database]) for case in cases]
+    of_case = {
+        f"{case.take.title}, {case.condition}": (case, other, quick)
+        for case, other in zip(cases, baselines, strict=True)
+    }
+    solved = run.each("accuracy", _solve, of_case, lambda done: done.rows + done.disturbed)
+    rows, disturbed = ([row for each in solved for row in getattr(each, name)] for name in ("rows", "disturbed"))
+    intervals, confidence = _expectations(cases, solved)
     figures = {
         "rows": rows,
         "means": _means(rows),
         "ratios": _ratios(rows),
         "disturbed": disturbed,
         "disturbed_means": disturbed_means(disturbed, CONDITIONS),
-        "intervals": _intervals(cases, solved),
-        "confidence": _confidence(cases, solved),
-        "priors": {
-            case.take.title: Path(default_settings(out, subject_of(case.take.trial)).best.prior_file).name
-            for case in cases
-        },
+        "intervals": intervals,
+        "confidence": confidence,
+        "priors": {case.take.title: Path(case.settings.best.prior_file).name for case in cases},
         "databases": {case.database.stem: describe(open_database(case.database)) for case in cases},
         "frames": frames,
     }
-    tables = {"": rows, "joints": joints, "disturbed": disturbed}
-    plots = write_plot(
-        out / "accuracy", _panels(rows), "takes, from the least error to the most", "degrees per joint", True
+    x_label = "takes, from the least error to the most"
+    plots = write_plot(run.out / "accuracy", list(_panels(rows)), x_label, "degrees per joint", True)
+    plots += write_pictures(run.out / "accuracy-strips", list(_pictures(cases, solved)))
+    return run.write("accuracy", figures, {"": rows, "disturbed": disturbed}, plots)
+
+
+def cases_of(run: Run, frames: int) -> Iterator[Case]:
+    """Yield the takes of all conditions, at most their first frames."""
+    whole, bandai, embedded = run.whole(CMU), run.whole(BANDAI), run.embedded()
+    for take in (*ACCURACY_TAKES, *STUDIO_TAKES):
+        truth, file, settings = run.read(take), run.file_of(take), run.settings_for(subject_of(take.trial))
+        truth = sliced(truth, 0, min(frames, truth.frames))
+        databases = {STUDIO: whole}
+        if take.folder == CMU:
+            databases = _databases(run, whole, take) | {OTHER_STUDIO: bandai, EMBEDDED: embedded}
+        for condition, database in databases.items():
+            yield Case(condition, take, truth, file.skeleton or file.path, database.path, settings)
+
+
+def _databases(run: Run, whole: Database, take: Take) -> dict[str, Database]:
+    """Return the CMU database of each condition; without other clips of the subject, an unseen clip is unseen."""
+    kind, words = _KINDS[take.trial]
+    unseen, clip_unseen = run.without_subject(whole, subject_of(take.trial)), run.without_tests(whole)
+    kind_unseen = run.without_tests(
+        whole, f"cmu-without-kind-{kind}", lambda clip: not re.search(words, clip.behaviour.lower())
     )
-    plots += write_pictures(out / "accuracy-strips", _pictures(cases, solved))
-    return write_figures(out, "accuracy", figures, tables, plots)
+    databases = {UNSEEN_CLIP: clip_unseen, UNSEEN_SUBJECT: unseen, UNSEEN_KIND: kind_unseen}
+    if clip_unseen.frames == unseen.frames:
+        del databases[UNSEEN_CLIP]
+    return databases
 
 
-_TABLES = ("rows", "joints", "disturbed")
-
-
-def _solve(case: Case, out: Path, baseline: tuple[Baseline, Path] | None, quick: bool) -> _Solved:
+def _solve(case: Case, baseline: tuple[Baseline, Path] | None, quick: bool) -> _Solved:
     """Return a case solved by all methods, in the other process."""
     database, truth = open_database(case.database), case.truth
-    settings = default_settings(out, subject_of(case.take.trial))
-    several = solve_disturbed(
-        truth, database, settings, QUICK if quick else DISTURBANCES, _QUICK_SEEDS if quick else SEEDS
-    )
-    chosen = {name: METHODS[name] for name in _QUICK_METHODS} if quick else METHODS
-    motions = {method: solve_truth(truth, database, each)[0] for method, each in chosen.items()}
+    faults, seeds = (QUICK_DISTURBANCES, SEEDS[:1]) if quick else (DISTURBANCES, SEEDS)
+    several = solve_disturbed(truth, database, case.settings, faults, seeds)
+    methods = _QUICK_METHODS if quick else METHODS
+    motions = {method: solve_truth(truth, database, METHODS[method]).motion for method in methods}
     motions |= {way: solved.motion for way, solved in several.clean.items()}
     if baseline:
         take, _ = simulate_markers(truth, true_subject(truth))
@@ -144,112 +198,82 @@ def _solve(case: Case, out: Path, baseline: tuple[Baseline, Path] | None, quick:
         | {"method": method, "frames": truth.frames}
         | {unit: round(error[unit], 4) for unit in _MEASURES}
         | feet_errors(motions[method], truth)
-        | {"of_nearest": round(error["deg_per_joint"] / errors[_NEAREST]["deg_per_joint"], 4)}
+        | {"of_nearest": round(error["deg_per_joint"] / errors["nearest"]["deg_per_joint"], 4)}
         for method, error in errors.items()
-    ]
-    joints = [
-        case.of
-        | {"method": method, "disturbance": CLEAN.name, "joint": joint}
-        | {unit: round(value, 3) for unit, value in by_unit.items()}
-        for method, error in errors.items()
-        if method not in several.clean  # these come with the disturbances
-        for joint, by_unit in error["per_joint"].items()
-    ]
-    joints += [
-        case.of | {"method": row["way"]} | {k: v for k, v in row.items() if k != "way"} for row in several.joints
     ]
     disturbed = [case.of | row for row in several.rows]
     live = several.clean[LIVE].motion
-    return _Solved(rows, joints, disturbed, live, errors[LIVE]["deg_per_joint"], dict(several.expected))
+    return _Solved(rows, disturbed, live, errors[LIVE]["deg_per_joint"], several.expected)
 
 
 def _means(rows: Rows) -> list[dict[str, Any]]:
-    means = []
+    found, means = groups(rows, "condition", "method"), []
     for condition in CONDITIONS:
         for method in (*METHODS, LIVE, OFFLINE, BASELINE):
-            of = [row for row in rows if row["condition"] == condition and row["method"] == method]
-            if of:
+            if of := found.get((condition, method)):
                 means.append(
                     {"condition": condition, "method": method, "takes": len(of)}
-                    | {unit: _mean([row[unit] for row in of]) for unit in (*_MEASURES, *_FEET, "of_nearest")}
-                    | {f"most_{unit}": max(row[unit] for row in of if not np.isnan(row[unit])) for unit in _FEET[1:]}
+                    | {unit: mean(of, unit) for unit in (*_MEASURES, SKATE, DEEPEST, "of_nearest")}
+                    | {f"most_{DEEPEST}": max(row[DEEPEST] for row in of if not np.isnan(row[DEEPEST]))}
                 )
     return means
 
 
-def _mean(values: Sequence[float]) -> float:
-    """Return the mean without NaN: feet that never stand have no skate."""
-    known = [value for value in values if np.isfinite(value)]
-    return round(float(np.mean(known)), 4) if known else float("nan")
-
-
 def _ratios(rows: Rows) -> list[dict[str, Any]]:
     """Return all paired ratios: live and offline to the others, then offline to live."""
-    pairs = [(way, other) for other in (BASELINE, _BEST, TUNED) for way in (LIVE, OFFLINE)]
+    pairs = [(way, other) for other in (BASELINE, "best", TUNED) for way in (LIVE, OFFLINE)]
     return [row for pair in (*pairs, (OFFLINE, LIVE)) for row in paired_ratios(rows, *pair, CONDITIONS)]
 
 
-def _grouped(cases: Sequence[Case], solved: Sequence[_Solved], condition: str) -> dict[tuple[str, str], list[Expected]]:
-    """Return the errors of a condition beside the expected, by disturbance and way."""
-    found: dict[tuple[str, str], list[Expected]] = {}
-    for case, each in zip(cases, solved, strict=True):
-        if case.condition == condition:
-            for name, expected in each.expected.items():
-                found.setdefault(name, []).extend(expected)
-    return found
+def _expectations(
+    cases: Sequence[Case], solved: Sequence[_Solved]
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return shares of errors within their 95 % intervals, and live errors at low and high confidence.
 
-
-def _intervals(cases: Sequence[Case], solved: Sequence[_Solved]) -> list[dict[str, Any]]:
-    """Return shares of errors within their 95 % intervals, at last of all conditions."""
+    By condition, at last of all conditions; confidence of all disturbances together.
+    """
+    found: dict[str, dict[tuple[str, str], list[Expected]]] = {condition: {} for condition in (*CONDITIONS, "all")}
+    for condition in CONDITIONS:
+        for case, each in zip(cases, solved, strict=True):
+            for key, expected in each.expected.items() if case.condition == condition else ():
+                found[condition].setdefault(key, []).extend(expected)
+        for key, expected in found[condition].items():
+            found["all"].setdefault(key, []).extend(expected)
     names = cases[0].truth.skeleton.names[1:]
-    found, whole = [], dict[tuple[str, str], list[Expected]]()
-    for condition in CONDITIONS:
-        for (disturbance, way), expected in _grouped(cases, solved, condition).items():
-            of = {"condition": condition, "disturbance": disturbance, "way": way}
-            found.append(of | coverage(expected, names))
-            whole.setdefault((disturbance, way), []).extend(expected)
-    for (disturbance, way), expected in whole.items():
-        found.append({"condition": "all", "disturbance": disturbance, "way": way} | coverage(expected, names))
-    return found
+    intervals = [
+        {"condition": condition, "disturbance": disturbance, "way": way} | coverage(expected, names)
+        for condition, of in found.items()
+        for (disturbance, way), expected in of.items()
+    ]
+    live = {
+        condition: [each for (_, way), expected in of.items() if way == LIVE for each in expected]
+        for condition, of in found.items()
+    }
+    live["all"] = [each for condition in CONDITIONS for each in live[condition]]
+    return intervals, [{"condition": name} | confidence_ratio(each) for name, each in live.items() if each]
 
 
-def _confidence(cases: Sequence[Case], solved: Sequence[_Solved]) -> list[dict[str, Any]]:
-    """Return live errors at low and high confidence, all disturbances together."""
-    found, whole = [], list[Expected]()
-    for condition in CONDITIONS:
-        grouped = _grouped(cases, solved, condition)
-        live = [each for (_, way), expected in grouped.items() if way == LIVE for each in expected]
-        if live:
-            found.append({"condition": condition} | confidence_ratio(live))
-            whole += live
-    return [*found, {"condition": "all"} | confidence_ratio(whole)]
-
-
-def _panels(rows: Rows) -> list[Panel]:
-    """Return a panel of each condition: the errors of its takes in order, by method."""
-    panels = []
+def _panels(rows: Rows) -> Iterator[Panel]:
+    """Yield a panel of each condition: the errors of its takes in order, by method."""
+    found = groups(rows, "condition", "method")
     for condition in CONDITIONS:
         lines = []
-        for method in _DRAWN:
-            of = [row for row in rows if (row["condition"], row["method"]) == (condition, method)]
-            errors = np.sort([row["deg_per_joint"] for row in of])
-            lines += [Line(method, 1 + np.arange(len(errors)), errors)] if of else []
-        panels += [Panel(condition, lines)] if lines else []
-    return panels
+        for method in _PLOTTED:
+            if of := found.get((condition, method)):
+                errors = np.sort([row["deg_per_joint"] for row in of])
+                lines.append(Line(method, 1 + np.arange(len(errors)), errors))
+        if lines:
+            yield Panel(condition, lines)
 
 
-def _pictures(cases: Sequence[Case], solved: Sequence[_Solved]) -> list[Picture]:
-    """Return moments of each condition's median and worst take, truth beside solved."""
-    pictures = []
+def _pictures(cases: Sequence[Case], solved: Sequence[_Solved]) -> Iterator[Picture]:
+    """Yield moments of each condition's median and worst take, truth beside solved."""
     for condition in CONDITIONS:
         pairs = [pair for pair in zip(cases, solved, strict=True) if pair[0].condition == condition]
         ordered = sorted(pairs, key=lambda pair: pair[1].error)
-        for name, (case, each) in (
-            (("median", ordered[(len(ordered) - 1) // 2]), ("worst", ordered[-1])) if ordered else ()
-        ):
+        chosen = {"median": ordered[(len(ordered) - 1) // 2], "worst": ordered[-1]} if ordered else {}
+        for name, (case, each) in chosen.items():
             for share in _MOMENTS:
                 frame = int(share * case.truth.frames)
                 title = f"{condition}, {name}: {case.take.title}, frame {frame}"
-                both = (sliced(motion, frame, frame + 1) for motion in (case.truth, each.live))
-                pictures.append(Picture(title, *both))
-    return pictures
+                yield Picture.of(title, case.truth, each.live, frame)

@@ -3,7 +3,8 @@
 import os
 import subprocess
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,8 +14,10 @@ from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.system.progress import no_progress
 
-from .data import CMU, FPS, SPLIT, SPLIT_AT, data_folders
+from .run import Run
+from .scenarios import CMU, FPS, SPLIT, SPLIT_AT
 
 _MAIN = "import sys; from perfanim.core.cli.main import main; sys.exit(main())"
 
@@ -23,42 +26,39 @@ class Baseline:
     """A checkout of another commit, with databases that it builds itself.
 
     Args:
-        checkout: its folder.
-        data: folder that holds cmu/ and bandai/.
-        out: folder for its databases and results.
+        checkout: Its folder.
+        run: Run whose motion it reads.
+        name: Folder of its databases and results below the run's.
     """
 
-    def __init__(self, checkout: Path, data: Path, out: Path) -> None:
-        self._data, self._out = data, out
-        self._checkout = checkout.resolve()
-        self._path = out / "package"
+    def __init__(self, checkout: Path, run: Run, name: str = "baseline") -> None:
+        self._run = replace(run, progress=no_progress)  # another process may read it
+        self._out, self._checkout = run.out / name, checkout.resolve()
+        self._path = self._out / "package"
         self._path.mkdir(parents=True, exist_ok=True)
         link = self._path / "perfanim"
         link.unlink(missing_ok=True)
         link.symlink_to(self._checkout, target_is_directory=True)
 
-    def database(self, name: str, trials: Collection[str], sets: tuple[str, ...] = (CMU,)) -> Path:
-        """Return its database of the sets' trials, the split take cut, built if missing."""
-        path = self._out / f"{name}.pfdb"
-        if path.exists():
-            return path
-        folder = self._out / name
-        with motion_files(data_folders(self._data, sets)) as files:
-            for file in files:
-                if file.stem in trials:
-                    paths = [file.path] + ([file.skeleton] if file.skeleton else [])
-                    _lay(paths, folder / file.path.parent.name)
-        self.run("database", "build", str(folder), "--out", str(path), "--fps", f"{FPS:g}")
+    def database(self, name: str, trials: Collection[str], folder: str = CMU) -> Path:
+        """Return its database of trials, the split take cut, built if missing."""
+        if not (path := self._out / f"{name}.pfdb").exists():
+            with motion_files(self._run.folders((folder,))) as files:
+                for file in files:
+                    if file.stem in trials:
+                        for part in filter(None, (file.path, file.skeleton)):
+                            _lay(part, self._out / name / file.path.parent.name)
+            self._build(self._out / name, path)
         return path
 
     def embedded_database(self) -> Path:
         """Return the database of the motion that comes with it, built if missing."""
-        path = self._out / "embedded.pfdb"
-        if not path.exists():
-            self.run(
-                "database", "build", str(self._checkout / "assets" / "motion"), "--out", str(path), "--fps", f"{FPS:g}"
-            )
+        if not (path := self._out / "embedded.pfdb").exists():
+            self._build(self._checkout / "assets" / "motion", path)
         return path
+
+    def _build(self, folder: Path, path: Path) -> None:
+        self.call("database", "build", str(folder), "--out", str(path), "--fps", f"{FPS:g}")
 
     def solve(self, take: MarkerTake, skeleton: Path, marker_set: str, database: Path) -> Motion:
         """Return its solution of a take for the body of a skeleton's file."""
@@ -66,21 +66,15 @@ class Baseline:
         with TemporaryDirectory(dir=self._out) as folder:  # of its own: several processes solve
             markers, motion = Path(folder) / "take.take.npz", Path(folder) / "solved.bvh"
             write_take(take, markers)
-            self.run("solve", str(markers), *body, "--database", str(database), "--out", str(motion))
+            self.call("solve", str(markers), *body, "--database", str(database), "--out", str(motion))
             return read_motion(motion)
 
-    def run(self, *arguments: str) -> str:
+    def call(self, *arguments: str) -> str:
         """Return the output of one of its commands, or raise FormatError."""
         environment = os.environ | {"PYTHONPATH": str(self._path), "OPENBLAS_NUM_THREADS": "1"}
         # in the folder of the results: the present one may hold another package of that name
-        done = subprocess.run(
-            [sys.executable, "-P", "-c", _MAIN, *arguments],
-            cwd=self._out,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        command = [sys.executable, "-P", "-c", _MAIN, *arguments]
+        done = subprocess.run(command, cwd=self._out, env=environment, capture_output=True, text=True, check=False)
         if done.returncode:
             raise FormatError(
                 f"`perfanim {arguments[0]}` failed ({done.stderr.strip()[-200:]})",
@@ -90,21 +84,15 @@ class Baseline:
         return done.stdout
 
 
-def _lay(paths: Sequence[Path], folder: Path) -> None:
-    """Put a motion file and its skeleton into a folder, the split take cut."""
+def _lay(path: Path, folder: Path) -> None:
+    """Put a file into a folder; of the split take up to where its test part begins."""
     folder.mkdir(parents=True, exist_ok=True)
-    for path in paths:
-        target = folder / path.name
-        if target.exists():
-            continue
-        if path.name == f"{SPLIT}.amc":
-            target.write_text(_first_share(path.read_text(encoding="utf-8")), encoding="utf-8")
-        else:
-            target.symlink_to(path.resolve())
-
-
-def _first_share(amc: str) -> str:
-    """Return the text of an AMC file up to where its test part begins."""
-    lines = amc.splitlines(keepends=True)
-    frames = [index for index, line in enumerate(lines) if line.strip().isdigit()]
-    return "".join(lines[: frames[int(len(frames) * SPLIT_AT)]])
+    target = folder / path.name
+    if target.exists():
+        return
+    if path.name == f"{SPLIT}.amc":
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        frames = [index for index, line in enumerate(lines) if line.strip().isdigit()]
+        target.write_text("".join(lines[: frames[int(len(frames) * SPLIT_AT)]]))
+    else:
+        target.symlink_to(path.resolve())

@@ -1,35 +1,29 @@
 """Figure 5 of the paper: reconstruction of poses by models of few dimensions."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+import importlib.util
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from perfanim.core.body.joint_angle_frames import with_angle_frames
 from perfanim.core.body.motion_metrics import angle_errors_deg
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.database.store import Clip, Database, rotations_from_pose
+from perfanim.core.database.store import Database, rotations_from_pose
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.arrays import Array
-from perfanim.core.system.progress import Progress
+from perfanim.core.geometry.arrays import Array, IntArray
+from perfanim.core.solver.paper.local_model import fit
+from scipy.optimize import minimize
 
-from .data import BANDAI, CMU, whole_database
 from .plots import Line, Panel, check_plots, write_plot
-from .pose_models import gplvm, has_gplvm, linear, mixture
-from .report import write_figures
-from .subset import write_subset
+from .run import Run
+from .scenarios import BANDAI, CMU
 
 DIMENSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 18, 21, 24, 27, 30, 34, 38, 42, 46, 50)
 GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # 14 s each
 PCA, MIXTURE, LOCAL, STRICT, GPLVM = (
-    "global PCA",
-    "mixture of local models",
-    "local model",
-    "local model, own second left out",
-    "GPLVM",
-)
+    "global PCA", "mixture of local models", "local model", "local model, own second left out", "GPLVM",
+)  # fmt: skip
 # dimensions for less than one degree per joint angle
 PAPER = {
     "walking": {PCA: 14, MIXTURE: 6, LOCAL: 4},
@@ -42,28 +36,25 @@ _SHOWN_DEG = 12.0
 _TESTED = 250  # frames
 _NEIGHBOURS = 64
 _SMALL_FRAMES = 350  # at 60 Hz as long as the 700 frames at 120 Hz of the paper
-_GPLVM_FRAMES = 1000  # up to which a GPLVM is learned
+_GPLVM_FRAMES = 1000  # largest database that a GPLVM is learned from
 _GPLVM_TESTED = 5  # one frame of so many is tested, and left out of the examples
 _SAMPLE = 60_000  # frames that global PCA and the mixture are learned from
 _MARTIAL = ("boxing", "empi", "gedanbarai", "heiansyodan", "mawashigeri", "syutouuke", "yokogeri", "kick", "slash")
+_ROUNDS = 30  # of k-means, at most
+_FRAMES_PER_CLUSTER = 400  # a few times the size of the covariance that is learned from them
+_GPLVM_STEPS = 300  # of L-BFGS: 1000 change the error by less than a tenth
+_GPLVM_NOISE = 0.01  # initial share of the variance
 
 
-@dataclass(frozen=True)
-class Curve:
-    """Error of a model by its dimension.
+class Curve(NamedTuple):
+    """Error of a model by its dimension."""
 
-    Args:
-        dimensions: (N,) numbers that describe a pose.
-        deg_per_angle: (N,) mean absolute difference of the joint angles.
-        rms_deg_per_angle: (N,) root of their mean square in a frame, averaged over the frames.
-    """
-
-    dimensions: tuple[int, ...]
-    deg_per_angle: Array
-    rms_deg_per_angle: Array
+    dimensions: tuple[int, ...]  # (N,) numbers that describe a pose
+    deg_per_angle: Array  # (N,) mean absolute difference of the joint angles
+    rms_deg_per_angle: Array  # (N,) root of their mean square in a frame, averaged over the frames
 
 
-def figure5(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
+def figure5(run: Run) -> dict[str, Any]:
     """Reconstruct frames of three databases by each model; write the figure.
 
     Returns:
@@ -71,32 +62,44 @@ def figure5(data: Path, out: Path, workers: int, progress: Progress) -> dict[str
         than one degree, the paper's, and why there is no figure where there is none), outputs.
     """
     check_plots()
-    whole = whole_database(data, out, (CMU, BANDAI), workers, progress)
-    databases = {
-        "walking": _part(whole, out, "walking", _one_walk(whole.clips)),
-        "boxing and martial arts": _part(whole, out, "martial", _martial(whole.clips)),
-        "heterogeneous": whole,
-    }
     rows: list[dict[str, Any]] = []
     needed: list[dict[str, Any]] = []
     panels = []
-    for number, (name, database) in enumerate(databases.items()):
-        progress(0.3 + 0.7 * number / len(databases), f"reconstructing {name}")
-        curves = reconstruction_errors(database)
-        missing = gplvm_missing(database)
+    for number, (name, database) in enumerate(_databases(run).items()):
+        run.progress(0.3 + 0.2 * number, f"reconstructing {name}")
+        curves, missing = reconstruction_errors(database), gplvm_missing(database)
         if missing is None:
-            progress(0.4, f"learning a GPLVM of {name}")
+            run.progress(0.4, f"learning a GPLVM of {name}")
             curves[GPLVM] = gplvm_errors(database)
-        rows += list(_rows(name, database, curves))
-        needed += [_needed(name, model, curve) for model, curve in curves.items()]
+        for model, curve in curves.items():
+            of: dict[str, Any] = {"database": name, "frames": database.frames, "model": model}
+            for d, mean, rms in zip(*curve, strict=True):
+                rows.append(of | {"dimensions": d, "deg_per_angle": float(mean), "rms_deg_per_angle": float(rms)})
+            needed.append(_needed(name, model, curve))
         if missing is not None:
-            needed.append({"database": name, "model": GPLVM, "dimensions": None, "dimensions_rms": None, "paper": None,
-                           "note": missing})  # fmt: skip
-        title = f"{name}, {database.frames:,} frames"
-        panels.append(Panel(title, _lines(name, curves), _GOOD_ENOUGH_DEG, _SHOWN_DEG))
-    figures = {"rows": rows, "needed": needed}
-    plots = write_plot(out / "figure5", panels, "number of dimensions", "error (degrees per joint angle)", True)
-    return write_figures(out, "figure5", figures, {"": rows, "needed": needed}, plots)
+            nothing = dict.fromkeys(("dimensions", "dimensions_rms", "paper"))
+            needed.append({"database": name, "model": GPLVM} | nothing | {"note": missing})
+        marks = {model: (d, _GOOD_ENOUGH_DEG) for model, d in PAPER[name].items()} | {GPLVM: PAPER_GPLVM}
+        lines = [Line(model, np.array(c.dimensions), c.deg_per_angle, marks.get(model)) for model, c in curves.items()]
+        panels.append(Panel(f"{name}, {database.frames:,} frames", lines, _GOOD_ENOUGH_DEG, _SHOWN_DEG))
+    y_label = "error (degrees per joint angle)"
+    plots = write_plot(run.out / "figure5", panels, "number of dimensions", y_label, markers=True)
+    return run.write("figure5", {"rows": rows, "needed": needed}, {"": rows, "needed": needed}, plots)
+
+
+def _databases(run: Run) -> dict[str, Database]:
+    """Return the whole database, one walk of it, and its boxing and martial arts."""
+    whole = run.whole(CMU, BANDAI)
+    walks = [clip for clip in whole.clips if clip.behaviour == "walk" and clip.stop - clip.start >= _SMALL_FRAMES]
+    if not walks:
+        advice = "give the complete recordings with --data"
+        raise DatabaseError(f"has no walk of {_SMALL_FRAMES} frames", where=str(whole.path), advice=advice)
+    martial = [(clip, 0, clip.stop - clip.start) for clip in whole.clips if clip.behaviour in _MARTIAL]
+    return {
+        "walking": run.subset(whole, "figure5-walking", [(walks[0], 0, _SMALL_FRAMES)]),
+        "boxing and martial arts": run.subset(whole, "figure5-martial", martial),
+        "heterogeneous": whole,
+    }
 
 
 def reconstruction_errors(database: Database) -> dict[str, Curve]:
@@ -155,28 +158,6 @@ def _curve(database: Database, dimensions: tuple[int, ...], found: Array, truth:
     return Curve(dimensions, errors.mean(axis=(1, 2)), np.sqrt(np.mean(errors**2, axis=2)).mean(axis=1))
 
 
-def _part(whole: Database, out: Path, name: str, kept: Iterable[tuple[Clip, int, int]]) -> Database:
-    return write_subset(whole, out / "databases" / f"figure5-{name}.pfdb", kept)
-
-
-def _one_walk(clips: Iterable[Clip]) -> list[tuple[Clip, int, int]]:
-    for clip in clips:
-        if clip.behaviour == "walk" and clip.stop - clip.start >= _SMALL_FRAMES:
-            return [(clip, 0, _SMALL_FRAMES)]
-    raise DatabaseError(f"has no walk of {_SMALL_FRAMES} frames", advice="give the complete recordings with --data")
-
-
-def _martial(clips: Iterable[Clip]) -> list[tuple[Clip, int, int]]:
-    return [(clip, 0, clip.stop - clip.start) for clip in clips if clip.behaviour in _MARTIAL]
-
-
-def _rows(name: str, database: Database, curves: dict[str, Curve]) -> Iterator[dict[str, Any]]:
-    for model, curve in curves.items():
-        for d, mean, rms in zip(curve.dimensions, curve.deg_per_angle, curve.rms_deg_per_angle, strict=True):
-            yield {"database": name, "frames": database.frames, "model": model, "dimensions": d,
-                   "deg_per_angle": float(mean), "rms_deg_per_angle": float(rms)}  # fmt: skip
-
-
 def _needed(name: str, model: str, curve: Curve) -> dict[str, Any]:
     """Return the fewest dimensions for less than one degree, None if none suffices."""
     mean, rms = (
@@ -187,6 +168,86 @@ def _needed(name: str, model: str, curve: Curve) -> dict[str, Any]:
     return {"database": name, "model": model, "dimensions": mean, "dimensions_rms": rms, "paper": paper, "note": ""}
 
 
-def _lines(name: str, curves: dict[str, Curve]) -> list[Line]:
-    marks = {model: (d, _GOOD_ENOUGH_DEG) for model, d in PAPER[name].items()} | {GPLVM: PAPER_GPLVM}
-    return [Line(model, np.array(c.dimensions), c.deg_per_angle, marks.get(model)) for model, c in curves.items()]
+# ---- models: reconstructions (dimensions, N, D) of poses (N, D), one for each number of dimensions
+
+
+def linear(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
+    """Return poses projected onto the principal components of examples (K, D)."""
+    model = fit(np.asarray(examples, dtype=np.float64), dimensions[-1])
+    weights = (truth - model.mean) @ model.basis
+    return np.stack([model.mean + weights[:, :d] @ model.basis[:, :d].T for d in dimensions])
+
+
+def mixture(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
+    """Reconstruct poses by a mixture of local linear models: k-means, PCA per cluster.
+
+    The paper's mixture (Bregler and Omohundro 1995). A pose belongs to the cluster that reconstructs it best (Kambhatla
+    and Leen 1997): as many numbers, and never worse than the cluster with the nearest centre.
+    """
+    members = _k_means(examples, max(2, len(examples) // _FRAMES_PER_CLUSTER))
+    best, errors = linear(examples, truth, dimensions), np.full((len(dimensions), len(truth)), np.inf)
+    for cluster in np.unique(members):
+        own = examples[members == cluster]
+        if len(own) < 2:
+            continue
+        found = linear(own, truth, dimensions)
+        found_errors = np.sum((found - truth) ** 2, axis=-1)
+        better = found_errors < errors
+        best[better], errors[better] = found[better], found_errors[better]
+    return best
+
+
+def _k_means(poses: Array, count: int) -> IntArray:
+    """Return the cluster (N,) of every pose by k-means, from centres of k-means++ (Arthur and Vassilvitskii 2007)."""
+    generator = np.random.default_rng(0)
+    norms = np.einsum("fd,fd->f", poses, poses)
+    centres = poses[generator.integers(len(poses))][None]
+    nearest = np.full(len(poses), np.inf)
+    while len(centres) < count:
+        to_last = norms - 2.0 * (poses @ centres[-1]) + centres[-1] @ centres[-1]
+        nearest = np.maximum(np.minimum(nearest, to_last), 0.0)
+        if nearest.sum() <= 0.0:  # fewer different poses than clusters
+            break
+        centres = np.concatenate((centres, poses[generator.choice(len(poses), p=nearest / nearest.sum())][None]))
+    members = np.full(len(poses), -1, dtype=np.int64)
+    for _ in range(_ROUNDS):
+        before = members
+        members = np.argmin(np.einsum("cd,cd->c", centres, centres) - 2.0 * (poses @ centres.T), axis=1)
+        if np.array_equal(members, before):
+            break
+        for cluster in np.unique(members):
+            centres[cluster] = poses[members == cluster].mean(axis=0)
+    return members
+
+
+def has_gplvm() -> bool:
+    """Return True if the library that learns GPLVMs is installed."""
+    return importlib.util.find_spec("GPy") is not None
+
+
+def gplvm(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
+    """Reconstruct poses by a Gaussian process latent variable model.
+
+    Lawrence 2004; needs `has_gplvm`. The latent point of a pose maps closest to it, searched from that of the closest
+    example. Time grows with the cube of the examples: a few hundred are feasible.
+    """
+    import GPy
+
+    mean, scale = examples.mean(axis=0), examples.std()
+    outputs, targets = (examples - mean) / scale, (truth - mean) / scale
+    closest = np.argmin(np.sum((targets[:, None] - outputs) ** 2, axis=-1), axis=1)
+    result = np.empty((len(dimensions), *truth.shape))
+    for row, count in enumerate(dimensions):
+        kernel = GPy.kern.RBF(count) + GPy.kern.Bias(count)
+        model = GPy.models.GPLVM(outputs, count, init="PCA", kernel=kernel)
+        model.likelihood.variance = _GPLVM_NOISE
+        model.optimize("lbfgs", max_iters=_GPLVM_STEPS)
+        latent, loads = np.asarray(model.X), np.asarray(model.posterior.woodbury_vector)
+
+        def image(point: Array, kernel: object = kernel, latent: Array = latent, loads: Array = loads) -> Array:
+            return np.asarray((kernel.K(point[None], latent) @ loads)[0])  # type: ignore[attr-defined]
+
+        for frame, target in enumerate(targets):
+            found = minimize(lambda x, y=target, f=image: np.sum((f(x) - y) ** 2), latent[closest[frame]])
+            result[row, frame] = image(found.x) * scale + mean
+    return result

@@ -1,23 +1,22 @@
 """Joint angles of the embedded synthetic motion beside those of people."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.body import skeleton as skeletons
 from perfanim.core.body.joint_angle_frames import with_angle_frames
 from perfanim.core.body.motion import Motion, resampled
-from perfanim.core.body.skeleton import joint_angles
 from perfanim.core.database.file_selection import behaviour_of, subject_of
 from perfanim.core.formats.motion.motion_sources import motion_files
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.system.assets import MOTION
-from perfanim.core.system.progress import Progress
 
-from .data import CMU, LEFT_OUT, SPLIT, data_folders
-from .report import write_figures
+from .run import Run
+from .scenarios import CMU, LEFT_OUT, SPLIT
 
 # kind of motion -> names of its clips, of people's and of ours
 KINDS = {
@@ -29,62 +28,54 @@ KINDS = {
 _FPS = 30.0
 _MOST_CLIPS = 3  # of a person and a kind
 _INNER = (5.0, 50.0, 95.0)  # percentiles of an angle
-_STILL_DEG = 1.0
+_STILL_DEG = 1.0  # median range of angles that people hold still
 
-Angle = tuple[str, str]  # joint, axis
-Angles = Mapping[Angle, Array]
+Angles = Mapping[tuple[str, str], Array]  # of a joint about an axis
 
 
-def joint_angle_distributions(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
+def joint_angles(run: Run) -> dict[str, Any]:
     """Compare medians and ranges of joint angles by kind of motion.
 
     Of people's recordings, not the test takes: whoever changes the embedded motion by these rows must not know them. A
     range is that from the 5th to the 95th percentile of frames. Angles that people's recordings hold still, as fingers
     and clavicles, are left out.
 
-    Args:
-        workers: not used: reading takes seconds.
-
     Returns:
         rows (kind, joint, axis; of people, and of our clips: the median, the least and the greatest of their medians,
         and the median of their ranges; outside_deg: how far our median is outside those of people), people (their
         names by kind), outputs.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    theirs, ours = _by_kind(data_folders(data, (CMU,)), subject_of), _by_kind([MOTION], str)
+    run.out.mkdir(parents=True, exist_ok=True)
+    theirs, ours = _by_kind(run.folders((CMU,)), subject_of), _by_kind([MOTION], str)
+    kinds = [kind for kind in KINDS if kind in theirs and kind in ours]
     rows: list[dict[str, Any]] = []
-    people: dict[str, list[str]] = {}
-    for step, kind in enumerate(KINDS):
-        progress(step / len(KINDS), kind)
-        if kind not in theirs or kind not in ours:
-            continue
-        people[kind] = sorted(theirs[kind])
-        rows += _compared(kind, *([_percentiles(clips) for clips in side[kind].values()] for side in (theirs, ours)))
-    rows.sort(key=lambda row: (list(KINDS).index(row["kind"]), -row["outside_deg"]))
-    return write_figures(out, "joint-angles", {"rows": rows, "people": people}, {"": rows})
+    for kind in kinds:
+        sides = [[_percentiles(clips) for clips in side[kind].values()] for side in (theirs, ours)]
+        rows += sorted(_compared(kind, *sides), key=lambda row: -row["outside_deg"])
+    people = {kind: sorted(theirs[kind]) for kind in kinds}
+    return run.write("joint-angles", {"rows": rows, "people": people}, {"": rows})
 
 
-def _by_kind(folders: Sequence[Path], performer: Any) -> dict[str, dict[str, list[Angles]]]:
+def _by_kind(folders: Sequence[Path], performer: Callable[[str], str]) -> dict[str, dict[str, list[Angles]]]:
     """Return the angles of clips by kind and performer."""
     found: dict[str, dict[str, list[Angles]]] = {}
     with motion_files(folders) as files:
         for file in files:
-            if file.stem in (*LEFT_OUT, SPLIT):
-                continue
             behaviour = behaviour_of(file.stem, file.description).lower()
             for kind, pattern in KINDS.items():
-                if not re.search(pattern, behaviour):
-                    continue
-                clips = found.setdefault(kind, {}).setdefault(performer(file.stem), [])
-                if len(clips) < _MOST_CLIPS:
-                    clips.append(_angles(resampled(read_motion(file.path, file.skeleton), _FPS)))
+                if file.stem not in (*LEFT_OUT, SPLIT) and re.search(pattern, behaviour):
+                    clips = found.setdefault(kind, {}).setdefault(performer(file.stem), [])
+                    if len(clips) < _MOST_CLIPS:
+                        clips.append(_angles(resampled(read_motion(file.path, file.skeleton), _FPS)))
     return found
 
 
 def _angles(motion: Motion) -> Angles:
     """Return the angles (F,) of a motion in degrees, without the root's."""
     skeleton = with_angle_frames(motion.skeleton)
-    columns = zip(skeleton.names, skeleton.angle_orders, joint_angles(skeleton, motion.rotations), strict=True)
+    columns = zip(
+        skeleton.names, skeleton.angle_orders, skeletons.joint_angles(skeleton, motion.rotations), strict=True
+    )
     return {
         (name, axis): np.degrees(angles[:, column])
         for name, order, angles in list(columns)[1:]
@@ -92,28 +83,27 @@ def _angles(motion: Motion) -> Angles:
     }
 
 
-def _percentiles(clips: Sequence[Angles]) -> dict[Angle, Array]:
+def _percentiles(clips: Sequence[Angles]) -> Angles:
     """Return the percentiles (3,) of one performer's angles."""
     return {angle: np.percentile(np.concatenate([clip[angle] for clip in clips]), _INNER) for angle in clips[0]}
 
 
-def _compared(
-    kind: str, theirs: Sequence[dict[Angle, Array]], ours: Sequence[dict[Angle, Array]]
-) -> Iterable[dict[str, Any]]:
+def _compared(kind: str, theirs: Sequence[Angles], ours: Sequence[Angles]) -> Iterator[dict[str, Any]]:
     """Yield a row for each angle that moves in people's recordings."""
     for joint, axis in theirs[0]:
         them, us = (np.array([each[joint, axis] for each in side]) for side in (theirs, ours))
         if np.median(np.ptp(them, axis=1)) < _STILL_DEG:
             continue
-        middle = float(np.median(us[:, 1]))
         row: dict[str, Any] = {"kind": kind, "joint": joint, "axis": axis}
         for name, side in (("people", them), ("ours", us)):
-            medians = side[:, 1]
-            row |= {
-                f"{name}_deg": round(float(np.median(medians)), 1),
-                f"{name}_least_deg": round(float(medians.min()), 1),
-                f"{name}_most_deg": round(float(medians.max()), 1),
-                f"{name}_range_deg": round(float(np.median(side[:, 2] - side[:, 0])), 1),
+            medians, ranges = side[:, 1], side[:, 2] - side[:, 0]
+            figures = {
+                "": np.median(medians),
+                "_least": medians.min(),
+                "_most": medians.max(),
+                "_range": np.median(ranges),
             }
+            row |= {f"{name}{what}_deg": round(float(value), 1) for what, value in figures.items()}
+        middle = float(np.median(us[:, 1]))
         off = max(float(them[:, 1].min()) - middle, middle - float(them[:, 1].max()), 0.0)
         yield row | {"outside_deg": round(off, 1)}

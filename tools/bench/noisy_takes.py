@@ -1,4 +1,4 @@
-"""Takes after a T pose, and with noise, by subjects that the database lacks."""
+"""Takes after a T pose, and with noise, by subjects that the database lacks; the worst frames."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,74 +12,87 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, runs
 from perfanim.core.solver.settings import SolveSettings
 
-from .data import FPS
-from .figure6 import degrees_per_joint
-from .random_cuts import BEFORE, Cut, Disturbance, facing, markers_of, play_cut
-from .solved_takes import part_errors, solve, solve_twice
-from .worst_frames import WorstFrames
+from .plots import Picture
+from .scenarios import FPS
+from .scenes import Cut, Faults, facing, play_cut
+from .solving import degrees_per_joint, expected_of, markers_of, share_within, solve_truth
 
-JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
-_T_POSE_S = 0.5  # before a take
-_FIRST = 15  # frames after the T pose that are compared
+Row = dict[str, Any]
+_LISTED, _DRAWN = 20, 24  # worst frames of each check; drawn ones
+_JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
+_T_POSE_S, _FIRST = 0.5, 15  # T pose before a take; frames after it that are compared
 _FAR_M = 0.03
 _NOISE_MM, _DROPOUT = 3.0, 0.1
-_WORSE, _WORSE_S = 1.2, 0.2  # share of nearest's error, and how long it may last
-_GHOSTS = Disturbance(0.001 * _NOISE_MM, _DROPOUT, 1.0, 2)
+_WORSE, _WORSE_S = 1.2, 0.2  # factor on nearest's error, and how long it may last
+_GHOSTS = Faults(0.001 * _NOISE_MM, _DROPOUT, 1.0, 2)
+_NEAREST = SolveSettings(method="nearest")
+
+
+class Worst:
+    """Values of single frames, and pictures of some with their errors."""
+
+    def __init__(self) -> None:
+        self.frames: list[Row] = []
+        self.pictures: list[tuple[float, Picture]] = []
+
+    def add(self, check: str, take: str, frame: Any, value: float, joint: str = "") -> None:
+        """Add the value of a frame."""
+        row = {"check": check, "take": take, "frame": int(frame), "joint": joint, "value": round(float(value), 4)}
+        self.frames.append(row)
+
+    def add_picture(self, title: str, error: float, truth: Motion, solved: Motion, frame: int) -> None:
+        """Add a frame to be drawn, with its error in degrees per joint."""
+        self.pictures.append((error, Picture.of(f"{title}: {error:.0f} deg", truth, solved, frame)))
+
+    def extend(self, other: "Worst") -> None:
+        """Add the frames and pictures of another list."""
+        self.frames += other.frames
+        self.pictures += other.pictures
+
+    def listed(self) -> list[Row]:
+        """Return the largest positive values of each check."""
+        ordered = sorted((frame for frame in self.frames if frame["value"] > 0.0), key=lambda frame: -frame["value"])
+        checks = dict.fromkeys(frame["check"] for frame in self.frames)
+        return [frame for check in checks for frame in [f for f in ordered if f["check"] == check][:_LISTED]]
+
+    def drawn(self) -> list[Picture]:
+        """Return the worst pictures, worst first."""
+        return [picture for _, picture in sorted(self.pictures, key=lambda pair: -pair[0])[:_DRAWN]]
 
 
 class Curves(NamedTuple):
-    """Errors (F,) of a part of a take, degrees per joint.
+    """Errors (F,) of a part of a take, degrees per joint."""
 
-    Args:
-        first: number of its first frame in the take.
-    """
-
-    first: int
+    first: int  # number of its first frame in the take
     best: Array
     nearest: Array
 
 
-class TakeFigures(NamedTuple):
-    """Figures of a take after a T pose, and for each pass of its middle with noise."""
-
-    t_pose: dict[str, Any]
-    noise: list[dict[str, Any]]
-    curves: dict[str, Curves]
-    worst: WorstFrames
-
-
 def take_figures(
     name: str, take: Motion, database: Path, settings: SolveSettings, frames: tuple[int, int], passes: int
-) -> TakeFigures:
-    """Solve a take after a T pose, and its middle with noise.
-
-    Args:
-        frames: after the T pose, and of the middle, at most.
-    """
-    opened, worst = open_database(database), WorstFrames([], [])
-    t_pose_frames, noisy_frames = frames
-    after = t_pose_row(name, sliced(take, 0, min(t_pose_frames, take.frames)), opened, settings, worst)
-    start = max((take.frames - noisy_frames) // 2, 0)
-    middle = sliced(take, start, min(start + noisy_frames, take.frames))
-    noisy = [noisy_row(name, middle, start, opened, settings, seed, worst) for seed in range(passes)]
-    curves = {f"{name}, noise {seed}": curve for seed, (_, curve) in enumerate(noisy)}
-    return TakeFigures(after, [row for row, _ in noisy], curves, worst)
+) -> tuple[Row, list[Row], dict[str, Curves], Worst]:
+    """Solve a take after a T pose, and its middle with noise, by at most so many frames each."""
+    opened, worst = open_database(database), Worst()
+    after = _t_pose_row(name, sliced(take, 0, min(frames[0], take.frames)), opened, settings, worst)
+    start = max((take.frames - frames[1]) // 2, 0)
+    middle = sliced(take, start, min(start + frames[1], take.frames))
+    noisy = [_noisy_row(name, middle, start, opened, settings, seed, worst) for seed in range(passes)]
+    return after, [row for row, _ in noisy], {f"{name}, noise {i}": curve for i, (_, curve) in enumerate(noisy)}, worst
 
 
-def t_pose_row(
-    name: str, truth: Motion, database: Database, settings: SolveSettings, worst: WorstFrames
-) -> dict[str, Any]:
+def _t_pose_row(name: str, truth: Motion, database: Database, settings: SolveSettings, worst: Worst) -> Row:
     """Return how much a T pose before a take costs the frames after it."""
-    cold = degrees_per_joint(solve(truth, database, settings)[0], truth)[:_FIRST].mean()
+    cold = degrees_per_joint(solve_truth(truth, database, settings).motion, truth)[:_FIRST].mean()
     both = with_t_pose(truth)
     lead = both.frames - truth.frames
-    solved = solve_twice(both, database, settings)
+    solved, nearest = (solve_truth(both, database, each) for each in (settings, _NEAREST))
     first = degrees_per_joint(solved.motion, both)[lead : lead + _FIRST]
-    far = np.where(solved.rms_m > solved.nearest_rms_m, solved.rms_m, 0.0)[lead:]
+    rms_m, nearest_rms_m = (np.array([pose.marker_rms_m for pose in each.poses_of()]) for each in (solved, nearest))
+    far = np.where(rms_m > nearest_rms_m, rms_m, 0.0)[lead:]
     frame = int(np.argmax(first))
-    worst.add("degrees per joint after a T pose", name, frame, "", first[frame])
+    worst.add("degrees per joint after a T pose", name, frame, first[frame])
     worst.add_picture(f"{name} after a T pose, frame {frame}", first[frame], both, solved.motion, lead + frame)
-    worst.add("mm RMS after a T pose, nearest nearer", name, int(np.argmax(far)), "", 1e3 * far.max())
+    worst.add("mm RMS after a T pose, nearest nearer", name, int(np.argmax(far)), 1e3 * far.max())
     return {
         "take": name,
         "frames": truth.frames,
@@ -90,35 +103,32 @@ def t_pose_row(
     }
 
 
-def noisy_row(
-    name: str, truth: Motion, start: int, database: Database, settings: SolveSettings, seed: int, worst: WorstFrames
-) -> tuple[dict[str, Any], Curves]:
-    """Return figures of a part of a take with noise, and both errors by frame.
-
-    Args:
-        start: number of its first frame in the take.
-    """
-    solved = solve_twice(truth, database, settings, _NOISE_MM, _DROPOUT, seed)
-    error, nearest = (degrees_per_joint(motion, truth) for motion in (solved.motion, solved.nearest))
-    further = np.nan_to_num(solved.rms_m - solved.nearest_rms_m)
-    known = np.isfinite(solved.expected_deg)
-    within = (part_errors(solved, truth) <= 2.0 * solved.expected_deg)[known]
+def _noisy_row(
+    name: str, truth: Motion, start: int, database: Database, settings: SolveSettings, seed: int, worst: Worst
+) -> tuple[Row, Curves]:
+    """Return figures of a part of a take, which begins at frame `start`, with noise, and both errors by frame."""
+    solved, other = (solve_truth(truth, database, each, _NOISE_MM, _DROPOUT, seed) for each in (settings, _NEAREST))
+    error, nearest = (degrees_per_joint(each.motion, truth) for each in (solved, other))
+    rms_m, nearest_rms_m = (np.array([pose.marker_rms_m for pose in each.poses_of()]) for each in (solved, other))
+    further = np.nan_to_num(rms_m - nearest_rms_m)
+    parts = expected_of(solved.poses_of(), truth).parts
     jumps = _changes_deg(solved.motion) - _changes_deg(truth)
-    jumped = (jumps > JUMP_DEG).any(axis=1)
+    jumped = (jumps > _JUMP_DEG).any(axis=1)
     over = error / np.maximum(nearest, 1e-6)
     late = round(_WORSE_S * FPS)
-    too_long = sum(max(stop - begin - late, 0) for begin, stop in runs(over > _WORSE))
     frame, joint = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
-    for check, at, where, value in (
-        ("joint change beyond the truth's, deg", frame + 1, truth.skeleton.names[joint + 1], jumps[frame, joint]),
-        ("markers further off than nearest's, mm", np.argmax(further), "", 1e3 * further.max()),
-        ("error as a share of nearest's", np.argmax(over), "", over.max()),
-        ("degrees per joint with noise", np.argmax(error), "", error.max()),
+    title = f"{name} (noise {seed})"
+    joint_name = truth.skeleton.names[joint + 1]
+    worst.add("joint change beyond the truth's, deg", title, start + frame + 1, jumps[frame, joint], joint_name)
+    for check, values in (
+        ("markers further off than nearest's, mm", 1e3 * further),
+        ("error as a share of nearest's", over),
+        ("degrees per joint with noise", error),
     ):
-        worst.add(check, f"{name} (noise {seed})", start + int(at), where, value)
+        worst.add(check, title, start + int(np.argmax(values)), values.max())
     most = int(np.argmax(error))
     worst.add_picture(f"{name} with noise, frame {start + most}", error[most], truth, solved.motion, most)
-    whole = Cut(name, name, name, -BEFORE, truth.skeleton, markers_of(truth))  # one take, from its first frame on
+    whole = Cut(name, name, truth.skeleton, markers_of(truth))  # one take, from its first frame on
     ghostly, _, _ = play_cut(whole, database, settings, np.random.default_rng(seed), _GHOSTS)
     row = {
         "take": name,
@@ -129,27 +139,20 @@ def noisy_row(
         "nearest_deg_per_joint": round(float(nearest.mean()), 4),
         "worse_explained_frames": int((further > 0.0).sum()),
         "jump_frames": int(jumped.sum()),
-        "first_jumps": int((jumped & ~known[:-1].any(axis=1)).sum()),
-        "long_worse_frames": too_long,
-        "ghost_shown_markers": ghostly["shown_markers"],
-        "ghost_right_markers": ghostly["right_markers"],
-        "ghost_wrong_frames": ghostly["wrong_frames"],
-        "ghost_doubted_wrong_frames": ghostly["doubted_wrong_frames"],
-        "part_errors_within_twice_expected": round(float(within.mean()), 4),
+        "first_jumps": int((jumped & ~np.isfinite(parts)[:-1].any(axis=1)).sum()),
+        "long_worse_frames": sum(max(stop - begin - late, 0) for begin, stop in runs(over > _WORSE)),
+        "part_errors_within_twice_expected": share_within(parts),
     }
-    return row, Curves(start, error, nearest)
+    ghost_keys = ("shown_markers", "right_markers", "wrong_frames", "doubted_wrong_frames")
+    return row | {f"ghost_{key}": ghostly[key] for key in ghost_keys}, Curves(start, error, nearest)
 
 
 def with_t_pose(motion: Motion) -> Motion:
-    """Return the motion with a T pose held before it.
-
-    The pose stands where the motion begins and faces the same way; a cut is between them.
-    """
-    pose = t_pose(motion.skeleton)[None]
-    still = replace(motion, rotations=pose, root_positions_m=motion.root_positions_m[:1])
+    """Return the motion with a T pose held before it, where it begins and facing the same way; a cut is between."""
     forward = rot.rotate(motion.rotations[0, 0], np.array([0.0, 0.0, 1.0]))
-    below = motion.root_positions_m[0] * np.array([1.0, 0.0, 1.0])
-    still = facing(still, float(np.arctan2(forward[0], forward[2])), below)
+    first = motion.root_positions_m[:1]
+    still = replace(motion, rotations=t_pose(motion.skeleton)[None], root_positions_m=first)
+    still = facing(still, float(np.arctan2(forward[0], forward[2])), first[0] * np.array([1.0, 0.0, 1.0]))
     frames = round(_T_POSE_S * motion.fps)
     return replace(
         motion,

@@ -1,190 +1,119 @@
 """Sketches made of recorded takes: bodies from keys, by several methods.
 
 The true paths of a few joints are keyed every 8, 16 or 32 frames of 30 a second, or where they turn most, and joined by
-Blender's default curves. The takes are out of the database; other takes of their subjects are in it. The constants of
-the solver were chosen on the takes of `DEVELOPMENT`, while those of `TAKES` were seen; those of `FRESH` were solved
-after the last choice. Five controls with keys every 16 frames are also solved with the whole subject out of the
-database, for fresh takes, and with a solver that knows when the true feet stand: then feet skate only by
-the fit, the rest comes from not knowing when they step between keys.
+Blender's default curves. The takes are out of the database; other takes of their subjects are in it. Five controls with
+keys every 16 frames are also solved with the whole subject out of the database, and for fresh takes.
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
-from perfanim.core.body.skeleton import forward_kinematics
-from perfanim.core.database.store import Database, open_database
-from perfanim.core.geometry.arrays import Array, Mask
-from perfanim.core.sketch.base_motion import BaseMotion
+from perfanim.core.body.skeleton import Skeleton, forward_kinematics
+from perfanim.core.database.store import Database
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.geometry.arrays import Array
+from perfanim.core.geometry.two_bone_ik import reach_with_two_bones
+from perfanim.core.markers.marker_set import Marker, MarkerSet
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import Subject
+from perfanim.core.session.solve_take import solve_take
 from perfanim.core.sketch.key_curves import curve_positions
 from perfanim.core.sketch.motion_library import TOES
 from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.solve_sketch import SketchSettings, SketchSolver, key_distances
-from perfanim.core.system.progress import Progress
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.system.progress import no_progress
 from scipy.ndimage import minimum_filter1d
 
-from .data import CMU, SPLIT, SPLIT_AT, TestTake, read_take, whole_database
-from .methods import METHODS
-from .plots import check_plots
-from .report import write_figures
-from .sketch_references import inverse_kinematics, solved_as_markers
-from .subset import write_subset
-from .worst_frames import Picture, write_pictures
+from .run import Run
+from .scenarios import CMU, METHODS, SKETCHED, SKETCHED_FRESH, Take
+from .tables import groups, mean
 
 FPS = 30.0
-TAKES = (
-    TestTake("walk (16_16)", "16_16"),
-    TestTake("walk with a turn (16_17)", "16_17"),
-    TestTake("run (09_03)", "09_03"),
-    TestTake("jump (16_02)", "16_02"),
-    TestTake("boxing (14_02, last third)", SPLIT, SPLIT_AT),
-    TestTake("karate in place of kendo (135_06)", "135_06"),
-    TestTake("squat in place of a sit-down (13_30)", "13_30", 0.55, 0.8),
-    TestTake("dance (05_10)", "05_10"),
-)
-DEVELOPMENT = (
-    TestTake("walk (16_31)", "16_31"),
-    TestTake("walk with a turn (16_20)", "16_20"),
-    TestTake("run (09_06)", "09_06"),
-    TestTake("jump (16_06)", "16_06"),
-    TestTake("boxing (14_02, second third)", SPLIT, 1 / 3, SPLIT_AT),
-    TestTake("karate (135_05)", "135_05"),
-    TestTake("squat (14_14)", "14_14", 0.22, 0.4),
-    TestTake("dance (49_13)", "49_13"),
-)
-FRESH = (
-    TestTake("walk (07_01)", "07_01"),
-    TestTake("walk with a turn (16_29)", "16_29"),
-    TestTake("run (09_01)", "09_01"),
-    TestTake("jump (16_05)", "16_05"),
-    TestTake("punches and kicks (86_01)", "86_01"),
-    TestTake("karate (135_11)", "135_11"),
-    TestTake("squat (13_29)", "13_29", 0.55, 0.8),
-    TestTake("dance (05_17)", "05_17"),
-)
 CONTROLS = {"five": ("root", "lfoot", "rfoot", "lhand", "rhand"), "three": ("root", "lhand", "rhand")}
 KEYS = ("8", "16", "32", "turns")
-UNSEEN, UNTOUCHED = "five, unseen subject", "five, fresh takes"
-INFORMED = "sketch that knows when feet stand"
+UNSEEN, FRESH = "five, unseen subject", "five, fresh takes"
+OURS, IK, BEST, NEAREST = "sketch", "two-bone IK", "best on the curves", "nearest on the curves"
 _EDITS = 5
-_TURNS_EVERY = 16  # frames that there is a key for where paths turn most
+_TURNS_EVERY = 16  # frames for each key where paths turn most
 _MOST_FRAMES = 240  # of a take
 _MEASURES = (
     "deg_per_joint", "mpjpe_mm", "mpjpe_absolute_mm", "foot_skate_cm_s", "foot_skate_truth_cm_s", "jitter_ratio",
 )  # fmt: skip
-OURS, IK, BEST, NEAREST = "sketch", "two-bone IK", "best on the curves", "nearest on the curves"
-_DRAWN = 4  # frames of each take
-_LOW_M = 0.02  # toes above their lowest place within a second, that are on the floor
-_STANDING_M, _STANDING_M_S = 0.05, 0.4  # wider than skate asks in speed: a foot that rolls stands
 _GLIDES = ("glide_cm_s", "glide_truth_cm_s")
+_LOW_M = 0.02  # toes on the floor are this low above their lowest place within a second
+_UP = np.array([0.0, 1.0, 0.0])
+_KNEE, _ELBOW = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0])  # knees bend forwards, elbows backwards
+_SPINE = ("lowerback", "upperback", "thorax")
+_MOST_TWIST_RAD = np.radians(60.0)  # of the chest against the hips
+_BENT_RAD = 0.2  # of limbs without a control
+_STRAIGHTEST = 0.995  # longest reach, as a share of the limb's length
+
+Rows = list[dict[str, Any]]
 
 
-def sketch(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
+def sketch(run: Run) -> dict[str, Any]:
     """Solve sketches of eight takes by every method, and write the table.
 
     Returns:
         rows (take, controls, keys, method, errors), means over the takes, ratios, times of edits, database, outputs.
     """
-    check_plots()
-    whole = whole_database(data, out, (CMU,), workers, progress)
-    database = without_takes(whole, out / "databases" / "cmu-without-sketched.pfdb", TAKES)
-    rows: list[dict[str, Any]] = []
-    pictures: list[Picture] = []
-    edits: list[dict[str, Any]] = []
-    for number, take in enumerate(TAKES):
-        truth = true_motion(data, take)
-        compared = Compared(take, truth, database)
-        for controls, joints in CONTROLS.items():
+    whole = run.whole(CMU)
+    database = run.without_takes(whole, "cmu-without-sketched", SKETCHED)
+    rows: Rows = []
+    edits: Rows = []
+    for number, take in enumerate(SKETCHED):
+        run.progress(0.2 + 0.8 * number / len(SKETCHED), take.title)
+        truth = true_motion(run, take)
+        for controls in CONTROLS:
             for keys in KEYS:
-                progress(0.2 + 0.8 * number / len(TAKES), f"{take.title}: {controls} controls, keys {keys}")
-                rows += compared.rows(sketch_of(truth, joints, keys), {"controls": controls, "keys": keys})
-                if (controls, keys) == ("five", "16"):
-                    pictures += _strip(take.title, truth, compared.motions[OURS])
-                    rows.append(
-                        compared.informed_row(sketch_of(truth, joints, keys), {"controls": controls, "keys": keys})
-                    )
-        edits.append({"take": take.title, "frames": truth.frames} | edit_times(compared.solver, truth))
-        path = out / "databases" / f"cmu-without-sketched-and-{take.trial}.pfdb"
-        unseen = Compared(take, truth, without_subject_of(whole, path, take))
-        rows += unseen.rows(sketch_of(truth, CONTROLS["five"], "16"), {"controls": UNSEEN, "keys": "16"})
-    rows += _fresh_rows(data, without_takes(whole, out / "databases" / "cmu-without-fresh.pfdb", FRESH), progress)
-    means = means_of(rows)
-    figures: dict[str, Any] = {"rows": rows, "means": means, "ratios": ratios_of(means), "edits": edits}
+                rows += _rows(take, truth, database, controls, keys)
+        edits.append({"take": take.title, "frames": truth.frames} | edit_times(database, truth))
+        subject = next(clip.subject for clip in whole.clips if clip.name == take.trial)
+        kept = [(clip, 0, clip.stop - clip.start) for clip in whole.clips if clip.subject != subject]
+        unseen = run.subset(whole, f"cmu-without-sketched-and-{take.trial}", kept)
+        rows += _rows(take, truth, unseen, UNSEEN, "16")
+    fresh = run.without_takes(whole, "cmu-without-fresh", SKETCHED_FRESH)
+    for take in SKETCHED_FRESH:
+        run.progress(0.9, f"{take.title}: fresh")
+        rows += _rows(take, true_motion(run, take), fresh, FRESH, "16")
+    means = _means(rows)
+    figures: dict[str, Any] = {"rows": rows, "means": means, "ratios": _ratios(means), "edits": edits}
     figures["database_frames"] = database.frames
-    plots = write_pictures(out / "sketch-beside-truth", pictures)
-    return write_figures(out, "sketch", figures, {"": rows, "means": means, "edits": edits}, plots)
+    return run.write("sketch", figures, {"": rows, "means": means, "edits": edits})
 
 
-def _fresh_rows(data: Path, database: Database, progress: Progress) -> list[dict[str, Any]]:
-    """Return the rows of takes that no constant was chosen by."""
-    rows: list[dict[str, Any]] = []
-    facts = {"controls": UNTOUCHED, "keys": "16"}
-    for number, take in enumerate(FRESH):
-        progress(number / len(FRESH), f"{take.title}: fresh")
-        truth = true_motion(data, take)
-        compared, drawn = Compared(take, truth, database), sketch_of(truth, CONTROLS["five"], "16")
-        rows += [*compared.rows(drawn, facts), compared.informed_row(drawn, facts)]
-    return rows
+def _rows(take: Take, truth: Motion, database: Database, controls: str, keys: str) -> Rows:
+    """Solve a sketch by every method; return a row with the errors of each."""
+    skeleton = truth.skeleton
+    drawn = sketch_of(truth, CONTROLS.get(controls, CONTROLS["five"]), keys)
+    motions = {
+        OURS: SketchSolver(skeleton, database).solve(drawn).motion,
+        IK: inverse_kinematics(drawn, skeleton),
+        BEST: solved_as_markers(drawn, skeleton, database, METHODS["best"]),
+        NEAREST: solved_as_markers(drawn, skeleton, database, METHODS["nearest"]),
+    }
+    facts = {"take": take.title, "controls": controls, "keys": keys}
+    return [
+        facts | {"method": name, "frames": truth.frames} | errors_of(drawn, motion, truth)
+        for name, motion in motions.items()
+    ]
 
 
-class Compared:
-    """Methods compared on sketches of one take.
-
-    Attributes:
-        motions: of the last sketch by method.
-    """
-
-    def __init__(self, take: TestTake, truth: Motion, database: Database) -> None:
-        self._take, self._truth, self._database = take, truth, database
-        self.solver = SketchSolver(truth.skeleton, database)
-        self.motions: dict[str, Motion] = {}
-
-    def rows(self, drawn: Sketch, facts: dict[str, Any]) -> list[dict[str, Any]]:
-        """Solve a sketch by every method; return a row with the errors of each."""
-        skeleton, database = self._truth.skeleton, self._database
-        self.motions = {
-            OURS: self.solver.solve(drawn).motion,
-            IK: inverse_kinematics(drawn, skeleton),
-            BEST: solved_as_markers(drawn, skeleton, database, METHODS["best"]),
-            NEAREST: solved_as_markers(drawn, skeleton, database, METHODS["nearest"]),
-        }
-        return [self._row(drawn, motion, facts | {"method": name}) for name, motion in self.motions.items()]
-
-    def informed_row(self, drawn: Sketch, facts: dict[str, Any]) -> dict[str, Any]:
-        """Return the row of our solver that knows when the true feet stand."""
-        motion = _InformedSolver(self._truth, self._database).solve(drawn).motion
-        return self._row(drawn, motion, facts | {"method": INFORMED})
-
-    def _row(self, drawn: Sketch, motion: Motion, facts: dict[str, Any]) -> dict[str, Any]:
-        errors = errors_of(drawn, motion, self._truth)
-        return {"take": self._take.title} | facts | {"frames": self._truth.frames} | errors
-
-
-class _InformedSolver(SketchSolver):
-    """A solver that knows when the true feet stand, instead of by examples."""
-
-    def __init__(self, truth: Motion, database: Database) -> None:
-        super().__init__(truth.skeleton, database)
-        self._stands = standing_feet(truth)
-
-    def _drawn(self, *arguments: Any, **options: Any) -> tuple[BaseMotion, float]:
-        base, off_m2 = super()._drawn(*arguments, **options)
-        return replace(base, standing=self._stands.astype(np.float64)), off_m2
-
-
-def edit_times(solver: SketchSolver, truth: Motion) -> dict[str, float]:
+def edit_times(database: Database, truth: Motion) -> dict[str, float]:
     """Return times to solve a sketch, and to solve it again after a key moved, ms.
 
     A hand's key in the middle moves by 3 cm a time, and the frame in the middle is shown; medians, of the processor's
     time.
     """
     drawn = sketch_of(truth, CONTROLS["five"], "16")
-    found = SketchSolver(truth.skeleton, solver.database)
+    found = SketchSolver(truth.skeleton, database)
     times: dict[str, list[float]] = {"from_start_ms": [], "first_picture_ms": [], "whole_ms": []}
 
     def measure(name: str, solve: Callable[[Sketch], object]) -> None:
@@ -203,28 +132,9 @@ def edit_times(solver: SketchSolver, truth: Motion) -> dict[str, float]:
     return {name: round(float(np.median(values)), 1) for name, values in times.items()}
 
 
-def without_subject_of(whole: Database, path: Path, take: TestTake) -> Database:
-    """Return the database without a take's subject, built if missing."""
-    if path.exists():
-        return open_database(path)
-    subject = next(clip.subject for clip in whole.clips if clip.name == take.trial)
-    kept = [(clip, 0, clip.stop - clip.start) for clip in whole.clips if clip.subject != subject]
-    return write_subset(whole, path, kept)
-
-
-def without_takes(whole: Database, path: Path, takes: tuple[TestTake, ...]) -> Database:
-    """Return the database without the takes (or their end), built if missing."""
-    if path.exists():
-        return open_database(path)
-    first = {take.trial: min(other.first for other in takes if other.trial == take.trial) for take in takes}
-    first = {trial: share if trial == SPLIT else 0.0 for trial, share in first.items()}
-    kept = [(clip, 0, int((clip.stop - clip.start) * first.get(clip.name, 1.0))) for clip in whole.clips]
-    return write_subset(whole, path, [part for part in kept if part[2] > 0])
-
-
-def true_motion(data: Path, take: TestTake) -> Motion:
+def true_motion(run: Run, take: Take) -> Motion:
     """Return a take at the rate of sketches, its middle if it is long."""
-    motion = resampled(read_take(data, take), FPS)
+    motion = resampled(run.read(take), FPS)
     first = max(0, (motion.frames - _MOST_FRAMES) // 2)
     return sliced(motion, first, min(motion.frames, first + _MOST_FRAMES))
 
@@ -256,20 +166,11 @@ def errors_of(drawn: Sketch, motion: Motion, truth: Motion) -> dict[str, float]:
     """Return the errors of a motion, and how far it is from the keys at most."""
     errors = evaluate(motion, truth)
     row = {measure: round(float(errors[measure]), 3) for measure in _MEASURES}
-    row |= {name: round(glide_cm_s(each), 3) for name, each in zip(_GLIDES, (motion, truth), strict=True)}
+    row |= {name: round(_glide_cm_s(each), 3) for name, each in zip(_GLIDES, (motion, truth), strict=True)}
     return row | {"farthest_key_mm": round(1e3 * float(key_distances(drawn, motion)[0].max()), 3)}
 
 
-def standing_feet(motion: Motion) -> Mask:
-    """Return (F, 2) whether left and right toes stand: low and slow, as for skate."""
-    positions = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
-    toes = positions[:, [motion.skeleton.index(name) for name in TOES]]
-    speeds_m_s = np.linalg.norm(np.gradient(toes, axis=0), axis=-1) * motion.fps
-    lowest_m = minimum_filter1d(toes[..., 1], 2 * round(motion.fps) + 1, axis=0, mode="nearest")
-    return (toes[..., 1] < lowest_m + _STANDING_M) & (speeds_m_s < _STANDING_M_S)
-
-
-def glide_cm_s(motion: Motion) -> float:
+def _glide_cm_s(motion: Motion) -> float:
     """Return the mean horizontal speed of a motion's toes while they are on the floor.
 
     Unlike skate it does not ask when the true foot stands: a step at another moment is none the worse.
@@ -282,31 +183,92 @@ def glide_cm_s(motion: Motion) -> float:
     return float(100.0 * speeds[heights < lowest + _LOW_M].mean())
 
 
-def means_of(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _means(rows: Rows) -> Rows:
     """Return the means over the takes by controls, keys and method."""
-    result = []
-    for group in dict.fromkeys((row["controls"], row["keys"], row["method"]) for row in rows):
-        same = [row for row in rows if (row["controls"], row["keys"], row["method"]) == group]
-        names = (*_MEASURES, *_GLIDES, "farthest_key_mm")
-        means = {name: round(float(np.nanmean([row[name] for row in same])), 3) for name in names}
-        result.append(dict(zip(("controls", "keys", "method"), group, strict=True)) | means)
-    return result
+    keys, names = ("controls", "keys", "method"), (*_MEASURES, *_GLIDES, "farthest_key_mm")
+    return [
+        dict(zip(keys, group, strict=True)) | {name: mean(same, name, 3) for name in names}
+        for group, same in groups(rows, *keys).items()
+    ]
 
 
-def ratios_of(means: list[dict[str, Any]]) -> list[dict[str, Any]]:
+def _ratios(means: Rows) -> Rows:
     """Return our mean joint distance as a share of the other methods'."""
     result = []
-    for controls, keys in dict.fromkeys((row["controls"], row["keys"]) for row in means):
-        error = {row["method"]: row["mpjpe_mm"] for row in means if (row["controls"], row["keys"]) == (controls, keys)}
+    for (controls, keys), same in groups(means, "controls", "keys").items():
+        error = {row["method"]: row["mpjpe_mm"] for row in same}
         shares = {f"of {name}": round(error[OURS] / error[name], 3) for name in (IK, BEST, NEAREST)}
         result.append({"controls": controls, "keys": keys} | shares)
     return result
 
 
-def _strip(title: str, truth: Motion, solved: Motion) -> list[Picture]:
-    """Return pictures of frames between keys, evenly over a take."""
-    errors = evaluate(solved, truth)["mpjpe_mm"]
-    frames = np.linspace(8, truth.frames - 9, _DRAWN).astype(int)
-    return [
-        Picture(f"{title}, frame {f}: {errors:.0f} mm", *(sliced(m, f, f + 1) for m in (truth, solved))) for f in frames
-    ]
+# ---- other methods from the curves of a sketch to a body
+
+
+def solved_as_markers(sketch: Sketch, skeleton: Skeleton, database: Database, settings: SolveSettings) -> Motion:
+    """Return the motion of a method that takes the curves for markers.
+
+    All count as the torso's: else nothing would tell where the root is.
+    """
+    joints = tuple(control.joint for control in sketch.controls)
+    markers = MarkerSet("controls", tuple(Marker(name, name, (0.0, 0.0, 0.0), torso=True) for name in joints))
+    curves = np.stack([control.curve(sketch.frames) for control in sketch.controls], axis=1)
+    take, subject = MarkerTake(sketch.name, sketch.fps, joints, curves), Subject(sketch.name, skeleton, markers)
+    return solve_take(take, subject, database, settings, no_progress).motion
+
+
+def inverse_kinematics(sketch: Sketch, skeleton: Skeleton) -> Motion:
+    """Return the motion of a usual rig on the curves: two-bone limbs, a spline spine.
+
+    Hips and chest turn about the vertical as the feet and the hands lie to each other, the spine between them evenly;
+    limbs without a control hang.
+    """
+    curves = {control.joint: control.curve(sketch.frames) for control in sketch.controls}
+    chest = _yaws([curves["lhand"] - curves["rhand"]])
+    hips = _yaws([curves[f"l{end}"] - curves[f"r{end}"] for end in ("foot", "hand") if f"l{end}" in curves])
+    twist = np.clip((chest - hips + np.pi) % (2.0 * np.pi) - np.pi, -_MOST_TWIST_RAD, _MOST_TWIST_RAD)
+    rotations = np.repeat(_bent(skeleton)[None], len(hips), axis=0)
+    rotations[:, 0] = rot.from_rotation_vector(hips[:, None] * _UP)
+    for name in _SPINE:
+        rotations[:, skeleton.index(name)] = rot.from_rotation_vector(twist[:, None] / len(_SPINE) * _UP)
+    for frame in range(len(rotations)):
+        goals = {joint: points[frame] for joint, points in curves.items() if joint != "root"}
+        _reach(skeleton, rotations[frame], curves["root"][frame], goals)
+    return Motion(sketch.name, sketch.fps, skeleton, rotations, curves["root"])
+
+
+def _bent(skeleton: Skeleton) -> Array:
+    """Return rotations (J, 4) of a standing body, limbs a little bent as a rig's."""
+    rotations = standing(skeleton)
+    _, world = forward_kinematics(skeleton, rotations, np.zeros(3))
+    for name, axis in (("tibia", _KNEE), ("radius", _ELBOW)):
+        for joint in (skeleton.index(side + name) for side in "lr"):
+            local = rot.rotate(rot.conjugate(world[joint]), axis)
+            rotations[joint] = rot.multiply(rotations[joint], rot.from_rotation_vector(_BENT_RAD * local))
+    return rotations
+
+
+def _yaws(pairs: list[Array]) -> Array:
+    """Return yaws (F,) of a body with its left along the sum of vectors."""
+    planar = sum(pair[:, [0, 2]] / np.linalg.norm(pair[:, [0, 2]], axis=1, keepdims=True) for pair in pairs)
+    return np.asarray(np.unwrap(np.arctan2(-planar[:, 1], planar[:, 0])))
+
+
+def _reach(skeleton: Skeleton, rotations: Array, root_m: Array, goals: dict[str, Array]) -> None:
+    """Turn the limbs of one frame's rotations (J, 4) so that they end at goals."""
+    for joint, goal in goals.items():
+        is_leg, end = joint[1:] == "foot", skeleton.index(joint)
+        names = ("femur", "tibia") if is_leg else ("humerus", "radius")
+        upper, lower = (skeleton.index(joint[0] + name) for name in names)
+        positions, world = forward_kinematics(skeleton, rotations, root_m)
+        first, second = reach_with_two_bones(
+            (positions[upper], positions[lower], positions[end]),
+            (world[upper], world[lower]),
+            goal - positions[upper],
+            rot.rotate(rotations[0], _KNEE if is_leg else _ELBOW),
+            _STRAIGHTEST,
+        )
+        rotations[upper] = rot.multiply(rot.conjugate(world[skeleton.parents[upper]]), first)
+        rotations[lower] = rot.multiply(rot.conjugate(first), second)
+        if is_leg:
+            rotations[end] = rot.multiply(rot.conjugate(second), world[end])

@@ -12,6 +12,8 @@ from perfanim.core.database.reference_poses import relative_poses
 from perfanim.core.database.store import Clip, Database, open_database, save_database
 from perfanim.core.errors import DatabaseError
 
+Part = tuple[Clip, int, int]  # first frame of the clip that is kept, and the one after the last
+
 
 def write_database(
     path: str | Path,
@@ -21,16 +23,7 @@ def write_database(
     clips: Sequence[Clip],
     skeletons: Sequence[Skeleton],
 ) -> None:
-    """Write a database file from local rotations.
-
-    Args:
-        rotations: (F, J, 4) of the standard skeleton's joints relative to rest, root included.
-        root_positions_m: (F, 3).
-        clips: cover the frames in order without gaps.
-
-    Raises:
-        DatabaseError: there are no frames, or the parts do not fit together.
-    """
+    """Write a database file from local rotations (F, J, 4) of the standard skeleton; clips cover them in order."""
     if len(rotations) == 0:
         raise DatabaseError("has no motion to store", where=str(path), advice="add files with motion")
     if rotations.shape[1:] != (len(JOINT_NAMES), 4):
@@ -40,14 +33,11 @@ def write_database(
     save_database(Database(Path(path), fps, *parts, reference_poses=references))
 
 
-def write_subset(database: Database, path: str | Path, kept: Iterable[tuple[Clip, int, int]]) -> Database:
+def write_subset(database: Database, path: str | Path, kept: Iterable[Part]) -> Database:
     """Write parts of a database as another and return it.
 
-    Args:
-        kept: clips, each with its first frame that is kept and the one after the last, counted within the clip.
-
     Raises:
-        DatabaseError: nothing is kept.
+        DatabaseError: Nothing is kept.
     """
     clips, parts, stop = [], [], 0
     for clip, first, last in kept:

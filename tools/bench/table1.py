@@ -2,16 +2,15 @@
 
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from perfanim.core.body.motion import Motion
 from perfanim.core.database.store import Clip, Database, pose_from_rotations
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import FloatArray
-from perfanim.core.simulate.simulated_markers import simulate_markers
-from perfanim.core.solver.choose import choose_search
+from perfanim.core.solver import choose
 from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.paper.neighbour_graph import build_graph
@@ -19,30 +18,14 @@ from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.solver.search.exhaustive import Query
 from perfanim.core.solver.settings import LwrSettings, NearestSettings
 from perfanim.core.solver.subject_model import SubjectModel
-from perfanim.core.system.progress import Progress
 
-from .data import BANDAI, BOXING, CMU, WALKING, TestTake, read_take, whole_database, without_tests
-from .figure6 import true_subject
-from .methods import METHODS, PAPER_RANGE
-from .report import write_figures
+from .run import Run
+from .scenarios import BANDAI, CMU, METHODS, PAPER_RANGE, TABLE1_BANDAI, TABLE1_TAKES, WALKING
+from .solving import markers_of, true_subject
+from .tables import groups
 
 # frames, mean, minimum, maximum visited, error in degrees per joint
 PAPER = {"boxing": (71597, 752.31, 36, 8968, 0.025), "heterogeneous": (433622, 710.1, 31, 9101, 0.014)}
-TAKES = (
-    BOXING,
-    WALKING,
-    TestTake("walking (35_01)", "35_01"),
-    TestTake("running (09_03)", "09_03"),
-    TestTake("jumping (16_02)", "16_02"),
-)
-# clips of the other set, which no database of this table holds
-BANDAI_TAKES = (
-    "dataset-1_dash_happy_001",
-    "dataset-2_raise-up-right-hand_feminine_010",
-    "dataset-2_run_youthful_008",
-    "dataset-2_walk_normal_005",
-    "dataset-2_wave-left-hand_elderly_006",
-)
 _PAPER_SEARCH: dict[str, Any] = {  # all methods search the same
     "examples": PAPER_RANGE.local_pca.neighbours[-1],
     "query_pose_m_per_rad": PAPER_RANGE.local_pca.query_pose_m_per_rad,
@@ -58,69 +41,50 @@ COMPARED = {
 SEARCHES = ("graph", "cells")
 _EVERY = 4  # frames from one that is compared with the exhaustive search to the next
 _SAME_DEG = 0.014  # per joint: poses that are closer count as the same
-_COLUMNS = ("frames", "mean", "min", "max", "deg_per_joint")
 
 
-def table1(data: Path, out: Path, workers: int, progress: Progress) -> dict[str, Any]:
-    """Solve takes with each search and with the exhaustive search; write the table.
-
-    Both start from the same state.
+def table1(run: Run) -> dict[str, Any]:
+    """Solve takes with each search and with the exhaustive search from the same states; write the table.
 
     Returns:
         rows (database, search, method, frames, mean, min, max visited, error, share of frames with the same pose),
         takes (the same for each), times (search, milliseconds, share of the exhaustive search's), paper, outputs.
     """
-    whole = whole_database(data, out, (CMU, BANDAI), workers, progress)
-    folder = out / "databases"
+    whole = run.whole(CMU, BANDAI)
     databases = {
-        "CMU": without_tests(whole, folder / "table1-cmu.pfdb", _is_cmu),
-        "CMU and Bandai-Namco": without_tests(
-            whole, folder / "table1-all.pfdb", lambda clip: clip.name not in BANDAI_TAKES
-        ),
+        "CMU": run.without_tests(whole, "table1-cmu", lambda clip: not clip.subject.startswith("dataset")),
+        "CMU and Bandai-Namco": run.without_tests(whole, "table1-all", lambda clip: clip.name not in TABLE1_BANDAI),
     }
-    databases = {name: with_graph(database) for name, database in databases.items()}
-    takes = {take.title: read_take(data, take) for take in TAKES}
-    takes |= {clip.name: _motion(whole, clip) for clip in whole.clips if clip.name in BANDAI_TAKES}
+    takes = {take.title: run.read(take) for take in TABLE1_TAKES}
+    takes |= {clip.name: _motion(whole, clip) for clip in whole.clips if clip.name in TABLE1_BANDAI}
     rows, times = [], []
     for number, (name, database) in enumerate(databases.items()):
-        solved = [title for title in takes if title not in BANDAI_TAKES or name != "CMU"]
-        for done, title in enumerate(solved):
-            progress(0.4 + 0.6 * (number + done / len(solved)) / len(databases), f"{name}: {title}")
-            for row in _compared(takes[title], database):
-                rows.append({"database": name, "database_frames": database.frames} | row)
-        for row in search_times(takes[WALKING.title], database):
-            times.append({"database": name, "database_frames": database.frames} | row)
+        of = {"database": name, "database_frames": database.frames}
+        graph = build_graph(np.asarray(database.poses).reshape(database.frames, -1), database.clip_of_frame)
+        solved = [title for title in takes if title not in TABLE1_BANDAI or name != "CMU"]
+        with patch.object(choose, "build_graph", lambda *given, graph=graph: graph):  # once, not by each solver
+            for done, title in enumerate(solved):
+                run.progress(0.4 + 0.3 * (number + done / len(solved)), f"{name}: {title}")
+                rows += [of | row for row in _compared(takes[title], database)]
+            times += [of | row for row in _search_times(takes[WALKING.title], database)]
     totals = _totals(rows)
-    paper = [{"database": name} | dict(zip(_COLUMNS, row, strict=True)) for name, row in PAPER.items()]
+    columns = ("frames", "mean", "min", "max", "deg_per_joint")
+    paper = [{"database": name} | dict(zip(columns, row, strict=True)) for name, row in PAPER.items()]
     figures = {"rows": totals, "takes": rows, "times": times, "paper": paper, "compared_every": _EVERY}
-    return write_figures(out, "table1", figures, {"": totals, "takes": rows, "times": times})
-
-
-def with_graph(database: Database) -> Database:
-    """Return a database with the paper's graph, so that not each solver builds one."""
-    poses = np.asarray(database.poses).reshape(database.frames, -1)
-    return replace(database, graph=build_graph(poses, database.clip_of_frame))
-
-
-def _is_cmu(clip: Clip) -> bool:
-    return not clip.subject.startswith("dataset")
+    return run.write("table1", figures, {"": totals, "takes": rows, "times": times})
 
 
 def _motion(database: Database, clip: Clip) -> Motion:
     """Return a clip as it is stored."""
     frames = slice(clip.start, clip.stop)
-    return Motion(
-        clip.name,
-        database.fps,
-        database.skeletons[clip.skeleton],
-        database.local_rotations(frames),
-        np.asarray(database.root_positions_m[frames], dtype=np.float64),
-    )
+    positions = np.asarray(database.root_positions_m[frames], dtype=np.float64)
+    skeleton = database.skeletons[clip.skeleton]
+    return Motion(clip.name, database.fps, skeleton, database.local_rotations(frames), positions)
 
 
 def _compared(truth: Motion, database: Database) -> list[dict[str, Any]]:
     subject = true_subject(truth)
-    markers = simulate_markers(truth, subject)[0].positions_m
+    markers = markers_of(truth)
     model = _Model(subject, database.reference_pose_of(subject.skeleton, subject.name))
     rows = []
     for method, settings in COMPARED.items():
@@ -151,16 +115,15 @@ def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: 
     count, at the start those of several searches.
 
     Args:
-        tested, exhaustive: solvers of the same method, subject and database.
-        markers_m: (F, M, 3) in the order of the marker set.
-        every: frames between two compared poses.
+        tested, exhaustive: Solvers of the same method, subject and database.
+        markers_m: True positions (F, M, 3) in the order of the marker set.
+        every: Number of frames between two compared poses.
     """
     state = tested.initial_state
     visited, apart = [], []
     for number, row in enumerate(markers_m):
         observation = Observation.of_points(row)
-        before = tested.visited
-        before_frame = state
+        before, before_frame = tested.visited, state
         solution, state = tested.step(before_frame, observation)
         visited.append(tested.visited - before)
         if solution is None or number % every:
@@ -179,22 +142,20 @@ def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: 
     }
 
 
-def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
+def _search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
     """Return each search's time for true queries, and its share of the exhaustive's."""
     subject = true_subject(truth)
     model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
     true_poses = pose_from_rotations(truth.rotations, model.mean_rotations)
-    markers = model.markers(true_poses)
     stored = database_markers(model, database)
     pose_weight = (1.0 - PAPER_RANGE.query_alpha) * PAPER_RANGE.local_pca.query_pose_m_per_rad**2
     queries = [
         Query(seen, pose.ravel() if frame else None, PAPER_RANGE.query_alpha, pose_weight)
-        for frame, (seen, pose) in enumerate(zip(markers, true_poses, strict=True))
+        for frame, (seen, pose) in enumerate(zip(model.markers(true_poses), true_poses, strict=True))
     ]
     milliseconds = {}
     for name in ("exhaustive", *SEARCHES):
-        search = choose_search(name, database, stored)
-        taken = []
+        search, taken = choose.choose_search(name, database, stored), []
         for query in queries:
             started = time.perf_counter()
             search.nearest(query, PAPER_RANGE.local_pca.neighbours[-1])
@@ -215,19 +176,14 @@ def search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
 
 def _totals(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the rows of all takes together, frame by frame."""
-    totals = []
-    for key in dict.fromkeys((row["database"], row["database_frames"], row["search"], row["method"]) for row in rows):
-        mine = [r for r in rows if (r["database"], r["database_frames"], r["search"], r["method"]) == key]
+    keys, totals = ("database", "database_frames", "search", "method"), []
+    for key, mine in groups(rows, *keys).items():
         frames = [row["frames"] for row in mine]
-        totals.append(
-            dict(zip(("database", "database_frames", "search", "method"), key, strict=True))
-            | {
-                "frames": sum(frames),
-                "mean": round(float(np.average([row["mean"] for row in mine], weights=frames)), 1),
-                "min": min(row["min"] for row in mine),
-                "max": max(row["max"] for row in mine),
-                "deg_per_joint": round(float(np.average([r["deg_per_joint"] for r in mine], weights=frames)), 5),
-                "same": round(float(np.average([r["same"] for r in mine], weights=frames)), 4),
-            }
-        )
+        averages = {
+            name: round(float(np.average([row[name] for row in mine], weights=frames)), digits)
+            for name, digits in (("mean", 1), ("deg_per_joint", 5), ("same", 4))
+        }
+        row = dict(zip(keys, key, strict=True)) | {"frames": sum(frames), "mean": averages["mean"]}
+        row |= {"min": min(row["min"] for row in mine), "max": max(row["max"] for row in mine)}
+        totals.append(row | averages)
     return totals

@@ -62,8 +62,9 @@ class PerformerMaker:
         wrong = (generator.random(count) < 0.25)[:, None, None]
         believed = bodies * (1.0 + wrong * generator.normal(0.0, 0.02, bodies.shape))
         off = offsets + wrong * generator.normal(0.0, 0.006, offsets.shape)
-        bodies, leg, offsets, believed, off = (x.astype(np.float32) for x in (bodies, leg, offsets, believed, off))
-        return Performers(bodies, leg, joints, offsets, believed, off, torso, worn)
+        exact = (bodies, leg, offsets, believed, off)
+        bones_m, leg_m, offsets_m, believed_m, off_m = (numbers.astype(np.float32) for numbers in exact)
+        return Performers(bones_m, leg_m, joints, offsets_m, believed_m, off_m, torso, worn)
 
     def _body(self, generator: np.random.Generator) -> Array:
         one, other = (self._bodies[i] for i in generator.integers(len(self._bodies), size=2))

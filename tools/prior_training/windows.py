@@ -78,8 +78,8 @@ class WindowMaker:
         rest = self._rest(people)
         frame, origin = _body_frame(generator, people, points[:, :, 0], rest, (root, at))
         inside = (points - origin[:, :, None, None]) @ frame[:, :, None]
-        worn = [np.broadcast_to(each[:, None], (*shape, places, 3)) for each in (rest, people.believed_offsets_m)]
-        features = marker_features(inside, single, *worn, np.array(LAGS_S)).astype(np.float32)
+        rests, offsets = (np.broadcast_to(x[:, None], (*shape, places, 3)) for x in (rest, people.believed_offsets_m))
+        features = marker_features(inside, single, rests, offsets, np.array(LAGS_S)).astype(np.float32)
         turn = np.swapaxes(frame, -1, -2) @ root
         target = np.concatenate((
             rot.to_rotation_vector(rot.from_matrix(turn)),

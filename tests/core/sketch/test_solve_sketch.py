@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.sketch import CONTROLS, sketch_of
-from bench.sketch_references import inverse_kinematics
+from bench.sketch import CONTROLS, inverse_kinematics, sketch_of
 from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate

@@ -4,11 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench.calibration import Expected, confidence_ratio, coverage, expected_of
-from bench.feet import feet_errors
-from bench.figure6 import true_subject
-from bench.paired import UNITS, geometric_mean, paired_ratios
-from bench.solved_takes import LIVE, OFFLINE, solve_both_ways
+from bench.scenarios import LIVE, OFFLINE
+from bench.solving import (
+    Expected,
+    confidence_ratio,
+    coverage,
+    expected_of,
+    feet_errors,
+    solve_both_ways,
+    true_subject,
+)
+from bench.tables import UNITS, geometric_mean, paired_ratios
 from perfanim.core.body.motion import sliced
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers

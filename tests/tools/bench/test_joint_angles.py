@@ -1,11 +1,11 @@
 """The benchmark of joint angles, on shipped clips that stand in for people's."""
 
 import pytest
-from bench.joint_angles import joint_angle_distributions
+from bench.joint_angles import joint_angles
+from bench.run import Run
 from perfanim.core.body.motion import sliced
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.system.progress import no_progress
 
 
 def test_what_people_do_otherwise_is_found(embedded_motion, tmp_path):
@@ -23,7 +23,7 @@ def test_what_people_do_otherwise_is_found(embedded_motion, tmp_path):
     (folder / "index.tsv").write_text(
         "trial\tdescription\n07_01\twalk\n08_01\tslow walk\n16_16\twalk\n", encoding="utf-8"
     )
-    found = joint_angle_distributions(tmp_path, tmp_path / "out", 1, no_progress)
+    found = joint_angles(Run(tmp_path, tmp_path / "out"))
     assert found["people"] == {"walking": ["07", "08"]}  # 16_16 is a test take
     first, *others = found["rows"]
     assert (first["joint"], first["axis"]) == ("lradius", "X")

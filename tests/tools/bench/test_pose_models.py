@@ -1,7 +1,7 @@
 """The models of Figure 5 on poses whose dimension is known."""
 
 import numpy as np
-from bench.pose_models import linear, mixture
+from bench.figure5 import linear, mixture
 
 DIMENSIONS = (1, 2, 4, 8)
 

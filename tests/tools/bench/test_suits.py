@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from bench.run import Run
 from bench.suits import suits
 from perfanim.core.body.motion import sliced
 from perfanim.core.errors import FormatError
@@ -10,7 +11,6 @@ from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.simulate.simulated_markers import simulate_markers
-from perfanim.core.system.progress import no_progress
 
 
 @pytest.fixture
@@ -26,8 +26,8 @@ def data(embedded_motion, tmp_path):
 
 
 def test_suits_are_solved_with_the_same_nine_markers_by_both_versions(data, tmp_path, monkeypatch):
-    monkeypatch.setattr("bench.suits.TAKES", {"walk": "walk.trc", "run": "run.trc"})
-    figures = suits(data, tmp_path, 1, no_progress, Path(__file__).parents[3])
+    monkeypatch.setattr("bench.suits.SUITS", {"walk": "walk.trc", "run": "run.trc"})
+    figures = suits(Run(data, tmp_path, 1), Path(__file__).parents[3])
     rows = {row["method"]: row for row in figures["rows"]}
     assert set(rows) == {"live", "offline", "best of the other version"}
     assert {len(row["used"].split()) for row in rows.values()} == {9}
@@ -41,4 +41,4 @@ def test_suits_are_solved_with_the_same_nine_markers_by_both_versions(data, tmp_
 
 def test_a_folder_without_suits_is_told(tmp_path):
     with pytest.raises(FormatError, match=r"holds none of the suits' takes.*--suits"):
-        suits(tmp_path, tmp_path / "out", 1, no_progress)
+        suits(Run(tmp_path, tmp_path / "out"))

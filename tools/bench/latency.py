@@ -1,7 +1,5 @@
 """Latency of a live capture by stages, from images in hand to bones.
 
-    python tools/latency_bench.py --seconds 20 [--tick-ms 16.7] [--out report.json]   (make latency-bench)
-
 Runs the chain of a live capture: the cameras' process, the solver's process, and this one in place of Blender, with its
 timer and a character of `bpy`. The cameras are simulated, with images drawn beforehand, and the processes treat them as
 plugged-in ones: nobody waits for anybody. Each process notes when a frame passed a stage; the product itself only
@@ -9,12 +7,10 @@ carries the time of the images, by which the notes are put together. Excluded: e
 Blender's evaluation and drawing. Needs bpy.
 """
 
-import argparse
 import atexit
 import json
 import os
 import struct
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -26,18 +22,18 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.geometry.rig_file import rig_tables
-from perfanim.core.markers.subject import Subject, subject_tables
+from perfanim.core.markers.subject import subject_tables
 from perfanim.core.simulate.studio.simulated_performer import SimulatedPerformer
 from perfanim.core.simulate.studio.simulated_source import SimulatedSource, open_simulated
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.system.assets import MOTION
 from perfanim.core.worker import child_process, process
 from perfanim.core.worker.channel import Channel
 from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
+
+from .run import Run
 
 STAGES = (  # each ends at
     "detected",  # blobs of all cameras
@@ -67,34 +63,53 @@ class Notes:
         """Note that a frame has passed a stage now."""
         self.rows.append((stamp_s, stage, time.perf_counter()))
 
+    def after(self, owner: Any, name: str, stage: str, stamp_of: Callable[..., float]) -> None:
+        """Let a method note the end of a stage for the frame that its arguments carry."""
+        method = getattr(owner, name)
+
+        @wraps(method)
+        def noting(*arguments: Any, **named: Any) -> Any:
+            result = method(*arguments, **named)
+            self.add(stamp_of(*arguments), stage)
+            return result
+
+        setattr(owner, name, noting)
+
     def write(self) -> None:
         """Write the notes of this process."""
         Path(os.environ[_NOTES], f"{os.getpid()}.json").write_text(json.dumps(self.rows))
 
 
-def main() -> int:
-    """Run the chain and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=20.0, help="of the capture that are measured (default 20)")
-    parser.add_argument("--tick-ms", type=float, help="interval of Blender's timer (default: the product's)")
-    parser.add_argument("--fps", type=float, default=60.0, help="images of a camera per second (default 60)")
-    parser.add_argument("--out", type=Path, help="report to write (JSON)")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="latency-bench-") as name:
-        folder = Path(name)
-        os.environ[_NOTES] = name
-        tick_s = None if options.tick_ms is None else 1e-3 * options.tick_ms
-        idle_us = captured(folder, options.fps, options.seconds, tick_s)
-        times_s = stage_times(folder)
-    stages = figures(times_s)
-    sys.stdout.write(f"{f'{len(times_s)} frames, ms':34}{'median':>10}{'99 %':>10}\n")
-    for stage, (median, most) in stages.items():
-        sys.stdout.write(f"{stage:34}{median:10.2f}{most:10.2f}\n")
-    sys.stdout.write(f"a tick of Blender's timer without a pose: {idle_us:.0f} us\n")
-    if options.out:
-        report = {"frames": len(times_s), "stages": stages, "idle_tick_us": idle_us}
-        options.out.write_text(json.dumps(report, indent=1))
-    return 0
+def latency(
+    run: Run, seconds: float = 20.0, tick_ms: float | None = None, fps: float = 60.0, database: Path | None = None
+) -> dict[str, Any]:
+    """Run the chain.
+
+    Args:
+        seconds: Length of the capture that is measured.
+        tick_ms: Interval of Blender's timer; the product's by default.
+        fps: Images of a camera per second.
+        database: Database to solve with; the embedded motion's by default.
+
+    Returns:
+        rows (stage, median and 99 % in ms), frames, idle_tick_us (a tick of the timer without a pose), outputs.
+    """
+    request = {
+        "job": "capture",
+        "cameras": {"source": {**_SOURCE, "fps": fps}, "rig": rig_tables(default_rig()), "threshold": None},
+        "performers": [subject_tables(open_simulated(_SOURCE).subject)],
+        "database": str(database or run.embedded().path),
+    }
+    with tempfile.TemporaryDirectory(prefix="latency-bench-") as folder:
+        os.environ[_NOTES] = folder
+        idle_us = captured({**request, "take": f"{folder}/latency.perftake"}, seconds, tick_ms)
+        times_s = stage_times(Path(folder))
+    rows = [
+        {"stage": stage, "median_ms": round(median, 2), "p99_ms": round(most, 2)}
+        for stage, (median, most) in figures(times_s).items()
+    ]
+    found = {"rows": rows, "frames": len(times_s), "idle_tick_us": round(idle_us, 1)}
+    return run.write("latency", found, {"": rows})
 
 
 def stage_times(folder: Path) -> Array:
@@ -122,65 +137,51 @@ def figures(times_s: Array) -> dict[str, tuple[float, float]]:
     }
 
 
-def captured(folder: Path, fps: float, seconds: float, tick_s: float | None) -> float:
+def captured(request: dict[str, Any], seconds: float, tick_ms: float | None) -> float:
     """Capture as Blender does; return the microseconds of a tick without a pose."""
     import bpy
     from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
     from perfanim.perfanim_addon.capture.tuning import TUNING
     from perfanim.perfanim_addon.character.create_character import create_character
 
+    tick_s = TUNING.tick_s if tick_ms is None else 1e-3 * tick_ms
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    subject = open_simulated(_SOURCE).subject
-    driver = ArmatureDriver(create_character(bpy.context, subject.skeleton), subject.skeleton)
-    request = _request(folder, fps, subject)
+    skeleton = open_simulated(_SOURCE).subject.skeleton
+    driver = ArmatureDriver(create_character(bpy.context, skeleton), skeleton)
     probe_children()
-    notes = Notes()
-    run = CaptureRun(WorkerClient(request))
-    _noted(run, "_take_pose", notes, "received by Blender", lambda arguments: _stamp(arguments[0].payload))
-    idle: list[float] = []
+    notes, idle = Notes(), []
+    capture = CaptureRun(WorkerClient(request))
+    notes.after(capture, "_take_pose", "received by Blender", lambda message: _stamp(message.payload))
     due_s = time.perf_counter()
     end_s = limit_s = due_s + _PATIENCE_S
     try:
         while time.perf_counter() < end_s:
             started_s = time.perf_counter()
-            pose = run.tick()
-            if run.error is not None:
-                raise SystemExit(f"the capture ended: {run.error}")
+            pose = capture.tick()
+            if capture.error is not None:
+                raise RuntimeError(f"the capture ended: {capture.error}")
             if pose is None:
                 idle.append(time.perf_counter() - started_s)
             else:
                 end_s = started_s + _WARM_S + seconds if end_s == limit_s else end_s
                 driver.apply(pose.performers[0].rotations, pose.performers[0].root_position_m)
-                notes.add(run._stamp, "bones set")
-            due_s = max(due_s + (tick_s or TUNING.tick_s), time.perf_counter())  # no tick is made up for
+                notes.add(capture._stamp, "bones set")
+            due_s = max(due_s + tick_s, time.perf_counter())  # no tick is made up for
             time.sleep(max(due_s - time.perf_counter(), 0.0))
-        run.stop()
-        while run.phase is not Phase.DONE:
-            run.tick()
+        capture.stop()
+        while capture.phase is not Phase.DONE:
+            capture.tick()
             time.sleep(0.01)
     finally:
-        run.close()
+        capture.close()
     notes.write()
     return 1e6 * float(np.median(idle))
 
 
-def _request(folder: Path, fps: float, subject: Subject) -> dict[str, Any]:
-    build_database([str(MOTION)], folder / "embedded.pfdb", BuildSettings(fps=60.0))
-    return {
-        "job": "capture",
-        "cameras": {"source": {**_SOURCE, "fps": fps}, "rig": rig_tables(default_rig()), "threshold": None},
-        "performers": [subject_tables(subject)],
-        "database": str(folder / "embedded.pfdb"),
-        "take": str(folder / "latency.perftake"),
-    }
-
-
 def probe_children() -> None:
     """Let child processes of this one take notes, and theirs."""
-    folder, paths = str(Path(__file__).parent), child_process.library_paths
-    there = import_module(Path(__file__).stem)  # this file may be the main program here
-    _replace(child_process, "process", SimpleNamespace(main=there.probed))
-    _replace(child_process, "library_paths", lambda: [folder, *paths()])
+    folder, paths = str(Path(__file__).parents[1]), child_process.library_paths
+    vars(child_process).update(process=SimpleNamespace(main=probed), library_paths=lambda: [folder, *paths()])
 
 
 def probed(port: int, token: str, job: str) -> int:
@@ -189,9 +190,9 @@ def probed(port: int, token: str, job: str) -> int:
     atexit.register(notes.write)
     probe_children()
     # as plugged-in cameras: nobody waits for anybody
-    _replace(SimulatedPerformer, "is_live", True)
+    setattr(SimulatedPerformer, "is_live", True)  # noqa: B010 - a property of another class
     if job == "capture":
-        _replace(import_module("perfanim.core.worker.jobs.run_capture"), "_POSES_AHEAD", None)
+        vars(import_module("perfanim.core.worker.jobs.run_capture"))["_POSES_AHEAD"] = None
         _probe_solver(notes)
     else:
         _probe_cameras(notes)
@@ -222,9 +223,10 @@ def _probe_cameras(notes: Notes) -> None:
         later_s = (number - turn) / self.fps
         return replace(drawn[turn], number=number, times_s=tuple(t + later_s for t in drawn[turn].times_s))
 
-    _replace(MarkerPipeline, "detect", detected)
-    _replace(Channel, "send_frame", sent)
-    _replace(SimulatedSource, "frame", image_set)
+    for owner, name, probe in (
+        (MarkerPipeline, "detect", detected), (Channel, "send_frame", sent), (SimulatedSource, "frame", image_set),
+    ):  # fmt: skip
+        setattr(owner, name, probe)
 
 
 def _probe_solver(notes: Notes) -> None:
@@ -232,46 +234,20 @@ def _probe_solver(notes: Notes) -> None:
     from perfanim.core.worker.jobs.capture_loop import CaptureLoop
     from perfanim.core.worker.jobs.capture_stages import FrameRecorder
 
-    _noted(FrameRecorder, "record", notes, "received by the solver", lambda arguments: _stamp(arguments[1]))
-    _noted(Channel, "send_pose", notes, "filtered, handed over", lambda arguments: _stamp(arguments[1]))
     stamps: dict[str, float] = {}
-    solve, step = CaptureLoop._solve, MultiTargetSession.step
+    solve = CaptureLoop._solve
 
     def solved(self: Any, stamp_s: float, frame: Any) -> None:
         stamps["now"] = stamp_s
         notes.add(stamp_s, "its turn in the solver")
         solve(self, stamp_s, frame)
 
-    def stepped(self: Any, frame: Any) -> Any:
-        pose = step(self, frame)
-        notes.add(stamps["now"], "labelled and solved")
-        return pose
-
-    _replace(CaptureLoop, "_solve", solved)
-    _replace(MultiTargetSession, "step", stepped)
-
-
-def _noted(owner: Any, name: str, notes: Notes, stage: str, stamp_of: Callable[[tuple[Any, ...]], float]) -> None:
-    """Let a method note the end of a stage for the frame that its arguments carry."""
-    method = getattr(owner, name)
-
-    @wraps(method)
-    def noting(*arguments: Any, **named: Any) -> Any:
-        result = method(*arguments, **named)
-        notes.add(stamp_of(arguments), stage)
-        return result
-
-    _replace(owner, name, noting)
-
-
-def _replace(owner: Any, name: str, by: Any) -> None:
-    setattr(owner, name, by)
+    setattr(CaptureLoop, "_solve", solved)  # noqa: B010 - a method of another class
+    notes.after(FrameRecorder, "record", "received by the solver", lambda self, record: _stamp(record))
+    notes.after(MultiTargetSession, "step", "labelled and solved", lambda self, frame: stamps["now"])
+    notes.after(Channel, "send_pose", "filtered, handed over", lambda self, record: _stamp(record))
 
 
 def _stamp(record: bytes) -> float:
     """Return the time of the images that a packed frame or pose begins with."""
     return float(_STAMP.unpack_from(record)[0])
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from latency_bench import STAGES, WHOLE, figures, stage_times
+from bench.latency import STAGES, WHOLE, figures, stage_times
 
 
 def test_notes_of_all_processes_are_put_together_by_the_time_of_the_images(tmp_path: Path) -> None:

@@ -1,1 +1,0 @@
-"""Drawings of the documents, computed from marker sets and cameras."""
