@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from perfanim.core.body.motion import sliced
 from perfanim.core.database.file_selection import subject_of
-from perfanim.core.database.store import Clip, Database
+from perfanim.core.database.header_facts import Clip
+from perfanim.core.database.store import Database
 from perfanim.core.geometry.arrays import Array, Mask
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_frame_codec import pack, unpack

@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.database.build_database import BuildSettings, build_database
-from perfanim.core.database.store import Clip, Database, open_database
+from perfanim.core.database.header_facts import Clip
+from perfanim.core.database.store import Database, open_database
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.motion.motion_sources import MotionFile, motion_files
 from perfanim.core.formats.motion.read_motion import read_motion

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES
+from perfanim.core.database.header_facts import Clip
 from perfanim.core.database.reference_poses import relative_poses
-from perfanim.core.database.store import Clip, Database, open_database, save_database
+from perfanim.core.database.store import Database, open_database, save_database
 from perfanim.core.errors import DatabaseError
 
 Part = tuple[Clip, int, int]  # first frame of the clip that is kept, and the one after the last

@@ -7,7 +7,8 @@ from unittest.mock import patch
 
 import numpy as np
 from perfanim.core.body.motion import Motion
-from perfanim.core.database.store import Clip, Database, pose_from_rotations
+from perfanim.core.database.header_facts import Clip
+from perfanim.core.database.store import Database, pose_from_rotations
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import FloatArray
 from perfanim.core.solver import choose
