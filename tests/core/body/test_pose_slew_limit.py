@@ -54,32 +54,32 @@ def test_a_jump_takes_a_quarter_second() -> None:
     assert np.degrees(rot.angle_between(shown, solved)[:, others]).max() < 1e-6
 
 
-def test_two_jumps_in_a_row_are_eased() -> None:
+def test_two_successive_jumps_are_limited() -> None:
     angles = np.concatenate((np.zeros(10), [25.0, 50.0], np.full(30, 50.0)))
     assert changes_deg(eased(turned(angles))).max() <= LIMIT_DEG
 
 
 @pytest.mark.parametrize("joint", [JOINT, 0])
-def test_a_movement_of_a_body_is_shown_as_it_is(joint: int) -> None:
+def test_movement_with_markers_is_unchanged(joint: int) -> None:
     solved = turned(PUNCH, joint)
     moving = marker_positions(CHAIN, CARRIERS, NEAR * OFFSETS, solved, np.zeros(3))
     np.testing.assert_array_equal(eased(solved, moving), solved)
 
 
-def test_a_movement_without_markers_that_show_it_is_eased() -> None:
+def test_movement_without_markers_is_limited() -> None:
     assert changes_deg(eased(turned(PUNCH))).max() <= LIMIT_DEG
     below = turned(PUNCH, JOINT + 1)  # carries no marker
     moving = marker_positions(CHAIN, CARRIERS, NEAR * OFFSETS, turned(PUNCH), np.zeros(3))
     assert changes_deg(eased(below, moving)).max() <= LIMIT_DEG
 
 
-def test_a_jump_that_moves_markers_along_is_eased() -> None:
+def test_jump_with_markers_is_limited() -> None:
     solved = turned(JUMP / 4.0)
     moving = marker_positions(CHAIN, CARRIERS, NEAR * OFFSETS, solved, np.zeros(3))
     assert changes_deg(solved).max() > LIMIT_DEG >= changes_deg(eased(solved, moving)).max()
 
 
-def test_a_smaller_jump_is_eased_only_where_a_marker_comes() -> None:
+def test_smaller_jump_is_limited_only_where_a_marker_appears() -> None:
     solved = turned(JUMP / 10.0)
     hidden = np.where(np.arange(9)[:, None] < 1, np.nan, POINTS)
     points = [POINTS if i >= 20 else hidden for i in range(60)]
@@ -87,18 +87,18 @@ def test_a_smaller_jump_is_eased_only_where_a_marker_comes() -> None:
     assert changes_deg(eased(solved, points)).max() < 3.0 < changes_deg(solved).max()
 
 
-def test_the_root_is_not_eased() -> None:
+def test_root_is_not_limited() -> None:
     solved = turned(JUMP, joint=0)
     np.testing.assert_array_equal(eased(solved), solved)
 
 
-def test_a_cut_is_shown_as_it_is() -> None:
+def test_cut_is_not_limited() -> None:
     solved = turned(JUMP)
     points = [POINTS + (i >= 20) * np.array([0.3, 0.0, 0.0]) for i in range(len(solved))]
     np.testing.assert_array_equal(eased(solved, points), solved)
 
 
-def test_some_markers_elsewhere_are_no_cut_where_labels_were_found() -> None:
+def test_few_jumping_markers_are_not_a_cut_with_found_labels() -> None:
     solved, far = turned(JUMP), (np.arange(9) < 3)[:, None] * np.array([0.3, 0.0, 0.0])
     for known, limit in ((True, 61.0), (False, LIMIT_DEG)):
         slew_limit = PoseSlewLimit(CHAIN, CARRIERS, OFFSETS)
@@ -109,34 +109,34 @@ def test_some_markers_elsewhere_are_no_cut_where_labels_were_found() -> None:
         assert 0.9 * limit < changes_deg(np.array(shown)).max() <= limit
 
 
-def test_markers_that_come_back_elsewhere_are_no_cut() -> None:
+def test_markers_that_return_elsewhere_are_not_a_cut() -> None:
     away = np.isin(np.arange(9), (2, 5))[:, None]
     points = [np.where(away & (i in range(12, 20)), np.nan, POINTS + (i >= 20) * 0.3 * away) for i in range(60)]
     assert changes_deg(eased(turned(JUMP), points)).max() <= LIMIT_DEG
 
 
-def test_a_marker_that_comes_back_is_no_cut() -> None:
+def test_returning_marker_is_not_a_cut() -> None:
     points = [POINTS if i >= 20 else np.where(np.arange(9)[:, None] < 1, np.nan, POINTS) for i in range(60)]
     assert changes_deg(eased(turned(JUMP), points)).max() <= LIMIT_DEG
 
 
-def test_exchanged_labels_are_no_cut() -> None:
+def test_exchanged_labels_are_not_a_cut() -> None:
     points = [POINTS if i >= 20 else POINTS[[1, 0, *range(2, 9)]] for i in range(60)]
     assert changes_deg(eased(turned(JUMP), points)).max() <= LIMIT_DEG
 
 
-def test_markers_that_flicker_are_no_cut() -> None:
+def test_flickering_markers_are_not_a_cut() -> None:
     points = [POINTS if i % 3 else np.where(np.arange(9)[:, None] < 3, np.nan, POINTS) for i in range(60)]
     assert changes_deg(eased(turned(JUMP), points)).max() <= LIMIT_DEG
 
 
-def test_a_pose_after_a_gap_is_shown_as_it_is() -> None:
+def test_pose_after_a_gap_is_not_limited() -> None:
     slew_limit, solved = PoseSlewLimit(CHAIN, CARRIERS, OFFSETS), turned(JUMP)
     slew_limit.step(0.0, solved[0], np.zeros(3), POINTS)
     np.testing.assert_array_equal(slew_limit.step(0.5, solved[40], np.zeros(3), POINTS), solved[40])
 
 
-def test_held_joints_stay_and_are_let_go() -> None:
+def test_held_joints_stay_until_released() -> None:
     solved = turned(3.0 * np.arange(60))
     shown = eased(solved, held=range(20, 26))
     np.testing.assert_allclose(rot.angle_between(shown[19:26], shown[19])[:, 1:], 0.0, atol=1e-6)

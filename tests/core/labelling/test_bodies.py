@@ -41,7 +41,7 @@ def test_first_frame_of_every_prototype_body(pose):
         np.testing.assert_array_equal(labels[truth >= 0], truth[truth >= 0], err_msg=f"body {seed}")
 
 
-def test_left_and_right_are_told_apart_when_facing_the_cameras():
+def test_left_and_right_are_distinguished_when_facing_the_cameras():
     """A T pose looks the same from behind: the one that faces the cameras is meant."""
     template = markers_of(default_skeleton(), t_pose)
     points = template + np.array([0.0, 0.9, -3.0])
@@ -143,7 +143,7 @@ def test_rays_that_do_not_meet_are_not_joined(body):
     np.testing.assert_array_equal(found.blobs[4], [4, -1])
 
 
-def test_a_marker_comes_back_after_a_long_time(body):
+def test_marker_returns_after_a_long_time(body):
     labeller = Labeller(TORSO)
     labels = label_by_template(body, markers_of(default_skeleton(), standing))
     labeller.begin(body, labels)
@@ -160,7 +160,7 @@ def test_a_marker_comes_back_after_a_long_time(body):
     np.testing.assert_array_equal(labeller.label(body, spread, predicted, 1 / 30), np.arange(9))
 
 
-def test_a_ghost_is_not_taken_for_a_hidden_marker_far_away(body):
+def test_ghost_far_from_a_hidden_marker_is_not_labelled(body):
     labeller = Labeller(TORSO)
     labeller.begin(body, label_by_template(body, markers_of(default_skeleton(), standing)))
     points = body.copy()

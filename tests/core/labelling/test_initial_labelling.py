@@ -30,7 +30,7 @@ def points_of(row, generator, ghosts=0):
 
 
 @pytest.mark.parametrize("ghosts", [0, 3])
-def test_any_pose_anywhere_is_labelled(labeller, true_markers, ghosts):
+def test_any_pose_at_any_place_is_labelled(labeller, true_markers, ghosts):
     generator = np.random.default_rng(ghosts)
     for row in true_markers[::6]:
         points, markers = points_of(row, generator, ghosts)
@@ -40,7 +40,7 @@ def test_any_pose_anywhere_is_labelled(labeller, true_markers, ghosts):
 
 
 @pytest.mark.parametrize("hidden", [(2,), (4, 7)])
-def test_hidden_markers_are_borne(labeller, true_markers, hidden):
+def test_hidden_markers_are_tolerated(labeller, true_markers, hidden):
     generator = np.random.default_rng(1)
     for row in true_markers[::6]:
         shown = row.copy()
@@ -49,7 +49,7 @@ def test_hidden_markers_are_borne(labeller, true_markers, hidden):
         np.testing.assert_array_equal(labeller.label(points).labels, markers)
 
 
-def test_what_is_no_body_is_not_labelled(labeller, true_markers):
+def test_points_unlike_a_body_are_not_labelled(labeller, true_markers):
     generator = np.random.default_rng(2)
     assert labeller.label(np.empty((0, 3))) is None
     assert labeller.label(true_markers[0, :2]) is None
@@ -59,7 +59,7 @@ def test_what_is_no_body_is_not_labelled(labeller, true_markers):
     assert labeller.label(points_of(row, generator)[0]) is None
 
 
-def test_cost_tells_wrong_labels_from_right_ones(labeller, true_markers):
+def test_wrong_labels_cost_more(labeller, true_markers):
     row = true_markers[0]
     right = labeller.cost(row)
     assert labeller.cost(row[[1, 0, 3, 2, 5, 4, 7, 6]]) > 2.0 * right  # left for right
@@ -74,7 +74,7 @@ def test_cost_tells_wrong_labels_from_right_ones(labeller, true_markers):
     assert labeller.cost(hidden) == np.inf  # nothing tells where the body is
 
 
-def test_labels_have_the_cost_of_their_markers(labeller, true_markers):
+def test_cost_of_labels_equals_that_of_their_markers(labeller, true_markers):
     generator = np.random.default_rng(3)
     for row in true_markers[::6]:
         points, _ = points_of(row, generator)
@@ -84,7 +84,7 @@ def test_labels_have_the_cost_of_their_markers(labeller, true_markers):
         assert start.cost == pytest.approx(labeller.cost(labelled), rel=1e-3)
 
 
-def test_a_body_that_is_followed_is_placed_with_its_shoulders_hidden(labeller, true_markers):
+def test_tracked_body_places_the_torso_with_hidden_shoulders(labeller, true_markers):
     row = true_markers[0]
     stooped = row.copy()
     stooped[:2] = np.nan
@@ -135,7 +135,7 @@ def limb_cost(*distances_m):
     return 4.0 * np.log1p(np.square(distances_m) / (8.0 * LIMB_SIGMA_M**2)).sum()
 
 
-def test_an_examples_own_markers_cost_nothing_ghosts_and_missed_ones_their_price():
+def test_costs_of_ghosts_and_hidden_markers():
     labeller, markers = lone_example()
     here = laid(markers)
     assert labeller.cost(here) == pytest.approx(0.0, abs=1e-4)
@@ -146,7 +146,7 @@ def test_an_examples_own_markers_cost_nothing_ghosts_and_missed_ones_their_price
         assert labeller.cost(there) == pytest.approx(cost, abs=1e-4)
 
 
-def test_a_limb_away_from_the_example_costs_by_a_heavy_tail_and_a_torso_by_squares():
+def test_limb_costs_are_heavy_tailed_and_torso_costs_quadratic():
     labeller, markers = lone_example()
     here = laid(markers)
     for away_m in (0.05, 0.1, 0.4):
@@ -162,14 +162,14 @@ def test_a_limb_away_from_the_example_costs_by_a_heavy_tail_and_a_torso_by_squar
         assert turned_and_shifted == pytest.approx(width_m**2 / TORSO_SIGMA_M**2, rel=0.02)
 
 
-def test_limbs_anywhere_cost_no_more_than_the_least_likelihood():
+def test_limb_costs_are_bounded():
     labeller, markers = lone_example()
     there = laid(markers)
     there[4:] += [0.0, 50.0, 0.0]
     assert labeller.cost(there) == pytest.approx(-3.0 / 2.0 * np.log(LEAST_LIKELIHOOD), rel=1e-4)
 
 
-def test_facing_away_and_leaning_cost_and_heading_does_not():
+def test_facing_away_and_leaning_cost():
     labeller, markers = lone_example()
     assert labeller.cost(laid(markers, (0.0, np.pi, 0.0))) == pytest.approx(BACK, abs=1e-3)
     assert labeller.cost(laid(markers, (0.0, -np.pi / 2.0, 0.0))) == pytest.approx(0.5 * BACK, abs=1e-3)
@@ -182,7 +182,7 @@ def test_facing_away_and_leaning_cost_and_heading_does_not():
 
 
 @pytest.mark.parametrize("limbs", [0, 1, 2])
-def test_bodies_with_few_limbs_or_none_are_labelled_too(limbs):
+def test_bodies_with_few_or_no_limbs_are_labelled(limbs):
     labeller, markers = lone_example(LIMBS_M[:limbs])
     order = np.random.default_rng(limbs).permutation(len(markers))
     start = labeller.label(laid(markers, (0.0, 0.5, 0.0))[order])
@@ -191,7 +191,7 @@ def test_bodies_with_few_limbs_or_none_are_labelled_too(limbs):
     assert labeller.cost(laid(markers)) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_rivals_are_other_labels_and_cost_more():
+def test_alternatives_are_distinct_and_cost_more():
     """A point 6 cm from the hand's and one at the foot's, which is hidden: the likeliest first, with their costs."""
     labeller, markers = lone_example()
     points = np.concatenate((laid(markers), laid(markers)[4:5] + np.array([0.0, 0.06, 0.0])))
@@ -206,7 +206,7 @@ def test_rivals_are_other_labels_and_cost_more():
     assert cost == pytest.approx(GHOST + limb_cost(0.06), rel=1e-3)
 
 
-def test_among_points_all_about_the_body_is_found_where_it_is():
+def test_body_is_found_among_many_points():
     """Twenty points about each limb: more than are tried, of which the nearest are kept."""
     labeller, markers = lone_example()
     generator = np.random.default_rng(5)
@@ -220,7 +220,7 @@ def test_among_points_all_about_the_body_is_found_where_it_is():
     assert start.cost == pytest.approx(len(crowd) * GHOST, rel=1e-3)
 
 
-def test_points_far_off_are_no_limbs():
+def test_distant_points_are_not_limbs():
     labeller, markers = lone_example()
     here = laid(markers)
     there = np.delete(here, 6, axis=0)
@@ -230,7 +230,7 @@ def test_points_far_off_are_no_limbs():
     assert labeller.label(near).labels.tolist() == [0, 1, 2, 3, 4, 5, 6]
 
 
-def test_too_few_markers_or_too_unlike_ones_are_no_body():
+def test_too_few_or_unlikely_markers_are_refused():
     labeller, markers = lone_example()
     here = laid(markers)
     assert labeller.label(here[:5]).labels.tolist() == [0, 1, 2, 3, 4]  # five of seven

@@ -32,7 +32,7 @@ def search_of(initial):
     return LabelSearch(initial, POINTS_M, Labeller(np.zeros(3, dtype=bool)))
 
 
-def test_each_frame_does_its_share_of_the_work_and_the_last_one_tells_the_result():
+def test_search_is_spread_over_frames():
     initial = Pieces([4.0, 4.0, 4.0, 20.0, 1.0], found())
     search = search_of(initial)
     done = []
@@ -46,13 +46,13 @@ def test_each_frame_does_its_share_of_the_work_and_the_last_one_tells_the_result
     assert search.advance(10.0)
 
 
-def test_a_share_that_is_used_up_to_the_last_begins_no_other_piece():
+def test_exhausted_share_starts_no_further_piece():
     initial = Pieces([4.0, 4.0, 4.0], None)
     assert not search_of(initial).advance(8.0)
     assert initial.done == 1  # the second piece is what it waits after
 
 
-def test_labellings_are_the_best_and_its_rivals():
+def test_labellings_are_the_best_and_its_alternatives():
     alternative = (np.array([0, 1, -1, 2]), 5.0)
     search = search_of(Pieces([], found(alternative)))
     assert search.advance(WORK)
@@ -62,14 +62,14 @@ def test_labellings_are_the_best_and_its_rivals():
     assert other is alternative
 
 
-def test_what_is_no_body_has_no_labellings():
+def test_points_unlike_a_body_have_no_labellings():
     search = search_of(Pieces([1.0], None))
     assert search.advance(WORK)
     assert search.labellings() == []
 
 
 @pytest.mark.parametrize("frames", [0, 1, 8])
-def test_labels_are_carried_to_the_last_frame_by_its_points(frames):
+def test_labels_are_carried_to_the_last_frame(frames):
     search, generator = search_of(Pieces([], found())), np.random.default_rng(1)
     order = np.arange(4)
     for frame in range(1, frames + 1):

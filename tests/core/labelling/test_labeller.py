@@ -133,7 +133,7 @@ def followed(places_m: list[np.ndarray], elapsed_s: float = 1 / 60) -> np.ndarra
     return labeller.is_confident
 
 
-def test_only_markers_vouched_for_are_sure() -> None:
+def test_only_confirmed_markers_are_confident() -> None:
     places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     labeller = limbs(4)
     labeller.begin(places_m, np.array([0, 1, 2, -1]))
@@ -141,7 +141,7 @@ def test_only_markers_vouched_for_are_sure() -> None:
     np.testing.assert_array_equal(labeller.is_confident, [True, False, True, False])  # the last is not seen
 
 
-def test_markers_followed_without_a_doubt_are_sure() -> None:
+def test_unambiguously_tracked_markers_stay_confident() -> None:
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     steps = [start + np.array([0.02 * frame, 0.0, 0.0]) for frame in range(4)]  # 1.2 m/s
     assert followed(steps).all()
@@ -150,7 +150,7 @@ def test_markers_followed_without_a_doubt_are_sure() -> None:
     assert not before.is_confident.any()  # nobody has vouched for them
 
 
-def test_markers_that_meet_or_jump_or_were_lost_are_not_sure() -> None:
+def test_markers_that_meet_jump_or_hide_lose_confidence() -> None:
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     meeting = [start * [share, 1.0, 1.0] for share in (1.0, 0.92, 0.84, 0.76, 0.68)]  # 5 cm nearer in each frame
     assert followed(meeting).all()
@@ -167,13 +167,13 @@ def test_markers_that_meet_or_jump_or_were_lost_are_not_sure() -> None:
     np.testing.assert_array_equal(followed([start, *[hidden] * 6, start]), [True, True, True, False])
 
 
-def test_a_cut_leaves_no_marker_sure() -> None:
+def test_cut_clears_the_confidence() -> None:
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     cut = start + np.array([[0.0, 0.07, 0.0]] * 3 + [[0.0, 0.0, 0.0]])
     assert not followed([start, cut]).any()
 
 
-def test_a_marker_hidden_for_a_frame_is_found_where_it_was_going() -> None:
+def test_briefly_hidden_marker_is_extrapolated() -> None:
     """The pose, which a hidden marker does not hold, has left it meanwhile."""
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     step = np.array([0.03, 0.0, 0.0])
@@ -186,12 +186,12 @@ def test_a_marker_hidden_for_a_frame_is_found_where_it_was_going() -> None:
     np.testing.assert_array_equal(labeller.label(start + 3 * step, spread(4), left, 1 / 60), np.arange(4))
 
 
-def test_nothing_is_sure_after_a_frame_that_shows_other_points_only() -> None:
+def test_frame_of_other_points_clears_the_confidence() -> None:
     start = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     assert not followed([start, start + 3.0]).any()
 
 
-def test_a_lost_marker_pushes_no_other_aside() -> None:
+def test_hidden_marker_does_not_take_a_tracked_markers_point() -> None:
     body = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.5, 0.5, 0.0]])
     labeller, step = limbs(4), np.array([5.0 / 60, 0.0, 0.0])
     labeller.begin(body, np.arange(4))
@@ -236,7 +236,7 @@ def frames_until_named(away_m: list[list[float]], thought_m: np.ndarray, blobs: 
 
 
 @pytest.mark.parametrize("blobs", [False, True])
-def test_a_hidden_marker_takes_a_point_far_away_that_stays_and_is_nobody_elses(blobs) -> None:
+def test_hidden_marker_takes_a_lasting_lone_point_far_away(blobs) -> None:
     """The body that hid it moved on without it."""
     thought_m = np.array([[0.0, 1.0, -4.0], [0.5, 1.0, -4.0], [0.0, 1.5, -4.0], [1.0, 2.4, -4.0]])
     near = [0.1, 0.9, -4.2]  # of the third: 0.64 m; it is 1.8 m from the fourth
@@ -247,7 +247,7 @@ def test_a_hidden_marker_takes_a_point_far_away_that_stays_and_is_nobody_elses(b
     assert frames_until_named([near, [-0.1, 0.9, -4.0]], thought_m, blobs) == [[0, 1, -1, -1]] * 5  # which of the two?
 
 
-def test_a_marker_hidden_for_a_frame_keeps_its_point_from_a_neighbour_that_is_hidden_now() -> None:
+def test_briefly_hidden_torso_marker_keeps_its_priority() -> None:
     """A hand beside the waist: its point is gone just when that of the waist is back."""
     places_m = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.05, 0.5, 0.0]])
     labeller = Labeller(np.array([True, True, True, False]))
@@ -259,7 +259,7 @@ def test_a_marker_hidden_for_a_frame_keeps_its_point_from_a_neighbour_that_is_hi
     assert labeller.label(places_m, spread(4), places_m, 1 / 60).tolist() == [0, 1, 2, 3]
 
 
-def test_a_marker_never_seen_may_be_further_from_where_the_pose_has_it_than_one_seen_just_now():
+def test_unseen_marker_has_a_wider_gate_than_a_tracked_one():
     """A third of a metre for a limb's; one that was seen in the frame before is not so far off a frame later."""
     marker_set = load_marker_set("boxing")
     body, hand = markers_of(marker_set), marker_set.names.index("LHAN")

@@ -48,7 +48,7 @@ def off(one, other):
     return max(np.linalg.norm(one.shift - other.shift), rot.angle_between(*turns))
 
 
-def test_each_marker_has_its_blob_whatever_the_order_and_a_hidden_one_has_none():
+def test_nearest_blobs_in_any_order():
     at, generator = placed(), np.random.default_rng(2)
     pixels, expected = [], np.full((5, 2), -1)
     for index, (seen, hidden) in enumerate(zip(shown(at), ([1], [0, 4]), strict=True)):
@@ -59,7 +59,7 @@ def test_each_marker_has_its_blob_whatever_the_order_and_a_hidden_one_has_none()
     np.testing.assert_array_equal(images_of(pixels).nearest(at, 3.0), expected)
 
 
-def test_a_blob_is_only_the_nearest_markers_and_only_within_the_limit_of_its_image():
+def test_nearest_blobs_are_mutual_and_within_limits():
     at = placed()
     pixels = [seen.copy() for seen in shown(at)]
     pixels[0][2] += [3.0, 0.0]
@@ -74,14 +74,14 @@ def test_a_blob_is_only_the_nearest_markers_and_only_within_the_limit_of_its_ima
     np.testing.assert_array_equal(alone, [[-1, -1], [0, -1], [-1, -1], [-1, 0], [-1, -1]])
 
 
-def test_no_blob_belongs_to_a_prop_behind_the_camera_or_to_a_camera_that_sees_nothing():
+def test_no_blobs_behind_the_camera_or_in_an_empty_image():
     behind = placed(shift=(0.0, 1.0, 9.0))
     assert np.all(images_of(shown(placed())).nearest(behind, 1e4) == -1)
     found = images_of([shown(placed())[0], np.empty((0, 2))]).nearest(placed(), 1e4)
     np.testing.assert_array_equal(found, np.column_stack((np.arange(5), np.full(5, -1))))
 
 
-def test_a_distance_at_the_prop_is_as_many_pixels_as_the_camera_shows():
+def test_distance_in_pixels_at_the_prop():
     matrix = np.array([[600.0, 0.0, 320.0], [0.0, 600.0, 240.0], [0.0, 0.0, 1.0]])
     cameras = [
         Camera(f"{z}", (640, 480), matrix, rotation=WORLD_FROM_CAMERA, translation_m=np.array([0.0, 1.0, z]))
@@ -98,7 +98,7 @@ def test_a_distance_at_the_prop_is_as_many_pixels_as_the_camera_shows():
 
 
 @pytest.mark.parametrize("shift", [(0.03, -0.02, 0.04), (-0.02, 0.03, -0.05)])
-def test_the_pose_is_found_from_one_beside_it_by_markers_of_both_cameras_or_one(shift):
+def test_fit_converges_with_both_cameras_or_one(shift):
     truth = placed()
     start = Placed(rot.to_matrix(rot.from_rotation_vector(np.array([0.06, -0.05, 0.04]))) @ truth.turn,
                    truth.shift + shift, 0.25)  # fmt: skip
@@ -119,7 +119,7 @@ def cauchy_cost(at, pixels):
     return np.log1p((np.concatenate(distances) / CENTRE_PX) ** 2).sum()
 
 
-def test_a_few_wrong_blobs_do_not_move_the_prop_and_no_pose_beside_it_explains_all_better():
+def test_fit_is_robust_and_a_minimum():
     truth = placed()
     pixels = shown(truth, noise_px=0.1)
     pixels[0][3] += [9.0, -12.0]
@@ -135,7 +135,7 @@ def test_a_few_wrong_blobs_do_not_move_the_prop_and_no_pose_beside_it_explains_a
         assert cauchy_cost(Placed(turn, found.shift + step[3:], 0.5), pixels) > least
 
 
-def test_what_no_blob_tells_stays_as_it_was():
+def test_unobserved_directions_stay():
     """A single blob moves the prop across its ray, and leaves depth and the way it points about alone."""
     truth = placed()
     start = Placed(truth.turn, truth.shift + np.array([0.01, 0.0, 0.0]), 0.5)
@@ -150,7 +150,7 @@ def test_what_no_blob_tells_stays_as_it_was():
     assert abs((found.markers(PROP)[1] - start.markers(PROP)[1]) @ ray) < 0.001
 
 
-def test_how_far_the_markers_are_from_their_blobs_rays():
+def test_rms_distance_from_rays():
     truth = placed()
     moved = Placed(truth.turn, truth.shift + np.array([0.004, 0.01, -0.006]), 0.5)
     images, blobs = images_of(shown(truth)), own_blobs()

@@ -39,7 +39,7 @@ def off(pose, turn, place):
 
 
 @pytest.mark.parametrize("images", [True, False])
-def test_a_prop_is_followed_among_a_performers_markers(sword, film, images):
+def test_prop_is_tracked_among_a_performers_markers(sword, film, images):
     turns, places = swung(FRAMES)
     points = np.concatenate((markers_of(sword, turns, places), crowd(9, FRAMES)), axis=1)
     tracker = PropTracker(sword, film.rig.cameras if images else ())
@@ -56,7 +56,7 @@ def test_a_prop_is_followed_among_a_performers_markers(sword, film, images):
         assert [len(blobs) for blobs in sighting.rest.blobs] == [9, 9] * images
 
 
-def test_markers_that_one_camera_sees_count(sword, film):
+def test_single_camera_markers_count(sword, film):
     """Two markers are located, which tells no turn; with those that single cameras show it is known."""
     turns, places = swung(FRAMES)
     points = np.concatenate((markers_of(sword, turns, places), crowd(9, FRAMES)), axis=1)
@@ -70,7 +70,7 @@ def test_markers_that_one_camera_sees_count(sword, film):
 
 
 @pytest.mark.parametrize("images", [True, False])
-def test_a_prop_that_was_hidden_is_found_again_wherever_it_is(sword, film, images):
+def test_hidden_prop_is_found_anywhere(sword, film, images):
     turns, places = swung(FRAMES)
     places = places + np.where(np.arange(FRAMES) >= 60, 1.0, 0.0)[:, None] * np.array([-0.8, 0.1, -0.5])
     points = np.concatenate((markers_of(sword, turns, places), crowd(9, FRAMES)), axis=1)
@@ -89,7 +89,7 @@ def test_a_prop_that_was_hidden_is_found_again_wherever_it_is(sword, film, image
             assert off(sighting.pose, turns[number], places[number])[0] < PLACE_M
 
 
-def test_three_points_that_are_a_prop_by_chance_are_none_for_long(film):
+def test_accidental_triangle_is_not_accepted(film):
     """Performers' markers come by a triangle's distances now and then, but do not keep them."""
     triangle = Prop("triangle", ("A", "B", "C"), np.array([[0.0, 0.0, 0.0], [0.30, 0.0, 0.0], [0.05, 0.20, 0.0]]))
     performer = crowd(9, FRAMES)
@@ -105,7 +105,7 @@ def test_three_points_that_are_a_prop_by_chance_are_none_for_long(film):
     assert sum(count > 0 for count in taken) < 0.3 * FRAMES
 
 
-def test_a_triangle_that_is_there_is_known_once_it_has_lasted(film):
+def test_lasting_triangle_is_accepted(film):
     triangle = Prop("triangle", ("A", "B", "C"), np.array([[0.0, 0.0, 0.0], [0.30, 0.0, 0.0], [0.05, 0.20, 0.0]]))
     turns, places = swung(40)
     points = np.concatenate((markers_of(triangle, turns, places), crowd(9, 40)), axis=1)
@@ -125,7 +125,7 @@ def steady(frames, speed_m_s=3.0, turn_rad_s=4.0):
     return turns, places - rot.rotate(turns, middle)
 
 
-def test_a_prop_is_looked_for_where_its_movement_takes_it(sword, film):
+def test_prop_is_expected_along_its_motion(sword, film):
     """After four frames out of sight, by blobs of one camera or the other alone: no point tells where it is."""
     turns, places = steady(15)
     tracker = PropTracker(sword, film.rig.cameras)
@@ -141,7 +141,7 @@ def test_a_prop_is_looked_for_where_its_movement_takes_it(sword, film):
     assert [len(blobs) for blobs in sighting.rest.blobs] == [0, 0]
 
 
-def test_points_that_a_followed_prop_may_reach_are_looked_at_first(sword, film):
+def test_reachable_points_are_tried_first(sword, film):
     """Of two swords the one where the known one should be is it, though both look alike; without a past neither is."""
     for images in (True, False):
         turns, places = steady(20)
@@ -156,7 +156,7 @@ def test_points_that_a_followed_prop_may_reach_are_looked_at_first(sword, film):
 
 
 @pytest.mark.parametrize(("shown", "found"), [(5, True), (4, True), (3, False)])
-def test_elsewhere_more_than_three_points_must_show_a_prop_that_was_just_seen(sword, film, shown, found):
+def test_tracked_prop_elsewhere_needs_more_than_three_points(sword, film, shown, found):
     turns, places = swung(20)
     tracker = PropTracker(sword)
     for number in range(20):
@@ -168,7 +168,7 @@ def test_elsewhere_more_than_three_points_must_show_a_prop_that_was_just_seen(sw
         assert len(sighting.rest.points_m) == (0 if sighting.pose.found else shown)
 
 
-def test_a_prop_that_too_little_shows_keeps_the_blobs_at_its_markers_for_a_moment(sword, film):
+def test_poorly_visible_prop_keeps_its_blobs_for_a_moment(sword, film):
     """For a tenth of a second; what lies further off, and all of it later, is the performer's."""
     turns, places = np.tile(rot.identity(), (30, 1)), np.tile([0.0, 1.0, 0.3], (30, 1))
     beside = np.array([[0.0, 1.12, 0.3]]) - [[0.10, 0.0, 0.0]]
@@ -189,7 +189,7 @@ def test_a_prop_that_too_little_shows_keeps_the_blobs_at_its_markers_for_a_momen
 
 
 @pytest.mark.parametrize("images", [True, False])
-def test_a_thing_with_other_distances_is_not_the_prop(sword, film, images):
+def test_other_distances_are_not_the_prop(sword, film, images):
     """Not by markers a centimetre or two elsewhere, which is 2 to 4 pixels; by some millimetres it is a bent one."""
     turns, places = swung(10)
     aside = np.array([[1.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, -1.0, 1.0]])
@@ -202,7 +202,7 @@ def test_a_thing_with_other_distances_is_not_the_prop(sword, film, images):
 
 
 @pytest.mark.parametrize(("sigma_m", "found"), [(0.001, False), (0.02, True)])
-def test_points_that_the_cameras_place_less_surely_may_be_further_from_the_props_distances(sword, film, sigma_m, found):
+def test_uncertain_points_have_wider_tolerances(sword, film, sigma_m, found):
     turns, places = swung(10)
     aside = np.array([[1.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 0.0, 1.0], [0.0, -1.0, 1.0]])
     bent = Prop("bent", sword.names, sword.positions_m + 0.006 * aside)
@@ -213,7 +213,7 @@ def test_points_that_the_cameras_place_less_surely_may_be_further_from_the_props
         assert (tracker.step(frame).pose.seen == 5) == found
 
 
-def test_frames_that_come_without_images_are_followed_by_points(sword, film):
+def test_frames_without_images_are_tracked_by_points(sword, film):
     turns, places = swung(20)
     tracker = PropTracker(sword, film.rig.cameras)
     for number, row in enumerate(markers_of(sword, turns, places)):
@@ -224,7 +224,7 @@ def test_frames_that_come_without_images_are_followed_by_points(sword, film):
 
 
 @pytest.mark.parametrize("images", [True, False])
-def test_the_error_told_is_that_of_the_markers(sword, film, images):
+def test_reported_error_is_that_of_the_markers(sword, film, images):
     """Of points with 1 mm of noise on each coordinate, fifteen of them for six unknowns; of rays 0.1 pixel."""
     turns, places = swung(40)
     tracker = PropTracker(sword, film.rig.cameras if images else ())
@@ -234,7 +234,7 @@ def test_the_error_told_is_that_of_the_markers(sword, film, images):
     assert np.mean(told) == pytest.approx(expected, rel=0.25)
 
 
-def test_quaternions_of_a_prop_that_turns_go_on_without_a_jump(sword, film):
+def test_prop_quaternions_are_continuous(sword, film):
     turns, places = steady(60, speed_m_s=0.2, turn_rad_s=8.0)
     tracker = PropTracker(sword)
     found = [tracker.step(film(row, n, images=False)).pose.rotation for n, row in
@@ -243,7 +243,7 @@ def test_quaternions_of_a_prop_that_turns_go_on_without_a_jump(sword, film):
     assert np.min(np.array(found)[:, 0]) < -0.5
 
 
-def test_what_comes_from_an_earlier_time_starts_over(sword, film):
+def test_tracker_restarts_when_time_goes_back(sword, film):
     """A film that is played again, or a camera that was restarted: three points are believed only after a while."""
     turns, places = swung(40)
     tracker = PropTracker(sword)
@@ -255,7 +255,7 @@ def test_what_comes_from_an_earlier_time_starts_over(sword, film):
     assert found == [False] * 6 + [True] * 4
 
 
-def test_nobody_knows_a_prop_that_is_not_there(sword, film):
+def test_absent_prop_is_not_found(sword, film):
     tracker = PropTracker(sword, film.rig.cameras)
     for number, row in enumerate(crowd(9, 30)):
         frame = film(row, number)

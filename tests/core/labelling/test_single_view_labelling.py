@@ -49,7 +49,7 @@ def fresh_cost():
     return best(seen(here), here, here)[0]
 
 
-def test_markers_that_cross_in_the_image_keep_their_names():
+def test_crossing_markers_keep_their_labels():
     """By movement alone: the pose has both where they meet."""
     start, way = at((-0.1, 0.0), (0.1, 0.01)), np.array([[1.5, 0.0, 0.0], [-1.5, 0.0, 0.0]])
     labeller = seen(start, velocity_m_s=way)
@@ -61,7 +61,7 @@ def test_markers_that_cross_in_the_image_keep_their_names():
         labeller = labeller.after(image(points[order]), labels, STEP_S)
 
 
-def test_a_marker_that_was_hidden_for_a_moment_is_where_its_movement_took_it():
+def test_briefly_hidden_marker_is_extrapolated_in_the_image():
     start, way = at((-0.2, 0.0), (0.4, 0.0)), np.array([[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     labeller = hidden(seen(start, velocity_m_s=way), 2.0 * STEP_S)
     there = start[:1] + 3.0 * STEP_S * way[:1]
@@ -78,7 +78,7 @@ def test_a_marker_that_was_hidden_for_a_moment_is_where_its_movement_took_it():
     assert best(labeller, further[:1] - STEP_S * way[:1], further)[0] > fresh_cost() + 2.0
 
 
-def test_a_movement_seen_long_ago_is_forgotten():
+def test_old_velocities_are_not_used():
     """Then the pose tells where a marker is, and seeing it once again tells no velocity."""
     start, way = at((-0.2, 0.0)), np.array([[2.0, 0.0, 0.0]])
     labeller = hidden(seen(start, velocity_m_s=way), 0.15)
@@ -96,7 +96,7 @@ def costs_of_distance(labeller, count=1):
     return 0.03 / np.sqrt(best(labeller, aside, here)[0] - best(labeller, here[:1], here)[0])
 
 
-def test_a_marker_is_the_less_sure_the_longer_it_was_hidden():
+def test_uncertainty_grows_while_a_marker_is_hidden():
     deviations = []
     for seconds in (0.0, 0.03, 0.06, 0.12, 0.2, 1.0):
         deviations.append(costs_of_distance(hidden(seen(at((0.0, 0.0))), seconds) if seconds else seen(at((0.0, 0.0)))))
@@ -107,7 +107,7 @@ def test_a_marker_is_the_less_sure_the_longer_it_was_hidden():
     assert costs_of_distance(hidden(seen(at((0.0, 0.0)), [True]), 1.0)) == pytest.approx(TORSO_HIDDEN_LONG_M, rel=1e-6)
 
 
-def test_a_marker_never_seen_may_be_about_where_the_pose_has_it():
+def test_unseen_marker_is_near_the_pose():
     new = SingleViewLabeller(CAMERA, np.array([False]))
     assert costs_of_distance(new) == pytest.approx(HIDDEN_LONG_M, rel=1e-6)
     # of one that may be anywhere in 20 cm a blob says less than of one in 6 mm, by the logarithm of both variances
@@ -122,7 +122,7 @@ def test_deviations_are_metres_at_the_markers_distance():
     assert best(new, aside + far, here + far)[0] == pytest.approx(best(new, aside, here)[0])
 
 
-def test_a_blob_too_far_from_every_marker_has_no_name():
+def test_distant_blob_is_not_labelled():
     labeller = seen(at((0.0, 0.0), (0.5, 0.0)))
     points = at((0.0, 0.0), (0.5, 0.0), (0.25, 0.3))
     cost, labels = best(labeller, points, points[:2])
@@ -131,7 +131,7 @@ def test_a_blob_too_far_from_every_marker_has_no_name():
     assert best(labeller, np.empty((0, 3)), points[:2])[1].shape == (0,)
 
 
-def test_a_marker_hidden_for_long_does_not_take_the_blob_of_a_neighbour():
+def test_long_hidden_marker_does_not_take_a_neighbours_blob():
     markers = at((0.0, 0.0), (0.03, 0.0))
     labeller = seen(markers)
     for _ in range(30):  # the second is hidden for half a second
@@ -141,7 +141,7 @@ def test_a_marker_hidden_for_long_does_not_take_the_blob_of_a_neighbour():
     assert best(labeller, nearer_to_the_second, predicted)[1].tolist() == [0]
 
 
-def test_where_two_may_have_a_blob_both_are_proposed_the_likelier_first():
+def test_ambiguous_blob_has_two_proposals_likelier_first():
     labeller = hidden(seen(at((0.0, 0.0), (0.4, 0.0))), 0.3)
     predicted = at((0.0, 0.0), (0.4, 0.0))
     proposals = labeller.proposals(image(at((0.16, 0.0))), predicted, STEP_S)
@@ -156,7 +156,7 @@ def test_where_two_may_have_a_blob_both_are_proposed_the_likelier_first():
     assert proposals[1][0] == UNLIKELY
 
 
-def test_the_labeller_before_a_frame_is_left_as_it_was():
+def test_labeller_is_immutable():
     """Alternative labellings go on from one labeller."""
     here, way = at((0.0, 0.0)), np.array([[1.0, 0.0, 0.0]])
     labeller = seen(here, velocity_m_s=way)
@@ -166,7 +166,7 @@ def test_the_labeller_before_a_frame_is_left_as_it_was():
     assert before[0] == after[0]
 
 
-def test_the_pose_behind_the_camera_names_nothing():
+def test_pose_behind_the_camera_labels_nothing():
     labeller = SingleViewLabeller(CAMERA, np.array([False]))
     behind = at((0.0, 0.0)) + np.array([3.0, 0.0, DEPTH_M + 1.0])
     assert best(labeller, at((0.0, 0.0)), behind)[1].tolist() == [-1]

@@ -40,7 +40,7 @@ def posed(person, pose):
 
 
 @pytest.mark.parametrize(("turn", "hidden"), [(0.0, ()), (0.3, (2, 9)), (-0.3, (0, 7))])
-def test_a_calibration_pose_is_recognised_wherever_the_performer_stands(person, camera, turn, hidden):
+def test_calibration_pose_is_labelled_at_any_place(person, camera, turn, hidden):
     poses = [posed(person, pose) for pose in (t_pose, standing)]
     generator = np.random.default_rng(int(10 * turn) + 5)
     for pose in poses:
@@ -60,7 +60,7 @@ def test_a_calibration_pose_is_recognised_wherever_the_performer_stands(person, 
 @pytest.mark.parametrize(
     ("place", "turn"), [((-0.9, 1.5), 0.8), ((1.5, -2.5), -0.9), ((0.0, 1.9), 0.0), ((-3.0, -4.5), 0.5)]
 )
-def test_without_noise_the_performer_is_where_the_blobs_say(person, camera, place, turn):
+def test_exact_blobs_give_the_exact_place(person, camera, place, turn):
     """Near or far, aside, and turned: the body is the assumed one, so that all but rounding is known."""
     facing = np.arctan2(*-camera.rotation[2][[0, 2]])
     for pose in (t_pose, standing):
@@ -73,7 +73,7 @@ def test_without_noise_the_performer_is_where_the_blobs_say(person, camera, plac
         np.testing.assert_allclose(start.markers_m, world, atol=1e-3)
 
 
-def test_a_few_markers_may_be_hidden_and_no_more(person, camera):
+def test_few_markers_may_be_hidden(person, camera):
     pose = posed(person, standing)
     world = pose + np.array([0.1, 1.0, 0.0])
     points, needed = camera.undistort(camera.project(world)), int(np.ceil(0.7 * len(world)))
@@ -87,7 +87,7 @@ def test_a_few_markers_may_be_hidden_and_no_more(person, camera):
     assert label_single_view(false, camera, [pose]) is None
 
 
-def test_of_two_poses_the_one_that_is_taken_is_found(person, camera):
+def test_right_one_of_two_poses_is_found(person, camera):
     poses = [posed(person, pose) for pose in (t_pose, standing)]
     for taken in (0, 1):
         world = poses[taken] + [0.1, 1.0, 0.2]
@@ -95,7 +95,7 @@ def test_of_two_poses_the_one_that_is_taken_is_found(person, camera):
         np.testing.assert_allclose(start.markers_m, world, atol=1e-3)
 
 
-def test_the_likeliest_of_many_bodies_come_first_and_each_labelling_once(person, camera):
+def test_labellings_are_unique_and_likeliest_first(person, camera):
     """One of thirty stands as the performer does, a hand's breadth away; the others elsewhere or otherwise."""
     generator = np.random.default_rng(4)
     standing_m, other_m = (
@@ -116,7 +116,7 @@ def test_the_likeliest_of_many_bodies_come_first_and_each_labelling_once(person,
     assert len(starts) == 3
 
 
-def test_a_body_whose_hand_is_elsewhere_is_moved_to_meet_the_others(person, camera):
+def test_body_is_fitted_to_the_other_markers_if_a_hand_is_elsewhere(person, camera):
     """One marker half a metre off its place is nobody's, and pulls nothing."""
     world = posed(person, standing) + np.array([0.1, 1.0, 0.0])
     seen = world.copy()
@@ -127,14 +127,14 @@ def test_a_body_whose_hand_is_elsewhere_is_moved_to_meet_the_others(person, came
     np.testing.assert_allclose(starts[0].markers_m, world, atol=2e-3)
 
 
-def test_blobs_that_are_no_body_start_nothing(person, camera):
+def test_blobs_unlike_a_body_are_not_labelled(person, camera):
     points = np.random.default_rng(1).uniform(-0.4, 0.4, (14, 2))
     assert label_single_view(points, camera, [posed(person, t_pose)]) is None
     assert label_single_view(points[:5], camera, [posed(person, t_pose)]) is None
     assert label_single_view(np.empty((0, 2)), camera, [posed(person, t_pose)]) is None
 
 
-def test_a_body_in_any_pose_is_recognised_where_it_is_expected(person, camera, database):
+def test_body_in_any_pose_is_labelled_near_its_place(person, camera, database):
     skeleton, markers = person.skeleton, person.marker_set
     motion = performance([("boxing", 3.0)], 20.0, skeleton, seed=1_000_007)
     joints = markers.joint_indices(skeleton)
@@ -153,7 +153,7 @@ def test_a_body_in_any_pose_is_recognised_where_it_is_expected(person, camera, d
     assert right > 0.9 * total
 
 
-def test_a_marker_hidden_for_long_takes_no_blob_of_another_and_both_names_of_one_that_returns_are_proposed(camera):
+def test_returning_blob_has_both_labels_proposed(camera):
     # across the image, 3 m away: a torso, a hand beside it, and an elbow 0.15 m from the hand
     at = np.array([[0.0, 1.0, 0.0], [0.3, 1.0, 0.0], [0.45, 1.0, 0.0]])
     image = camera.undistort(camera.project(at))
@@ -184,7 +184,7 @@ def without_depth(frame, camera):
     )
 
 
-def test_a_walk_is_followed_by_one_camera(person, database, record):
+def test_one_camera_tracks_a_walk(person, database, record):
     motion = performance([("walking", 2.0)], FPS, person.skeleton, seed=1_000_003)
     markers = person.marker_set
     joints = markers.joint_indices(person.skeleton)

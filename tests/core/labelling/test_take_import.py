@@ -64,7 +64,7 @@ def unnamed(take, order):
 
 
 @pytest.mark.parametrize("up", AXES)
-def test_the_axis_that_points_up_is_found_or_given(stand, up):
+def test_up_axis_is_found_or_given(stand, up):
     file = moved(stand, turn_to(up))
     for given in ("auto", up) if up in ("y", "z") else ("auto",):
         found = import_take(file, SET, given)
@@ -74,7 +74,7 @@ def test_the_axis_that_points_up_is_found_or_given(stand, up):
 
 @pytest.mark.parametrize("name", ["locomotion", "boxing", "kendo", "two-webcams"])
 @pytest.mark.parametrize("up", AXES)
-def test_nameless_markers_are_named_whatever_axis_points_up(name, up):
+def test_unnamed_markers_are_named_for_any_up_axis(name, up):
     worn = load_marker_set(name)
     skeleton = default_skeleton(1.7)
     places = marker_positions(skeleton, worn.joint_indices(skeleton), worn.offsets_m, standing(skeleton), np.zeros(3))
@@ -86,19 +86,19 @@ def test_nameless_markers_are_named_whatever_axis_points_up(name, up):
 
 
 @pytest.mark.parametrize(("up", "given"), [("y", "auto"), ("y", "y"), ("z", "auto"), ("z", "z")])
-def test_nameless_markers_are_named_by_their_places(stand, up, given):
+def test_unnamed_markers_are_named_by_their_places(stand, up, given):
     order = np.random.default_rng(3).permutation(8)
     found = import_take(unnamed(moved(few(stand), turn_to(up)), order), SET, given)
     assert found.names == SET.names
     np.testing.assert_allclose(found.positions_m, stand.positions_m[:2], atol=1e-9)
 
 
-def test_the_given_axis_is_taken_even_where_the_body_lies(stand):
+def test_given_axis_is_used_for_lying_bodies(stand):
     lying = moved(stand, turn_to("z"))
     np.testing.assert_array_equal(import_take(lying, SET, "y").positions_m, lying.positions_m)
 
 
-def test_names_in_other_spellings_become_the_sets_and_other_markers_stay(stand):
+def test_other_spellings_are_renamed(stand):
     extra = np.full((30, 1, 3), 0.5)
     names = (*(f"Anna:{name.lower()}" for name in SET.names), "wand")
     file = replace(stand, names=names, positions_m=np.concatenate((stand.positions_m, extra), axis=1))
@@ -123,7 +123,7 @@ def seen_by(rig, positions_m):
 
 
 @pytest.mark.parametrize("up", ["auto", "feet"])
-def test_the_cameras_move_with_the_world(stand, up):
+def test_cameras_move_with_the_world(stand, up):
     """Before and after, every camera sees every marker at the same place in its image."""
     turn, shift = turn_to("z"), np.array([0.5, -0.3, 0.4])
     file, rig = moved(stand, turn, shift), default_rig()
@@ -141,7 +141,7 @@ def test_the_cameras_move_with_the_world(stand, up):
 
 
 @pytest.mark.parametrize("height_m", [-0.4, 0.7])
-def test_the_floor_under_the_feet_becomes_level_and_zero(stand, height_m):
+def test_floor_under_the_feet_becomes_zero(stand, height_m):
     tilt = rot.to_matrix(rot.from_rotation_vector(np.array([0.06, 0.0, -0.04])))
     found = import_take(moved(stand, tilt, (1.0, height_m, 2.0)), SET, "feet")
     np.testing.assert_allclose(floor_points(found, SET)[:, 1], 0.0, atol=1e-9)
@@ -154,7 +154,7 @@ def test_the_floor_under_the_feet_becomes_level_and_zero(stand, height_m):
     np.testing.assert_allclose(floor_points(found, SET).mean(axis=0)[[0, 2]], floor[[0, 2]], atol=1e-9)
 
 
-def test_a_take_of_one_camera_stays_as_it_is(stand):
+def test_take_of_one_camera_is_unchanged(stand):
     rig = default_rig(1)
     nothing = np.full((30, 8, 3), np.nan)
     single = SingleViews(rig, np.zeros((30, 8), dtype=np.int64), np.zeros((30, 8, 2)))
@@ -162,7 +162,7 @@ def test_a_take_of_one_camera_stays_as_it_is(stand):
     assert import_take(file, SET, "auto") is file
 
 
-def test_what_is_not_the_sets_is_told(stand):
+def test_other_markers_are_refused(stand):
     named = replace(stand, names=tuple("ABCDEFGH"))
     fewer = MarkerTake("few", FPS, tuple("ABCDEFG"), stand.positions_m[:, :7])
     with pytest.raises(TakeError, match="its markers are called A, B, C, D, E, F, G, those of the set locomotion LSHO"):
@@ -175,7 +175,7 @@ def test_what_is_not_the_sets_is_told(stand):
         assert told.value.where == "stand"
 
 
-def test_too_few_markers_at_once_tell_no_vertical(stand):
+def test_too_few_markers_for_the_vertical_are_refused(stand):
     positions = np.full_like(stand.positions_m, np.nan)
     for f in range(30):
         positions[f, [f % 8, (f + 1) % 8, (f + 2) % 8]] = 0.3

@@ -28,7 +28,7 @@ def laid(markers, heading=0.0, size=1.0, place=(0.4, 0.9, -3.0)):
 @pytest.mark.parametrize("pose", [t_pose, standing])
 @pytest.mark.parametrize("heading", [-1.0, 0.0, 1.0])
 @pytest.mark.parametrize("size", [0.85, 1.0, 1.2])
-def test_bodies_of_any_size_and_heading_are_named(pose, heading, size):
+def test_bodies_of_any_size_and_heading_are_labelled(pose, heading, size):
     generator = np.random.default_rng(1)
     order = generator.permutation(COUNT)
     points = laid(template(pose), heading, size)[order] + generator.normal(scale=NOISE_M, size=(COUNT, 3))
@@ -36,7 +36,7 @@ def test_bodies_of_any_size_and_heading_are_named(pose, heading, size):
 
 
 @pytest.mark.parametrize("hidden", [(0, 5), (3, 8), (2, 6, 7)])
-def test_hidden_markers_and_false_points_leave_the_others_names(hidden):
+def test_hidden_markers_and_ghosts_leave_other_labels(hidden):
     generator = np.random.default_rng(sum(hidden))
     shown = np.setdiff1d(np.arange(COUNT), hidden)
     markers = laid(template(), 0.5)
@@ -48,7 +48,7 @@ def test_hidden_markers_and_false_points_leave_the_others_names(hidden):
     np.testing.assert_array_equal(label_by_template(points[order], template()), names[order])
 
 
-def test_a_marker_far_from_where_the_pose_has_it_has_no_name():
+def test_marker_far_from_the_template_is_not_labelled():
     for away_m, name in ((0.8 * GATE_M, 4), (2.0 * GATE_M, -1)):
         points = laid(template())
         points[4] += [0.0, away_m, 0.0]
@@ -57,12 +57,12 @@ def test_a_marker_far_from_where_the_pose_has_it_has_no_name():
         np.testing.assert_array_equal(np.delete(labels, 4), np.delete(np.arange(COUNT), 4))
 
 
-def test_a_body_of_a_childs_or_a_giants_size_is_none_of_these():
+def test_bodies_out_of_the_size_range_are_not_labelled():
     for size in (0.5, 1.9):
         assert np.any(label_by_template(laid(template(), size=size), template()) != np.arange(COUNT))
 
 
-def test_who_faces_away_in_a_pose_alike_from_behind_is_taken_for_one_who_faces_the_cameras():
+def test_symmetric_pose_is_assumed_to_face_the_cameras():
     """Of two placements that fit as well the one that is turned less is meant."""
     flat, other_side = template() * [1.0, 1.0, 0.0], np.array([0, 2, 1, 4, 3, 6, 5, 8, 7])
     generator = np.random.default_rng(2)
@@ -73,7 +73,7 @@ def test_who_faces_away_in_a_pose_alike_from_behind_is_taken_for_one_who_faces_t
         np.testing.assert_array_equal(labels, other_side[order])
 
 
-def test_fewer_points_than_most_of_the_markers_have_no_names():
+def test_too_few_points_for_the_template_are_not_labelled():
     points = laid(template())
     shown = [0, 1, 2, 4, 6, 8]
     np.testing.assert_array_equal(label_by_template(points[shown[:NEEDED]], template()), shown)
@@ -87,7 +87,7 @@ def test_fewer_points_than_most_of_the_markers_have_no_names():
     assert label_by_template(np.empty((0, 3)), template()).shape == (0,)
 
 
-def test_three_markers_are_enough_for_a_template():
+def test_template_of_three_markers():
     three = template()[[0, 1, 4]]
     labels = label_by_template(laid(three, 0.5)[[2, 0, 1]], three)
     np.testing.assert_array_equal(labels, [2, 0, 1])

@@ -54,7 +54,7 @@ def all_choices(examples_m, points_m):
 
 
 @pytest.mark.parametrize("spread_m", [SPREAD_M, 0.001])
-def test_all_choices_that_the_examples_allow_are_found_the_likeliest_first(spread_m):
+def test_all_allowed_choices_are_found_likeliest_first(spread_m):
     generator = np.random.default_rng(2)
     examples_m = examples(spread_m)
     points_m = np.concatenate(
@@ -69,7 +69,7 @@ def test_all_choices_that_the_examples_allow_are_found_the_likeliest_first(sprea
     assert np.all(np.diff(costs) > -ROUNDING)
 
 
-def test_a_hidden_marker_has_no_point_and_fewer_than_three_points_are_no_torso():
+def test_hidden_torso_markers_and_too_few_points():
     candidates = TorsoCandidates(examples(0.01))
     assert choose(candidates, TORSO_M)[0].tolist() == [0, 1, 2, 3]
     assert choose(candidates, TORSO_M[[3, 1, 0]])[0].tolist() == [2, 1, -1, 0]
@@ -77,7 +77,7 @@ def test_a_hidden_marker_has_no_point_and_fewer_than_three_points_are_no_torso()
         assert choose(candidates, TORSO_M[:count]).shape == (0, 4)
 
 
-def test_of_too_many_choices_the_likeliest_are_kept():
+def test_likeliest_choices_are_kept():
     """In a crowd of points there are more choices than can be looked at; the torso's own stays among them."""
     generator = np.random.default_rng(3)
     crowd = generator.uniform(-0.3, 0.7, (60, 3))
@@ -86,7 +86,7 @@ def test_of_too_many_choices_the_likeliest_are_kept():
     assert [60, 61, 62, 63] in found[:100].tolist()
 
 
-def test_the_work_is_cut_into_pieces_that_a_frame_has_time_for_and_not_into_crumbs():
+def test_work_is_split_into_pieces_of_suitable_size():
     generator = np.random.default_rng(4)
     few, many = (
         list(TorsoCandidates(examples()).choose(generator.uniform(-0.3, 0.7, (count, 3)))) for count in (10, 150)

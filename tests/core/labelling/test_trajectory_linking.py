@@ -53,7 +53,7 @@ def right_share(tracking, truth: list[np.ndarray]) -> float:
     return votes.max(axis=1).sum() / (votes.sum() + false)
 
 
-def test_markers_are_followed(tmp_path):
+def test_markers_are_linked(tmp_path):
     frames, truth = frames_of(walk(90, 30.0), 30.0)
     tracking = track_markers(frames, "walk", 30.0)
     assert tracking.take.positions_m.shape == (90, 10, 3)
@@ -64,7 +64,7 @@ def test_markers_are_followed(tmp_path):
     assert np.all(np.diff(heights) <= 0.01)  # numbered from the highest down
 
 
-def test_lost_markers_get_their_own_label_back():
+def test_returning_markers_get_their_own_labels():
     rng = np.random.default_rng(5)
     hidden = np.zeros((150, 10), dtype=bool)
     for _ in range(25):
@@ -76,7 +76,7 @@ def test_lost_markers_get_their_own_label_back():
     assert tracking.take.visible.sum() >= 0.97 * (~hidden).sum()
 
 
-def test_false_points_of_single_frames_are_dropped():
+def test_ghosts_of_single_frames_are_dropped():
     frames, truth = frames_of(walk(90, 30.0), 30.0, ghosts=3)
     tracking = track_markers(frames, "walk", 30.0)
     assert len(tracking.take.names) == 10
@@ -85,12 +85,12 @@ def test_false_points_of_single_frames_are_dropped():
 
 
 @pytest.mark.parametrize(("fps", "speed"), [(5.0, 1.0), (1.0, 0.25)])
-def test_slow_cameras_are_followed_by_the_body_as_a_whole(fps, speed):
+def test_slow_cameras_are_linked_by_the_common_shift(fps, speed):
     frames, truth = frames_of(walk(20, fps, speed), fps)
     assert right_share(track_markers(frames, "walk", fps), truth) == 1.0
 
 
-def test_slow_cameras_follow_a_body_that_goes_further_aside_than_its_markers_are_apart():
+def test_common_shift_may_exceed_marker_distances():
     """Half a metre from frame to frame: nearly every marker comes near to where another was, and limbs swing."""
     points = walk(12, 2.0, 0.0)
     points[..., 0] += 0.5 * np.arange(12)[:, None] - 3.0
@@ -98,7 +98,7 @@ def test_slow_cameras_follow_a_body_that_goes_further_aside_than_its_markers_are
     assert right_share(track_markers(frames, "walk", 2.0), truth) >= 0.95
 
 
-def test_a_false_point_does_not_take_the_place_of_a_marker_that_comes_back():
+def test_ghost_does_not_replace_a_returning_marker():
     """It is seen for nine frames, the last four of them beside the marker, which stays for longer."""
     marker = walk(100, 30.0, speed=0.0)
     points = np.concatenate((marker, marker[:, 9:] + [0.12, 0.0, 0.0]), axis=1)
@@ -115,14 +115,14 @@ def test_a_false_point_does_not_take_the_place_of_a_marker_that_comes_back():
         assert np.all(labels[order == 10] < 0)
 
 
-def test_depth_that_jumps_with_the_cameras_clocks_exchanges_nothing():
+def test_depth_jumps_do_not_exchange_markers():
     points = walk(120, 30.0)
     points[..., 2] += np.random.default_rng(2).normal(0, 0.07, (120, 1))
     frames, truth = frames_of(points, 30.0)
     assert right_share(track_markers(frames, "walk", 30.0), truth) == 1.0
 
 
-def test_nothing_to_track_is_told():
+def test_frames_without_markers_are_refused():
     empty = [MarkerFrame(f, f / 30.0) for f in range(10)]
     with pytest.raises(TakeError, match="hardly any markers"):
         track_markers(empty, "empty", 30.0)
@@ -135,7 +135,7 @@ def test_nothing_to_track_is_told():
         track_markers(frames, "walk", 30.0, count=12)
 
 
-def test_the_take_holds_the_points_under_their_labels_and_the_frames_numbers_and_times():
+def test_take_holds_points_numbers_and_times():
     frames, _ = frames_of(walk(40, 30.0), 30.0, ghosts=2)
     frames = [replace(frame, number=2 * f + 7, time_s=frame.time_s + 3.0) for f, frame in enumerate(frames)]
     tracking = track_markers(frames, "walk", 30.0)
@@ -151,7 +151,7 @@ def test_the_take_holds_the_points_under_their_labels_and_the_frames_numbers_and
 
 
 @pytest.mark.parametrize(("share", "worn"), [(0.35, 10), (0.15, 8)])
-def test_as_many_markers_are_worn_as_a_quarter_of_the_frames_shows(share, worn):
+def test_marker_count_is_that_of_a_quarter_of_the_frames(share, worn):
     hidden = np.zeros((100, 10), dtype=bool)
     hidden[int(100 * share) :, [0, 9]] = True
     frames, truth = frames_of(walk(100, 30.0, speed=0.3), 30.0, hidden)
@@ -162,7 +162,7 @@ def test_as_many_markers_are_worn_as_a_quarter_of_the_frames_shows(share, worn):
 
 
 @pytest.mark.parametrize(("shown", "found"), [(32, True), (20, False)])
-def test_markers_that_hardly_any_frame_shows_are_none(shown, found):
+def test_rare_markers_are_refused(shown, found):
     frames, _ = frames_of(walk(100, 30.0)[:, :5], 30.0)
     frames = [frame if f < shown else MarkerFrame(f, f / 30.0) for f, frame in enumerate(frames)]
     if found:
@@ -172,7 +172,7 @@ def test_markers_that_hardly_any_frame_shows_are_none(shown, found):
             track_markers(frames, "short", 30.0)
 
 
-def test_a_false_point_that_stays_is_not_taken_for_a_hidden_marker():
+def test_lasting_ghost_is_not_a_hidden_marker():
     points = np.concatenate((walk(100, 30.0, speed=0.0), np.tile([0.7, 0.4, -4.9], (100, 1, 1))), axis=1)
     hidden = np.zeros((100, 11), dtype=bool)
     hidden[30:70, 9] = True
@@ -186,7 +186,7 @@ def test_a_false_point_that_stays_is_not_taken_for_a_hidden_marker():
     assert tracking.take.visible.sum() == 10 * 100 - 40
 
 
-def test_limbs_that_have_moved_while_they_were_hidden_are_told_by_what_stays_at_its_distance():
+def test_moved_limbs_are_identified_by_rigid_distances():
     """Both hands come back with the arms crossed: each lies where the other was, but at its own forearm."""
     time_s = np.arange(140)[:, None] / 30.0
     torso = np.array([[-0.15, 1.4, 0.0], [0.15, 1.4, 0.0], [-0.12, 1.0, 0.0], [0.12, 1.0, 0.0], [0.0, 1.6, 0.0]])
@@ -206,7 +206,7 @@ def test_limbs_that_have_moved_while_they_were_hidden_are_told_by_what_stays_at_
     assert right_share(tracking, truth) == 1.0
 
 
-def test_whoever_is_elsewhere_from_one_frame_to_the_next_was_not_walking():
+def test_common_shift_is_limited_by_walking_speed():
     """At five frames per second: three metres aside are a cut, or another person."""
     points = walk(20, 5.0, 0.0)
     points[12:, :, 0] += 3.0
@@ -216,7 +216,7 @@ def test_whoever_is_elsewhere_from_one_frame_to_the_next_was_not_walking():
     assert tracking.take.visible.sum() == 10 * 12
 
 
-def test_who_stands_while_slow_cameras_look_moves_nothing():
+def test_standing_body_has_no_common_shift():
     """All markers but three are hidden for a frame: the others' places must not pull the body aside."""
     points = walk(12, 5.0, 0.0)
     hidden = np.zeros((12, 10), dtype=bool)

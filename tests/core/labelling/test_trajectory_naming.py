@@ -33,7 +33,7 @@ def take_of(marker_set, pose=standing, frames=2, scattered=()):
 
 @pytest.mark.parametrize("pose", [standing, t_pose])
 @pytest.mark.parametrize("name", ["two-webcams", "locomotion", "boxing"])
-def test_trajectories_get_the_names_of_the_marker_set(name, pose):
+def test_trajectories_are_named(name, pose):
     marker_set = load_marker_set(name)
     take, order = take_of(marker_set, pose)
     named = name_trajectories(take, marker_set)
@@ -41,7 +41,7 @@ def test_trajectories_get_the_names_of_the_marker_set(name, pose):
     np.testing.assert_array_equal(named.positions_m, take.positions_m[:, np.argsort(order)])
 
 
-def test_what_single_cameras_show_is_named_too():
+def test_single_camera_trajectories_are_named():
     marker_set = load_marker_set("locomotion")
     take, order = take_of(marker_set)
     cameras = np.tile(np.arange(8) % 2, (2, 1))
@@ -51,7 +51,7 @@ def test_what_single_cameras_show_is_named_too():
     np.testing.assert_array_equal(named.single.points, points[:, np.argsort(order)])
 
 
-def test_hidden_markers_are_named_by_the_frames_that_show_them():
+def test_markers_hidden_in_some_frames_are_named():
     marker_set = load_marker_set("locomotion")
     take, order = take_of(marker_set, frames=4)
     positions = take.positions_m.copy()
@@ -60,7 +60,7 @@ def test_hidden_markers_are_named_by_the_frames_that_show_them():
     np.testing.assert_array_equal(named.positions_m, positions[:, np.argsort(order)])
 
 
-def test_so_many_frames_must_show_a_standing_body():
+def test_fewest_frames_with_a_standing_body():
     marker_set = load_marker_set("locomotion")
     take, order = take_of(marker_set, frames=10, scattered=range(6))
     np.testing.assert_array_equal(
@@ -77,7 +77,7 @@ def test_a_take_with_another_number_of_markers_is_refused():
         name_trajectories(take, load_marker_set("locomotion"))
 
 
-def test_trajectories_are_paired_by_the_frames_in_which_both_are_seen():
+def test_trajectories_are_matched_by_common_frames():
     generator = np.random.default_rng(1)
     points = np.tile(generator.uniform(-1.0, 1.0, (10, 3)), (30, 1, 1))
     order = generator.permutation(10)
@@ -89,14 +89,14 @@ def test_trajectories_are_paired_by_the_frames_in_which_both_are_seen():
     np.testing.assert_array_equal(order[columns], rows)
 
 
-def test_trajectories_never_seen_together_are_the_last_to_be_paired():
+def test_trajectories_without_common_frames_are_matched_last():
     near, far = np.zeros((4, 3)), np.full((4, 3), 100.0)
     hidden = np.full((4, 3), np.nan)
     rows, columns = match_trajectories(np.stack((near, hidden), axis=1), np.stack((hidden, far), axis=1))
     assert dict(zip(rows.tolist(), columns.tolist(), strict=True)) == {0: 1, 1: 0}
 
 
-def test_trajectories_of_turned_bodies_are_named_by_the_way_they_face():
+def test_turned_bodies_are_named():
     """Up to a good part of a right angle: one who faces away would be taken for one who faces the cameras."""
     marker_set = load_marker_set("boxing")
     take, order = take_of(marker_set)
@@ -107,7 +107,7 @@ def test_trajectories_of_turned_bodies_are_named_by_the_way_they_face():
 
 
 @pytest.mark.parametrize("size", [0.8, 1.0, 1.3])
-def test_the_misfit_of_names_is_the_noise_for_a_body_of_any_size_and_direction(size):
+def test_misfit_of_right_names_is_the_noise(size):
     marker_set = load_marker_set("boxing")
     take, order = take_of(marker_set, frames=30)
     turn = rot.to_matrix(rot.from_rotation_vector(np.array([1.0, 2.0, -0.5])))
@@ -120,7 +120,7 @@ def test_the_misfit_of_names_is_the_noise_for_a_body_of_any_size_and_direction(s
     assert misfit_of_names_m(replace(named, positions_m=exchanged), marker_set) > 5.0 * expected
 
 
-def test_a_take_that_never_shows_four_markers_at_once_has_no_fit():
+def test_misfit_needs_four_markers_at_once():
     marker_set = load_marker_set("boxing")
     positions = take_of(marker_set)[0].positions_m.copy()
     positions[:, 3:] = np.nan

@@ -24,7 +24,7 @@ def amplitude(take: MarkerTake) -> float:
     return float(np.ptp(take.positions_m[60:180, 0, 0]) / 2.0)
 
 
-def test_slow_motion_stays_fast_noise_goes_and_nothing_lags():
+def test_low_pass_removes_noise_without_lag():
     slow = smooth_take(MarkerTake("slow", FPS, ("A",), wave(1.0)), 6.0)
     np.testing.assert_allclose(slow.positions_m[30:-30], wave(1.0)[30:-30], atol=0.002)
     assert amplitude(smooth_take(MarkerTake("edge", FPS, ("A",), wave(6.0)), 6.0)) == pytest.approx(
@@ -33,7 +33,7 @@ def test_slow_motion_stays_fast_noise_goes_and_nothing_lags():
     assert amplitude(smooth_take(MarkerTake("fast", FPS, ("A",), wave(20.0)), 6.0)) < 0.01
 
 
-def test_gaps_stay_gaps_and_short_stretches_stay_as_they_are():
+def test_gaps_and_short_stretches_are_unchanged():
     positions = wave(20.0)
     positions[100:110] = np.nan
     positions[115:] = np.nan  # five frames stand alone
@@ -43,7 +43,7 @@ def test_gaps_stay_gaps_and_short_stretches_stay_as_they_are():
     assert np.ptp(result[30:70, 0, 0]) < 0.1
 
 
-def test_frequencies_that_the_rate_cannot_show_are_refused():
+def test_frequencies_above_nyquist_are_refused():
     take = MarkerTake("take", FPS, ("A",), wave(1.0))
     for cutoff in (0.0, -1.0, 30.0, float("nan")):
         with pytest.raises(SettingsError, match="out of range"):
@@ -51,7 +51,7 @@ def test_frequencies_that_the_rate_cannot_show_are_refused():
     assert smooth_take(take, 29.0) is not None  # above what the filter's single pass can do: left alone
 
 
-def test_motion_is_smoothed_whatever_the_signs_of_its_quaternions():
+def test_motion_is_smoothed_for_any_quaternion_signs():
     skeleton = default_skeleton()
     generator = np.random.default_rng(1)
     turn = np.zeros((len(TIMES), len(skeleton), 3))

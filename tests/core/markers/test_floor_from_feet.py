@@ -36,7 +36,7 @@ def test_floor_is_found_in_a_rolled_and_pitched_world(walking):
     assert tilt < 1.5
 
 
-def test_take_and_cameras_come_into_one_world(walking, stage_rig):
+def test_take_is_moved_to_the_rigs_world(walking, stage_rig):
     marker_set = load_marker_set(MARKERS)
     level = rig_on_floor(stage_rig, floor_points(walking, marker_set))
     moved = to_rig_world(walking, stage_rig, level)
@@ -47,7 +47,7 @@ def test_take_and_cameras_come_into_one_world(walking, stage_rig):
     assert np.nanmin(moved.positions_m[..., 1]) == pytest.approx(np.nanmin(walking.positions_m[..., 1]), abs=0.04)
 
 
-def test_takes_that_show_no_floor_are_refused(walking):
+def test_takes_without_stands_are_refused(walking):
     lifted = walking.positions_m.copy()
     lifted[:, :, 0] += 0.5 * np.arange(walking.frames)[:, None]  # 15 m/s: nothing ever rests
     with pytest.raises(TakeError, match="no foot stands"):

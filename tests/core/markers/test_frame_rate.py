@@ -5,7 +5,7 @@ from perfanim.core.markers.frame_rate import frame_rate
 
 
 @pytest.mark.parametrize("numbers", [None, np.arange(40)])
-def test_impossible_times_say_nothing_of_the_rate(numbers):
+def test_impossible_times_are_ignored(numbers):
     times_s = np.arange(40) / 60.0
     times_s[[0, 7]] = np.nan
     times_s[20] += 3600.0

@@ -57,7 +57,7 @@ def test_gaps_are_found():
     assert find_gaps(visible) == [Gap(0, 1, 3), Gap(0, 4, 5)]
 
 
-def test_what_was_measured_stays(gappy, filled):
+def test_measured_positions_are_unchanged(gappy, filled):
     np.testing.assert_array_equal(filled.positions_m[gappy.visible], gappy.positions_m[gappy.visible])
     assert filled.visible.all()
 
@@ -81,7 +81,7 @@ def test_gaps_are_filled_better_than_by_interpolation(whole, gappy, filled):
     assert ours < 2.0 * OFFSET_M
 
 
-def test_there_is_no_jump_at_the_ends(whole, gappy, filled):
+def test_filled_gaps_have_no_jumps(whole, gappy, filled):
     """The steps into a gap and out of it are the marker's own, but for noise and what the body leaves open."""
     for gap in find_gaps(gappy.visible):
         for row in (gap.start, gap.stop):
@@ -91,7 +91,7 @@ def test_there_is_no_jump_at_the_ends(whole, gappy, filled):
             assert np.linalg.norm(steps[0] - steps[1]) < OFFSET_M
 
 
-def test_a_gap_at_the_end_of_a_take_is_filled_by_the_body(whole, suited, database):
+def test_gap_at_the_end_of_a_take_is_filled_by_the_body(whole, suited, database):
     positions = whole.positions_m[:40].copy()
     positions[22:, whole.names.index("LWRA")] = np.nan
     take = replace(whole, positions_m=positions, frame_numbers=np.arange(40), times_s=np.arange(40) / whole.fps)
@@ -100,7 +100,7 @@ def test_a_gap_at_the_end_of_a_take_is_filled_by_the_body(whole, suited, databas
     assert error_m(result, whole, Gap(whole.names.index("LWRA"), 22, 40)) < 4.0 * OFFSET_M
 
 
-def test_noise_is_taken_out_better_than_by_a_filter_alone(truth, suited, database):
+def test_body_improves_the_low_pass(truth, suited, database):
     """Three millimetres of noise, and a low pass at what suits each: with the body's help less is left of it."""
     clean, noisy = (simulate_markers(truth, suited.marker_set, noise_mm=noise)[0] for noise in (0.0, 3.0))
     motion = solve_take(noisy, suited, database, SolveSettings(), lambda *_: None).motion
@@ -112,7 +112,7 @@ def test_noise_is_taken_out_better_than_by_a_filter_alone(truth, suited, databas
     assert rms_m(smooth_on_body(noisy, suited.marker_set, motion, 8.0)) < alone < rms_m(noisy)
 
 
-def test_the_file_has_its_gaps_filled_and_keeps_its_labels(whole, gappy, suited, database_file, tmp_path, capsys):
+def test_filled_file_keeps_its_labels(whole, gappy, suited, database_file, tmp_path, capsys):
     """Labels with a subject before them, another point beside them, z up."""
     names = (*(f"Ben:{name}" for name in gappy.names), "ball")
     ball = np.where(np.arange(gappy.frames)[:, None, None] % 7 == 0, np.nan, [[[0.5, 1.0, 2.0]]])

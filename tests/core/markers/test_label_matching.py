@@ -26,7 +26,7 @@ EXACT_M = 0.005  # half the residual that a fitted real suit leaves
 
 @pytest.mark.parametrize("name", marker_set_names())
 @pytest.mark.parametrize("written", ["{}", "Anna:{}", "Skeleton 001:{}", "anna_{}"])
-def test_each_set_is_known_by_its_names(name, written):
+def test_each_set_is_matched_by_its_names(name, written):
     marker_set = load_marker_set(name)
     labels = [written.format(marker).lower() for marker in marker_set.names]
     match = match_best_set([*labels, "*41", "unnamed"], "take")
@@ -34,7 +34,7 @@ def test_each_set_is_known_by_its_names(name, written):
     assert match_labels(labels, marker_set).label_of == dict(zip(marker_set.names, labels, strict=True))
 
 
-def test_other_spellings_are_known():
+def test_other_spellings_are_matched():
     match = match_best_set(["RASI", "LASI", "VSAC", "RSHO", "R Knee", "l_ankle", "L.ASIS"], "take")
     assert match.marker_set.name == "helen-hayes"
     assert match.label_of["R.Knee"] == "R Knee"
@@ -44,12 +44,12 @@ def test_other_spellings_are_known():
     assert match.rename(take).names == ("R.ASIS", "x", "V.Sacral")
 
 
-def test_names_of_no_set_are_refused():
+def test_unknown_names_are_refused():
     with pytest.raises(TakeError, match=r"P1, P2, P3.* no shipped marker set; choose the marker set"):
         match_best_set(["P1", "P2", "P3"], "take")
 
 
-def test_names_are_told_by_hand(tmp_path):
+def test_names_are_given_by_a_file(tmp_path):
     (tmp_path / "names.toml").write_text('[names]\n"Knee 1" = "LKNE"\n"M7" = "LANK"\n')
     take = MarkerTake("a", 60.0, ("Knee 1", "LKNE", "x"), np.zeros((2, 3, 3)))
     named = rename_labels(take, load_names(tmp_path / "names.toml"))
@@ -64,14 +64,14 @@ def test_names_are_told_by_hand(tmp_path):
             load_names(tmp_path / "names.toml")
 
 
-def test_a_subject_keeps_the_other_names(tmp_path):
+def test_subject_keeps_other_spellings(tmp_path):
     subject = Subject("anna", default_skeleton(), load_marker_set("helen-hayes"))
     save_subject(subject, tmp_path / "anna.toml")
     assert load_subject(tmp_path / "anna.toml").marker_set == subject.marker_set
 
 
 @pytest.mark.parametrize("name", SUITS)
-def test_a_suit_is_worn_symmetrically_on_the_body(name):
+def test_marker_sets_are_symmetric(name):
     """Left and right markers are each other's mirror images but for those that tell the sides apart."""
     marker_set = load_marker_set(name)
     markers = {marker.name: marker for marker in marker_set.markers}
@@ -85,7 +85,7 @@ def test_a_suit_is_worn_symmetrically_on_the_body(name):
     assert alike >= 9
 
 
-def test_a_suit_is_found_by_its_labels_and_solved(truth, database_file, tmp_path, capsys, database):
+def test_marker_set_is_found_by_labels_and_solved(truth, database_file, tmp_path, capsys, database):
     """Labels with a subject, as Motive writes them, and one marker by hand, in a file with z up."""
     marker_set = load_marker_set("optitrack-baseline")
     take, _ = simulate_markers(sliced(truth, 0, 12), marker_set)
@@ -110,7 +110,7 @@ def test_a_suit_is_found_by_its_labels_and_solved(truth, database_file, tmp_path
         ("c3d/jstoecker_c3dviewer/examples/running.c3d", "plug-in-gait", 30, slice(300, 320)),
     ],
 )
-def test_real_suits_are_solved_to_bodies(shared_dir, database, file, name, matched, frames):
+def test_real_marker_sets_are_solved(shared_dir, database, file, name, matched, frames):
     """The limbs of an average body are where the performer's are, and on the same side."""
     take = read_take(shared_dir / file)
     match = match_best_set(take.names, file)

@@ -76,7 +76,7 @@ def test_blobs_are_undistorted_once() -> None:
     np.testing.assert_array_equal(kept.normalised[0], known.normalised[0][1:])
 
 
-def test_a_frame_cut_off_at_any_byte_is_refused() -> None:
+def test_truncated_frames_are_refused() -> None:
     data = pack(full())
     for length in range(len(data)):
         with pytest.raises(CaptureError, match="cut off"):
@@ -94,7 +94,7 @@ def test_another_version_is_refused_with_advice() -> None:
             unpack(bytes(changed))
 
 
-def test_changed_bytes_are_refused_or_another_frame() -> None:
+def test_changed_bytes_are_refused_or_give_another_frame() -> None:
     data = pack(full())
     for position in range(len(data)):
         for bit in (0x01, 0x80, 0xFF):
@@ -107,7 +107,7 @@ def test_changed_bytes_are_refused_or_another_frame() -> None:
             assert (len(frame.points_m), len(frame.blobs)) == (4, 2)
 
 
-def test_counts_that_cannot_be_are_refused() -> None:
+def test_impossible_counts_are_refused() -> None:
     header = bytearray(pack(full())[: struct.calcsize("<4sHHqdIIII")])
     struct.pack_into("<II", header, 24, 2**32 - 1, 2**32 - 1)
     struct.pack_into("<H", header, 6, 2**16 - 1)

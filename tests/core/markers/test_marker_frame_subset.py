@@ -4,7 +4,7 @@ import numpy as np
 from perfanim.core.markers.marker_frame_subset import without_blobs, without_points
 
 
-def test_points_and_rays_of_blobs_that_are_taken_go_with_them(record, true_markers, stage_rig):
+def test_removed_blobs_take_their_points_and_rays(record, true_markers, stage_rig):
     points = true_markers[0]
     frame = record(points, 3, cameras=True, hidden=((5, 0), (2, 1)))
     whole = without_blobs(frame, [np.empty(0, dtype=np.int64)] * 2)
@@ -24,7 +24,7 @@ def test_points_and_rays_of_blobs_that_are_taken_go_with_them(record, true_marke
         np.testing.assert_allclose(view.undistort(rest.blobs[camera][blob, :2]), point, atol=1e-6)
 
 
-def test_points_without_images_go_alone(record, true_markers):
+def test_points_without_images_are_removed(record, true_markers):
     frame = record(true_markers[0], 3, labels=np.arange(8))
     rest = without_points(frame, np.arange(8) % 2 == 0)
     np.testing.assert_array_equal(rest.points_m, frame.points_m[1::2])

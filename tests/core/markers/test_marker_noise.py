@@ -18,19 +18,19 @@ def noisy(times_s: np.ndarray, seed: int = 3) -> np.ndarray:
 
 
 @pytest.mark.parametrize("fps", RATES)
-def test_noise_of_fast_arms_is_found_at_any_rate_and_through_gaps(fps):
+def test_noise_of_fast_arms_at_any_rate_and_with_gaps(fps):
     times_s = np.arange(round(8.0 * fps)) / fps
     positions = noisy(times_s)
     positions[np.random.default_rng(5).random(positions.shape[:2]) < 0.1] = np.nan
     np.testing.assert_allclose(1e3 * marker_noise(times_s, positions), SIGMAS_MM, rtol=0.15, atol=0.12)
 
 
-def test_unsteady_times_are_no_noise():
+def test_irregular_times_are_not_noise():
     times_s = np.arange(480) / 60.0 + np.random.default_rng(1).uniform(-0.003, 0.003, 480)
     assert 1e3 * marker_noise(times_s, swinging(times_s)).max() < 0.15
 
 
-def test_what_is_captured_gives_the_same_within_a_second_and_follows_a_change():
+def test_live_noise_equals_the_takes_and_follows_changes():
     times_s = np.arange(240) / 60.0
     positions = noisy(times_s)
     positions[120:] = noisy(times_s, 4)[120:] * [[[1.0], [1.0], [1.0], [np.nan]]]

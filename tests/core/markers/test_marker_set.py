@@ -24,7 +24,7 @@ HEADER = 'kind = "perfanim subject"\nversion = 1\nname = "a"\nresidual_m = 0.0\n
 
 
 @pytest.mark.parametrize("name", marker_set_names())
-def test_shipped_sets_fit_the_product_skeleton(name: str) -> None:
+def test_shipped_sets_fit_the_standard_skeleton(name: str) -> None:
     marker_set = load_marker_set(name)
     assert marker_set.name == name
     assert marker_set.torso.sum() >= 3
@@ -40,7 +40,7 @@ def test_locomotion_is_hands_feet_shoulders_and_waist() -> None:
     assert set(load_marker_set("boxing").names) - set(names) == {"HEAD"}
 
 
-def test_a_set_from_a_file(tmp_path: Path) -> None:
+def test_set_is_read_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text("".join(f'[[marker]]\nname = "M{i}"\njoint = "root"\ntorso = true\n' for i in range(3)))
     marker_set = load_marker_set(path)
@@ -72,7 +72,7 @@ def test_bad_offsets_and_names_are_refused(tmp_path: Path) -> None:
         load_marker_set(tmp_path / "b.toml")
 
 
-def test_markers_are_called_by_words_where_the_set_has_them(tmp_path: Path) -> None:
+def test_texts_default_to_names(tmp_path: Path) -> None:
     assert load_marker_set("boxing").texts[-2:] == ("left foot", "right foot")
     assert [marker.name for marker in load_marker_set("kendo").markers if not marker.text] == []
     assert MarkerSet("a", tuple(Marker(name, "root", torso=True) for name in "ABC")).texts == ("A", "B", "C")
@@ -90,7 +90,7 @@ def test_subject_round_trip(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]
 
 
-def test_a_subject_file_with_any_part_missing_is_refused(tmp_path: Path) -> None:
+def test_incomplete_subject_files_are_refused(tmp_path: Path) -> None:
     save_subject(Subject("a", default_skeleton(), load_marker_set("locomotion")), tmp_path / "s.toml")
     places = [(), ("joint", 0), ("joint", 28), ("marker_set", "marker", 0)]
     for place in places:

@@ -32,14 +32,14 @@ def rms(values: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(values[SETTLED] ** 2, axis=(0, 2)))
 
 
-def test_exact_markers_pass():
+def test_exact_markers_are_unchanged():
     errors = rms(smoothed(moving())[0] - moving())
     assert errors[:PUNCH].max() < 1e-4
     assert errors[PUNCH] < 6e-4  # it starts within a frame
 
 
 @pytest.mark.parametrize("noise_m", [0.001, 0.003])
-def test_noise_falls_most_where_a_marker_stands_and_nothing_is_late(noise_m):
+def test_noise_is_reduced_without_lag(noise_m):
     points = noisy(noise_m)
     found, deviations = smoothed(points)
     errors = rms(found - moving())
@@ -54,14 +54,14 @@ def test_noise_falls_most_where_a_marker_stands_and_nothing_is_late(noise_m):
     np.testing.assert_allclose(np.median(deviations[SETTLED], axis=0)[:PUNCH], errors[:PUNCH], rtol=0.5)
 
 
-def test_a_take_is_smoothed_by_what_follows_too():
+def test_take_is_smoothed_in_both_directions():
     points = noisy(0.003)
     live, both = smoothed(points)[0], smooth_markers(TIMES_S, points)[0]
     assert np.all(rms(both - moving())[:PUNCH] < 0.9 * rms(live - moving())[:PUNCH])
     assert rms(both - moving())[PUNCH] < rms(live - moving())[PUNCH]
 
 
-def test_a_marker_that_jumps_or_comes_back_is_where_it_is_seen():
+def test_jumping_or_returning_marker_is_not_delayed():
     points = noisy(0.001)
     points[100:, STILL] += [0.4, 0.0, 0.0]
     points[60:120, ARM] = np.nan
@@ -74,7 +74,7 @@ def test_a_marker_that_jumps_or_comes_back_is_where_it_is_seen():
         assert np.nanmax(away) < 0.02
 
 
-def test_a_marker_that_is_hidden_for_a_moment_goes_on_as_it_moved():
+def test_briefly_hidden_smoothed_marker_is_extrapolated():
     points = noisy(0.001)
     points[60:66, [STILL, ARM]] = np.nan
     (live, sigmas), (both, closer) = smoothed(points), smooth_markers(TIMES_S, points)
@@ -94,7 +94,7 @@ def test_a_marker_that_is_hidden_for_a_moment_goes_on_as_it_moved():
         assert deviations[60:90, ARM][known].max() < 0.1
 
 
-def test_after_a_cut_hidden_markers_are_elsewhere_too():
+def test_hidden_markers_are_dropped_after_a_cut():
     points = noisy(0.001)
     points[60:] += 1.0
     points[60:64, ARM] = np.nan
@@ -106,7 +106,7 @@ def test_after_a_cut_hidden_markers_are_elsewhere_too():
         np.testing.assert_allclose(found[60:64, STILL], points[60:64, STILL], atol=0.005)
 
 
-def test_times_far_apart_and_no_markers_are_no_harm():
+def test_long_steps_and_empty_frames():
     smoother = MarkerSmoother(2)
     for time_s in (1e6, 1e6 + 0.01, 1e9):
         found, deviations = smoother.step(time_s, np.array([[1.0, 2.0, 3.0], [np.nan] * 3]))

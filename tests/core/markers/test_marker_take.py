@@ -26,7 +26,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.take.npz"]
 
 
-def test_numbers_and_times_of_dropped_frames_are_kept(tmp_path: Path) -> None:
+def test_numbers_and_times_with_dropped_frames_are_kept(tmp_path: Path) -> None:
     numbers = np.concatenate((np.arange(20), np.arange(25, 45)))
     take = MarkerTake("a", 30.0, ("A",), np.zeros((40, 1, 3)), numbers)
     np.testing.assert_allclose(take.times_s, numbers / 30.0)
@@ -34,7 +34,7 @@ def test_numbers_and_times_of_dropped_frames_are_kept(tmp_path: Path) -> None:
     np.testing.assert_array_equal(load_take(tmp_path / "a.take.npz").frame_numbers, numbers)
 
 
-def test_what_single_cameras_show_is_kept_with_the_cameras(tmp_path: Path) -> None:
+def test_single_views_are_kept_with_their_cameras(tmp_path: Path) -> None:
     rig = default_rig()
     cameras = np.full((40, 3), -1)
     cameras[3:9, 1] = 1
@@ -81,7 +81,7 @@ def test_inconsistent_takes_are_refused(change: dict[str, object], message: str)
         MarkerTake(**(parts | change))
 
 
-def test_files_cut_off_anywhere_are_refused(tmp_path: Path) -> None:
+def test_truncated_files_are_refused(tmp_path: Path) -> None:
     save_take(small(), tmp_path / "a.take.npz")
     whole = (tmp_path / "a.take.npz").read_bytes()
     broken = tmp_path / "b.take.npz"

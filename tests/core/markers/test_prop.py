@@ -15,7 +15,7 @@ def named(points):
     return Prop("stick", tuple("ABCDEFGHIJKLMN"[: len(points)]), np.asarray(points, dtype=np.float64))
 
 
-def test_a_definition_comes_back_from_its_file(tmp_path):
+def test_prop_round_trip(tmp_path):
     save_prop(Prop("stick", ("A", "B", "C"), TRIANGLE, 0.0004), tmp_path / "stick.toml")
     prop = load_prop(tmp_path / "stick.toml")
     assert (prop.name, prop.names, prop.residual_m) == ("stick", ("A", "B", "C"), 0.0004)
@@ -42,22 +42,22 @@ def test_shipped_props_are_usable():
         (np.random.default_rng(0).normal(size=(13, 3)), "13 markers"),
     ],
 )
-def test_patterns_that_tell_nothing_are_refused_with_the_reason(points, reason):
+def test_unsuitable_patterns_are_refused(points, reason):
     with pytest.raises(PropError, match=reason):
         named(points)
 
 
-def test_a_mirror_image_is_no_other_position():
+def test_mirror_images_are_distinct():
     """A prop that is its own mirror image cannot be mirrored by a turn: it is usable."""
     assert named([[-0.1, 0, 0], [0.1, 0, 0], [0, 0.3, 0], [0, 0.1, 0.2]]).names == ("A", "B", "C", "D")
 
 
-def test_what_is_not_there_is_told_with_what_is():
+def test_unknown_prop_lists_the_shipped_ones():
     with pytest.raises(PropError, match=r"shipped props: .*sword"):
         load_prop("no-such-thing")
 
 
-def test_props_must_be_told_from_each_other():
+def test_indistinguishable_props_are_refused():
     sword = load_prop("sword")
     check_distinct([sword, named(TRIANGLE)])
     with pytest.raises(PropError, match="same name"):
@@ -69,7 +69,7 @@ def test_props_must_be_told_from_each_other():
     assert prop_tables(part)["name"] == "knife"
 
 
-def test_ways_are_all_that_distances_allow():
+def test_pattern_matches_are_all_that_distances_allow():
     prop, generator = load_prop("sword"), np.random.default_rng(1)
     turn = rot.to_matrix(rot.from_rotation_vector(generator.normal(size=3)))
     own = transform(turn, generator.normal(size=3), prop.positions_m)

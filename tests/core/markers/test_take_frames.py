@@ -21,7 +21,7 @@ def shuffled_take(extra=("SPARE",), lacking=()):
     return MarkerTake("t", 30.0, names, positions, np.array([4, 5, 6, 9, 10, 11]))
 
 
-def test_frames_carry_the_sets_labels():
+def test_frames_have_the_sets_labels():
     take = shuffled_take()
     frames = list(take_frames(take, SET))
     assert [frame.number for frame in frames] == [4, 5, 6, 9, 10, 11]
@@ -34,12 +34,12 @@ def test_frames_carry_the_sets_labels():
     assert np.all(np.linalg.eigvalsh(frames[0].covariances_m2) > 0.0)
 
 
-def test_markers_that_the_take_lacks_are_simply_not_seen():
+def test_missing_markers_are_hidden():
     frames = list(take_frames(shuffled_take(lacking=("LHAN", "RWAI")), SET))
     assert sorted(frames[0].labels) == [i for i, name in enumerate(SET.names) if name not in ("LHAN", "RWAI")]
 
 
-def test_rays_come_with_the_sets_labels():
+def test_rays_have_the_sets_labels():
     take = shuffled_take()
     cameras = np.where(take.visible, -1, 1)
     points = np.where((cameras >= 0)[..., None], np.arange(2.0 * cameras.size).reshape(*cameras.shape, 2), np.nan)
@@ -50,6 +50,6 @@ def test_rays_come_with_the_sets_labels():
             np.testing.assert_array_equal(point, row[take.names.index(SET.names[label])])
 
 
-def test_too_few_torso_markers_are_refused_with_both_names():
+def test_too_few_torso_markers_are_refused():
     with pytest.raises(TakeError, match=r"t: has fewer than three of the torso markers LSHO, .*its markers are RFOO"):
         next(take_frames(shuffled_take(lacking=("LSHO", "RSHO")), SET))

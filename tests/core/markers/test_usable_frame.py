@@ -36,7 +36,7 @@ def changed(name: str, place: tuple[int, ...], value: float, labelled: bool = Tr
 
 
 @pytest.mark.parametrize("labelled", [True, False])
-def test_an_ordinary_frame_passes_as_it_is(labelled):
+def test_ordinary_frame_is_unchanged(labelled):
     ordinary = frame(labelled)
     assert usable_frame(ordinary, MARKERS, 2) is ordinary
     assert usable_frame(ordinary, MARKERS, 0) is ordinary
@@ -59,7 +59,7 @@ def test_an_ordinary_frame_passes_as_it_is(labelled):
         *[("point_blobs", (1, 1), value) for value in (5, 1000, -2)],
     ],
 )
-def test_an_impossible_point_is_left_out(name, place, value):
+def test_impossible_point_is_left_out(name, place, value):
     rest = usable_frame(changed(name, place, value), MARKERS, 2)
     kept = [0, 2, 3]
     np.testing.assert_array_equal(rest.points_m, frame().points_m[kept])
@@ -68,7 +68,7 @@ def test_an_impossible_point_is_left_out(name, place, value):
     assert rest.notes == ("impossible, left out: 1 point",)
 
 
-def test_points_of_one_label_are_both_left_out():
+def test_points_with_the_same_label_are_left_out():
     rest = usable_frame(changed("labels", (1,), 3), MARKERS, 2)
     np.testing.assert_array_equal(rest.labels, [0, 2])
     assert rest.notes == ("impossible, left out: 2 points",)
@@ -85,7 +85,7 @@ def test_points_of_one_label_are_both_left_out():
         *[("single_labels", (0,), value) for value in (MARKERS, -2)],
     ],
 )
-def test_an_impossible_ray_is_left_out(name, place, value):
+def test_impossible_ray_is_left_out(name, place, value):
     rest = usable_frame(changed(name, place, value), MARKERS, 2)
     np.testing.assert_array_equal(rest.single_points, frame().single_points[1:])
     np.testing.assert_array_equal(rest.points_m, frame().points_m)
@@ -93,7 +93,7 @@ def test_an_impossible_ray_is_left_out(name, place, value):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e30, -2e5])
-def test_an_impossible_blob_is_left_out_with_its_point(value):
+def test_impossible_blob_is_left_out_with_its_point(value):
     blobs = [np.array(rows) for rows in frame().blobs]
     blobs[1][1, 0] = value
     rest = usable_frame(replace(frame(), blobs=tuple(blobs), detected=(), notes=("left camera frozen",)), MARKERS, 2)
@@ -113,7 +113,7 @@ def passages(times_s) -> list[str]:
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e18, -1e18, 3600.1, -3600.0, 0.1, 0.05])
-def test_one_wrong_time_changes_nothing_after_it(wrong):
+def test_single_wrong_time_has_no_effect(wrong):
     assert passages((0.0, 0.1, wrong, 0.2, wrong, wrong, 0.3)) == [
         FOLLOWS,
         FOLLOWS,
@@ -126,14 +126,14 @@ def test_one_wrong_time_changes_nothing_after_it(wrong):
 
 
 @pytest.mark.parametrize("jump_s", [-3600.0, -0.5, 5.0, 3600.0])
-def test_time_that_goes_on_elsewhere_is_believed_after_three_frames(jump_s):
+def test_jump_in_time_is_confirmed_by_three_frames(jump_s):
     times_s = (9.9, 10.0, *(10.0 + jump_s + 0.1 * np.arange(5)))
     assert passages(times_s) == [FOLLOWS, FOLLOWS, REFUSED, REFUSED, AFTER_GAP, FOLLOWS, FOLLOWS]
 
 
-def test_a_frame_a_second_is_no_gap():
+def test_one_frame_per_second_has_no_gaps():
     assert set(passages(range(10))) == {FOLLOWS}
 
 
-def test_a_first_time_that_cannot_be_is_refused():
+def test_impossible_first_time_is_refused():
     assert passages((np.nan, 1e30, 5.0)) == [REFUSED, REFUSED, FOLLOWS]

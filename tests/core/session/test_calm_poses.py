@@ -28,7 +28,7 @@ def test_no_joint_jumps_with_noise_and_gaps(database):
 
 
 @pytest.mark.parametrize("causal", [True, False], ids=["live", "offline"])
-def test_markers_that_are_hidden_for_moments_do_less_harm_as_they_go_on(database, monkeypatch, causal):
+def test_extrapolated_hidden_markers_reduce_errors(database, monkeypatch, causal):
     truth = sliced(resampled(read_motion(MOTION / "jumping-05-tired.bvh"), FPS), 60, 240)
     subject = Subject("jumper", truth.skeleton, load_marker_set("locomotion"))
     take, _ = simulate_markers(truth, subject, noise_mm=1.0, dropout=0.2, seed=2)

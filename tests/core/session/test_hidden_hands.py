@@ -19,7 +19,7 @@ JUMP = 560, 700  # frames of the demo
 RAISED_M = 0.35  # of a hand above the hips
 
 
-def test_neighbours_are_not_doubted_about_hands_by_markers_elsewhere(tmp_path, monkeypatch):
+def test_other_markers_do_not_inflate_hidden_hands(tmp_path, monkeypatch):
     database = embedded_database(tmp_path / "embedded.pfdb", no_progress)
     truth = sliced(performance(DEMO), *JUMP)
     subject = Subject("Jumper", truth.skeleton, load_marker_set("boxing"))

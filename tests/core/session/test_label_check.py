@@ -41,26 +41,26 @@ def alternative(gain: float, is_confident: np.ndarray) -> Alternative | None:
     return check.step(frame, 1 / 60, pose, is_confident)  # type: ignore[no-any-return]
 
 
-def test_likelier_labels_replace_those_of_markers_that_may_be_others() -> None:
+def test_likelier_labels_replace_uncertain_ones() -> None:
     found = alternative(9.0, np.zeros(4, dtype=bool))
     assert found is not None
     np.testing.assert_array_equal(found.labels, EXCHANGED)
     assert not found.contradicts
 
 
-def test_a_motion_unlike_the_database_does_not_rename_markers_that_were_followed() -> None:
+def test_confidently_tracked_markers_keep_labels_in_unfamiliar_motion() -> None:
     assert alternative(9.0, np.array([True, False, False, False])) is None
     assert alternative(9.0, np.array([False, False, True, True])) is not None  # the two are not concerned
 
 
-def test_much_likelier_labels_rename_even_these() -> None:
+def test_much_likelier_labels_replace_confidently_tracked_ones() -> None:
     found = alternative(25.0, np.ones(4, dtype=bool))
     assert found is not None
     assert found.contradicts
 
 
 @pytest.mark.parametrize(("found", "certain"), [((), False), ((np.arange(4),), True)])
-def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tuple[np.ndarray, ...], certain: bool):
+def test_search_that_misses_the_current_labels_does_not_confirm_them(found: tuple[np.ndarray, ...], certain: bool):
     check: Any = LabelCheck(OneAlternative(-30.0, *found), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
@@ -70,7 +70,7 @@ def test_a_search_that_misses_the_present_labels_does_not_confirm_them(found: tu
 
 @pytest.mark.parametrize("refuted", [False, True])
 @pytest.mark.parametrize("other", [EXCHANGED, np.array([0, 1, 3, 2])])
-def test_each_other_labelling_has_its_own_evidence(other: np.ndarray, refuted: bool):
+def test_each_alternative_has_its_own_evidence(other: np.ndarray, refuted: bool):
     searches = OneAlternative(2.5)
     check: Any = LabelCheck(searches, np.ones(4, dtype=bool))  # type: ignore[arg-type]
     found = []
@@ -122,7 +122,7 @@ def checks(check: Any, numbers: range) -> list[bool]:
 
 
 @pytest.mark.parametrize(("gain", "times"), [(-0.5, 7), (-3.0, 1), (-6.0, 0)])
-def test_plausible_labels_are_tried_once_and_as_long_as_the_present_ones_are_not_certain(gain: float, times: int):
+def test_plausible_labels_are_tried_once_and_while_the_current_ones_are_uncertain(gain: float, times: int):
     """Crossed feet look much like feet that are not: only a nearer example can tell."""
     check, found = judged(Search((np.arange(4), 0.0), (EXCHANGED, gain)), POINTS_M)
     tried = [found is not None, *checks(check, range(1, 12))]
@@ -132,14 +132,14 @@ def test_plausible_labels_are_tried_once_and_as_long_as_the_present_ones_are_not
         np.testing.assert_array_equal(found.labels, EXCHANGED)
 
 
-def test_labels_that_could_not_be_tried_are_tried_again() -> None:
+def test_postponed_labels_are_tried_again() -> None:
     check, found = judged(Search((np.arange(4), 0.0), (EXCHANGED, -1.8)), POINTS_M)
     assert found is not None
     check.put_off(found.renaming)
     assert checks(check, range(1, 3)) == [True, False]
 
 
-def test_a_point_that_gets_a_name_is_no_evidence_for_other_names_of_the_rest() -> None:
+def test_newly_labelled_point_is_not_evidence_for_relabelling_others() -> None:
     observed_m = POINTS_M.copy()
     observed_m[3] = np.nan
     _, found = judged(Search((EXCHANGED, 6.2), (np.arange(4), 5.2)), observed_m)
@@ -150,7 +150,7 @@ def test_a_point_that_gets_a_name_is_no_evidence_for_other_names_of_the_rest() -
     np.testing.assert_array_equal(found.labels, EXCHANGED)
 
 
-def test_a_check_speaks_for_the_markers_that_it_saw() -> None:
+def test_check_confirms_only_located_markers() -> None:
     observed_m = POINTS_M.copy()
     observed_m[2] = np.nan
     check, _ = judged(Search((np.array([0, 1, -1, 3]), 0.0)), observed_m)
@@ -167,7 +167,7 @@ def stepped(check: Any, times_s: list[float], is_confident: np.ndarray, observed
     return found
 
 
-def test_labels_that_were_certain_are_not_when_the_body_was_gone() -> None:
+def test_certain_labels_become_uncertain_when_the_body_was_gone() -> None:
     check, _ = judged(Search((np.arange(4), 0.0), (EXCHANGED, -30.0)), POINTS_M)
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     stepped(check, [1.02], np.zeros(4, dtype=bool))
@@ -178,7 +178,7 @@ def test_labels_that_were_certain_are_not_when_the_body_was_gone() -> None:
     assert check.confidence(frame, POINTS_M) < 1.0
 
 
-def test_a_marker_that_was_hidden_is_not_confirmed_by_a_check_before() -> None:
+def test_marker_hidden_since_the_check_is_not_confirmed() -> None:
     check, _ = judged(Search((np.arange(4), 0.0), (EXCHANGED, -30.0)), POINTS_M)
     hidden = POINTS_M.copy()
     hidden[1] = np.nan
@@ -188,7 +188,7 @@ def test_a_marker_that_was_hidden_is_not_confirmed_by_a_check_before() -> None:
 
 
 @pytest.mark.parametrize(("apart_s", "needed"), [(0.1, 4), (0.3, 3), (1.0, 3)])
-def test_that_markers_were_followed_counts_once_against_other_labels(apart_s: float, needed: int) -> None:
+def test_relabelling_penalty_counts_once(apart_s: float, needed: int) -> None:
     """Wrong labels that a weak check made certain are given up in the end; a pose that rests proves less."""
     check: Any = LabelCheck(OneAlternative(7.5, np.arange(4)), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     times_s = [1.0 + 1.01 * apart_s * number for number in range(9)]
@@ -198,7 +198,7 @@ def test_that_markers_were_followed_counts_once_against_other_labels(apart_s: fl
 
 
 @pytest.mark.parametrize(("confidence", "sure"), [(0.9, True), (0.3, False)])
-def test_a_first_pose_that_is_doubtful_vouches_for_no_labels(confidence: float, sure: bool) -> None:
+def test_suspect_first_pose_confirms_no_labels(confidence: float, sure: bool) -> None:
     torso, order = np.ones(4, dtype=bool), np.arange(4)
     labeller: Any = FrameLabeller.__new__(FrameLabeller)  # a database is not needed here
     labeller._labeller = Labeller(torso)
@@ -213,7 +213,7 @@ def test_a_first_pose_that_is_doubtful_vouches_for_no_labels(confidence: float, 
 
 
 @pytest.mark.parametrize(("gain", "hidden", "frames"), [(-30.0, 0, 4), (9.0, 0, 1), (-30.0, 1, 1)])
-def test_a_check_takes_its_time_while_nothing_speaks_against_the_labels(gain: float, hidden: int, frames: int) -> None:
+def test_check_is_unhurried_while_labels_are_unsuspicious(gain: float, hidden: int, frames: int) -> None:
     """Of four frames each takes a share of the work; of labels in doubt, or with a point left over, one takes all."""
 
     begun = []

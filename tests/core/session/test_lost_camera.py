@@ -10,7 +10,7 @@ LOST = range(12, 20)
 NOTE = "the left camera froze"
 
 
-def test_the_pose_goes_on_with_the_camera_that_is_left(subject, database, stage_rig, record, true_markers):
+def test_pose_continues_with_the_remaining_camera(subject, database, stage_rig, record, true_markers):
     session = Session(subject, database, stage_rig)
     hidden = tuple((marker, 0) for marker in range(true_markers.shape[1]))
     errors_m, notes = [], []

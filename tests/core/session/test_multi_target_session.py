@@ -14,7 +14,7 @@ MARKER_M = 0.02  # labels that are right are nearer than this: five times what t
 
 
 @pytest.mark.parametrize("images", [True, False])
-def test_neither_takes_what_is_the_others(subject, database, record, truth, true_markers, images):
+def test_performer_and_prop_keep_their_own_markers(subject, database, record, truth, true_markers, images):
     """The hand that holds the sword is hidden half of the time: its marker must not become the sword's hilt."""
     sword = load_prop("sword")
     turns, places = held_poses(sword, truth)
@@ -35,7 +35,7 @@ def test_neither_takes_what_is_the_others(subject, database, record, truth, true
     assert PoseNote.hidden(["sword"]) not in pose.notes
 
 
-def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers):
+def test_hidden_prop_is_noted(subject, database, record, true_markers):
     ensemble = MultiTargetSession([Session(subject, database)], [load_prop("sword")])
     pose = ensemble.step(record(true_markers[0]))
     assert pose.notes == (PoseNote.hidden(["sword"]),)
@@ -43,7 +43,7 @@ def test_a_prop_that_is_not_seen_is_told(subject, database, record, true_markers
     assert ensemble.subjects == (subject,)
 
 
-def test_without_props_the_pose_is_as_the_session_has_it(subject, database, record, true_markers):
+def test_pose_without_props_equals_that_of_a_single_session(subject, database, record, true_markers):
     alone, session = Session(subject, database), MultiTargetSession([Session(subject, database)])
     for number in range(3):
         pose, frame = session.step(record(true_markers[number], number)), record(true_markers[number], number)

@@ -32,7 +32,7 @@ def poses(subject, database, record, noisy):
     ]
 
 
-def test_errors_are_within_twice_what_is_expected(poses, truth):
+def test_part_errors_are_within_twice_the_expected(poses, truth):
     for performed in poses:
         away = np.degrees(rot.angle_between(np.array([pose.rotations for pose in performed]), truth.rotations))
         found = np.stack([away[:, joints].mean(axis=1) for joints in PART_JOINTS.values()], axis=1)
@@ -41,7 +41,7 @@ def test_errors_are_within_twice_what_is_expected(poses, truth):
         assert np.mean(found <= 0.5 * expected) < 0.9  # no idle threat
 
 
-def test_errors_of_joints_are_within_twice_the_expected(poses, truth):
+def test_joint_errors_are_within_twice_the_expected(poses, truth):
     for performed in poses:
         away = np.degrees(rot.angle_between(np.array([pose.rotations for pose in performed]), truth.rotations))[:, 1:]
         expected = np.array([pose.joint_errors_deg for pose in performed])
@@ -63,7 +63,7 @@ def test_a_hidden_hand_makes_its_arm_uncertain(poses):
     assert grown[ARM] > 1.3 * np.delete(grown, ARM).max()
 
 
-def test_people_are_told_which_part_is_uncertain_and_why(poses, model):
+def test_notes_name_uncertain_parts_and_reasons(poses, model):
     errors, told = PartErrors(model), []
     whole, without = (performed[20] for performed in poses)
     arm = DOUBTFUL_PART_DEG + 5.0 * (np.arange(len(PARTS)) == ARM)
@@ -80,7 +80,7 @@ def test_people_are_told_which_part_is_uncertain_and_why(poses, model):
     assert errors.notes(replace(without, confidence=0.9, part_errors_deg=DOUBTFUL_PART_DEG)) == []
 
 
-def test_methods_without_a_prior_tell_no_errors(subject, database, record, noisy):
+def test_methods_without_a_prior_have_no_expected_errors(subject, database, record, noisy):
     pose = Session(subject, database, settings=SolveSettings(method="nearest")).step(record(noisy[0], 0, KNOWN))
     assert len(pose.part_errors_deg) == len(pose.joint_errors_deg) == 0
     assert pose.doubtful_parts == []

@@ -42,7 +42,7 @@ def count_wrong(pose, truth):
 
 
 @pytest.mark.parametrize("images", [True, False])
-def test_nobody_is_given_what_is_the_others(subject, database, record, pair, images):
+def test_performers_keep_their_own_markers(subject, database, record, pair, images):
     """Two markers are hidden in every frame."""
     film = Film(record)
     ensemble = ensemble_of([subject, subject], database, film.rig if images else None)
@@ -62,7 +62,7 @@ def test_nobody_is_given_what_is_the_others(subject, database, record, pair, ima
     assert pose.props == ()
 
 
-def test_the_first_stands_on_the_left(subject, database, record, pair):
+def test_first_performer_stands_on_the_left(subject, database, record, pair):
     ensemble = ensemble_of([subject, subject], database, None)
     right_first = np.concatenate((pair[1][0], pair[0][0]))
     pose = ensemble.step(record(right_first))
@@ -70,7 +70,7 @@ def test_the_first_stands_on_the_left(subject, database, record, pair):
     assert left.root_position_m[0] < right.root_position_m[0] - 0.5 * APART_M
 
 
-def test_other_markers_tell_who_is_who(truth, database, record, true_markers, subject):
+def test_marker_positions_identify_performers(truth, database, record, true_markers, subject):
     """The boxer is listed first and stands on the right."""
     boxer = Subject("boxer", truth.skeleton, load_marker_set("boxing"))
     worn = boxer.marker_set
@@ -91,7 +91,7 @@ def test_other_markers_tell_who_is_who(truth, database, record, true_markers, su
     assert right.root_position_m[0] > left.root_position_m[0] + 0.5 * APART_M
 
 
-def test_one_who_comes_later_is_found(subject, database, record, pair):
+def test_performer_who_comes_later_is_found(subject, database, record, pair):
     """Until then the first goes on alone, and keeps what is his when the other is beside him."""
     film = Film(record)
     ensemble = ensemble_of([subject, subject], database, film.rig)
@@ -141,13 +141,13 @@ def test_props_and_performers_together(subject, database, record, truth, pair):
     assert [one.confidence > 0.5 for one in everybody(pose)] == [True, True]
 
 
-def test_labels_that_a_source_knows_are_the_firsts(subject, database, record, true_markers):
+def test_source_labels_belong_to_the_first_performer(subject, database, record, true_markers):
     ensemble = ensemble_of([subject, subject], database, None)
     pose = ensemble.step(record(true_markers[0], labels=np.arange(8)))
     assert np.isfinite(pose.performers[0].observed_m).all()
     assert pose.performers[1].confidence == 0.0
 
 
-def test_one_camera_does_not_tell_two_apart(subject, database, stage_rig):
+def test_one_camera_with_two_performers_is_refused(subject, database, stage_rig):
     with pytest.raises(SettingsError, match="use two cameras"):
         ensemble_of([subject, subject], database, CameraRig(stage_rig.cameras[:1]))

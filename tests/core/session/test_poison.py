@@ -59,9 +59,7 @@ def assert_same(pose, expected):
 
 @pytest.mark.parametrize("labels", [KNOWN, None])
 @pytest.mark.parametrize("seed", range(TAKES))
-def test_frames_with_impossible_times_are_as_if_they_had_not_been(
-    subject, database, record, true_markers, labels, seed
-):
+def test_frames_with_impossible_times_have_no_effect(subject, database, record, true_markers, labels, seed):
     generator = np.random.default_rng(seed)
     session, clean = Session(subject, database), Session(subject, database)
     last = before = None
@@ -78,9 +76,7 @@ def test_frames_with_impossible_times_are_as_if_they_had_not_been(
 
 @pytest.mark.parametrize("labels", [KNOWN, None])
 @pytest.mark.parametrize("seed", range(TAKES))
-def test_impossible_points_and_rays_are_as_if_they_had_not_been(
-    subject, database, record, true_markers, stage_rig, labels, seed
-):
+def test_impossible_points_and_rays_have_no_effect(subject, database, record, true_markers, stage_rig, labels, seed):
     generator = np.random.default_rng(seed)
     session, clean = Session(subject, database, stage_rig), Session(subject, database, stage_rig)
     for number, row in enumerate(true_markers[:40]):
@@ -92,7 +88,7 @@ def test_impossible_points_and_rays_are_as_if_they_had_not_been(
         assert any("impossible, left out" in note.text for note in pose.notes) == (bad is not frame)
 
 
-def test_a_frame_of_nothing_but_poison_is_a_frame_without_markers(subject, database, record, true_markers):
+def test_frame_with_only_impossible_markers_counts_as_empty(subject, database, record, true_markers):
     session, clean = Session(subject, database), Session(subject, database)
     for number, row in enumerate(true_markers[:20]):
         frame = bad = record(row, number, KNOWN)
@@ -101,7 +97,7 @@ def test_a_frame_of_nothing_but_poison_is_a_frame_without_markers(subject, datab
         assert_same(session.step(bad), clean.step(frame))
 
 
-def test_after_an_hour_the_session_starts_anew(subject, database, record, true_markers):
+def test_session_restarts_after_an_hour(subject, database, record, true_markers):
     """No speed is taken over the gap, and wherever the performer is by now the markers are found."""
     session, fresh = Session(subject, database), Session(subject, database)
     for number in range(10):
@@ -115,7 +111,7 @@ def test_after_an_hour_the_session_starts_anew(subject, database, record, true_m
     assert [pose.confidence for pose in poses[:2]] == [0.0, 0.0]
 
 
-def test_performers_props_and_filters_go_on_as_well(subject, database, record, truth, true_markers):
+def test_performers_props_and_filters_ignore_impossible_frames(subject, database, record, truth, true_markers):
     sword = load_prop("sword")
     turns, places = held_poses(sword, truth)
     points = np.concatenate((true_markers, markers_of(sword, turns, places)), axis=1)
@@ -187,9 +183,7 @@ def effort(session, frames, monkeypatch):
 
 
 @pytest.mark.parametrize("body", [True, False], ids=["with a body", "alone"])
-def test_ghosts_from_the_first_frame_on_cost_no_frame_more_than_its_share(
-    subject, database, record, true_markers, monkeypatch, body
-):
+def test_search_work_per_frame_is_bounded_with_ghosts(subject, database, record, true_markers, monkeypatch, body):
     def frames(with_ghosts):
         for number, row in enumerate(true_markers[:60]):
             seen = ([row] if body or not with_ghosts else []) + ([ghosts(number)] if with_ghosts else [])
@@ -202,7 +196,7 @@ def test_ghosts_from_the_first_frame_on_cost_no_frame_more_than_its_share(
     assert crowded[:, 1].max() < MOST_CALLS * usual[:, 1].max()
 
 
-def test_ghosts_around_two_performers_and_a_sword_cost_a_bounded_look(
+def test_search_work_for_two_performers_and_a_prop_is_bounded(
     subject, database, record, truth, true_markers, monkeypatch
 ):
     sword = load_prop("sword")

@@ -27,7 +27,7 @@ def smoothed(delay_s: float, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.array(found), np.array(way)
 
 
-def test_what_trembles_is_calmed() -> None:
+def test_jitter_is_smoothed() -> None:
     noise = 0.005 * np.random.default_rng(3).standard_normal(600)  # 0.3 degrees, 5 mm
     shaken = np.std(np.diff(noise, 3))
     calmer = [np.std(np.diff(smoothed(delay_s, noise)[0][60:], 3)) / shaken for delay_s in (0.02, 0.05, 0.1)]
@@ -39,7 +39,7 @@ def test_what_trembles_is_calmed() -> None:
 
 
 @pytest.mark.parametrize("delay_s", [0.02, 0.1])
-def test_a_slow_motion_comes_later_by_the_delay_and_a_fast_one_by_less(delay_s: float) -> None:
+def test_delay_is_full_for_slow_motion_and_less_for_fast_motion(delay_s: float) -> None:
     lags = []
     for speed, frames in ((0.01, 240), (3.0, 60)):  # no angle beyond half a turn
         seconds = np.arange(frames) / FPS
@@ -51,7 +51,7 @@ def test_a_slow_motion_comes_later_by_the_delay_and_a_fast_one_by_less(delay_s: 
     assert np.all(lags[1] < 0.7 * lags[0])
 
 
-def test_after_a_gap_it_begins_anew() -> None:
+def test_filter_restarts_after_a_gap() -> None:
     smoother = PoseSmoother(0.1)
     still, turned = rot.identity((JOINTS,)), rot.from_rotation_vector(np.full((JOINTS, 3), 0.5))
     smoother.step(0.0, still, np.zeros(3))
@@ -69,7 +69,7 @@ def a_pose(number: int) -> ScenePose:
     return ScenePose((PerformerPose(number, number / FPS, turns, np.zeros(3), 0.5, nowhere, nowhere, none, 0.0),))
 
 
-def test_nothing_is_touched_until_something_is_asked_for() -> None:
+def test_poses_pass_unchanged_without_filters() -> None:
     shaper = PoseFilter([default_skeleton()], 0.0, FilterSettings())
     assert all(shaper.step(pose) is pose for pose in map(a_pose, range(5)))
     shaper.set_settings(FilterSettings.of_table({"smoothing_s": 0.05}))
@@ -92,7 +92,7 @@ def test_nothing_is_touched_until_something_is_asked_for() -> None:
         shaper.set_settings(FilterSettings(feet="sometimes"))
 
 
-def test_what_is_held_is_as_late_as_the_hand() -> None:
+def test_held_prop_has_the_delay_of_the_hand() -> None:
     """A prop that moves as the root does is smoothed as the root is; while it is hidden it stays as it is."""
     shaper = PoseFilter([default_skeleton()], None, FilterSettings(smoothing_s=0.1))
     for number in range(40):

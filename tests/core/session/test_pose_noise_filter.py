@@ -29,7 +29,7 @@ def trembling(rotations: np.ndarray) -> float:
     return float(np.linalg.norm(np.diff(turned, 2, axis=0), axis=-1).mean())
 
 
-def test_noise_of_a_still_body_is_taken_away() -> None:
+def test_jitter_of_a_still_body_is_removed() -> None:
     chance = np.random.default_rng(0)
     still = turning(np.full(len(TIMES_S), 0.7))
     noisy = rot.multiply(still, rot.from_rotation_vector(chance.normal(0.0, NOISE_RAD, (*still.shape[:2], 3))))
@@ -42,7 +42,7 @@ def test_noise_of_a_still_body_is_taken_away() -> None:
     assert np.linalg.norm(shown_m[SETTLED:], axis=1).mean() < 0.7 * np.linalg.norm(places_m[SETTLED:], axis=1).mean()
 
 
-def test_a_fast_motion_without_noise_is_not_late() -> None:
+def test_fast_motion_without_noise_is_not_delayed() -> None:
     """An arm that swings by a radian twice a second, and a body that turns round and round."""
     for angles_rad in (np.sin(2.0 * np.pi * 2.0 * TIMES_S), 8.0 * TIMES_S):
         truth = turning(angles_rad)
@@ -52,7 +52,7 @@ def test_a_fast_motion_without_noise_is_not_late() -> None:
         assert np.linalg.norm(shown_m - place_m, axis=1).max() < 0.001
 
 
-def test_a_sudden_turn_is_shown_at_once_and_not_overshot() -> None:
+def test_sudden_turn_has_no_delay_and_no_overshoot() -> None:
     truth = turning(np.where(TIMES_S < 2.0, 0.0, 0.6))
     place_m = np.where(TIMES_S < 2.0, 0.0, 0.5)[:, None] * np.ones(3)
     shown, shown_m = filtered(truth, place_m)
@@ -60,7 +60,7 @@ def test_a_sudden_turn_is_shown_at_once_and_not_overshot() -> None:
     np.testing.assert_allclose(shown_m, place_m, atol=1e-6)
 
 
-def test_after_a_pause_it_starts_over() -> None:
+def test_filter_restarts_after_a_pause() -> None:
     pose_filter, root_m = PoseNoiseFilter(), np.zeros(3)
     for time_s, rotations in zip(TIMES_S, turning(2.0 * TIMES_S), strict=True):
         pose_filter.step(time_s, rotations, root_m)
@@ -69,7 +69,7 @@ def test_after_a_pause_it_starts_over() -> None:
     np.testing.assert_allclose(np.abs(np.sum(shown * back, axis=-1)), 1.0, atol=1e-9)
 
 
-def test_no_joint_turns_further_in_a_frame_than_it_did() -> None:
+def test_filter_does_not_increase_rotation_rates() -> None:
     """A limb in trembling poses that begins to turn at the greatest speed at once, as limited poses do."""
     chance = np.random.default_rng(1)
     most = np.radians(9.0)

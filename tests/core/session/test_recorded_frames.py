@@ -53,7 +53,7 @@ def right_labels(solved, rows):
     return np.where(np.isnan(rows), np.isnan(observed), np.abs(observed - rows) < TOLERANCE_M).all(axis=2)
 
 
-def test_labels_hold_from_the_first_frame_of_the_body(frames, rows, session):
+def test_labels_also_hold_before_they_were_found(frames, rows, session):
     live, recorded = (solve(frames, session, causal) for causal in (True, False))
     late = ~right_labels(live, rows).all(axis=1)
     assert late[CUT + HIDDEN]  # live, nobody knows yet
@@ -68,7 +68,7 @@ def test_labels_hold_from_the_first_frame_of_the_body(frames, rows, session):
     assert times == [frame.time_s for frame in frames]
 
 
-def test_frames_before_the_doubt_are_as_live(frames, session):
+def test_frames_before_the_wrong_labels_stay_live(frames, session):
     live, recorded = (solve(frames, session, causal).poses for causal in (True, False))
     for pose, other in list(zip(live, recorded, strict=True))[: CUT - 1]:
         np.testing.assert_array_equal(pose.performers[0].rotations, other.performers[0].rotations)
@@ -80,7 +80,7 @@ def test_causal_poses_are_those_of_a_live_session(frames, subject, database, ses
         np.testing.assert_array_equal(alone.step(frame).rotations, pose.performers[0].rotations)
 
 
-def test_impossible_frames_in_the_doubt_are_left_out(frames, rows, session):
+def test_relabelling_leaves_out_impossible_frames(frames, rows, session):
     """A time that goes back and a point at infinity neither stop nor harm the frames around them."""
     bad = list(frames)
     bad[CUT + HIDDEN] = replace(frames[CUT + HIDDEN], time_s=np.nan)

@@ -57,7 +57,7 @@ def test_known_labels_are_solved(subject, database, record, noisy, truth):
     assert np.linalg.norm(np.array([p.root_position_m for p in poses]) - truth.root_positions_m, axis=1).max() < 0.05
 
 
-def test_a_hidden_marker_is_told_and_lowers_confidence(subject, database, record, noisy):
+def test_hidden_marker_is_noted_and_lowers_confidence(subject, database, record, noisy):
     session, other = Session(subject, database), Session(subject, database)
     for number in range(10):  # until the walk is one that the database knows
         for each in (session, other):
@@ -72,13 +72,13 @@ def test_a_hidden_marker_is_told_and_lowers_confidence(subject, database, record
     np.testing.assert_array_equal(np.isnan(pose.observed_m[:, 0]), [0, 0, 0, 0, 1, 0, 1, 0])
 
 
-def test_notes_of_the_source_are_passed_on(subject, database, record, noisy):
+def test_source_notes_are_passed_on(subject, database, record, noisy):
     session = Session(subject, database)
     frame = replace(record(noisy[0], 0, KNOWN), notes=("right camera frozen",))
     assert session.step(frame).notes == source_notes(["right camera frozen"])
 
 
-def test_a_known_single_camera_marker_is_used(subject, database, record, noisy, stage_rig):
+def test_labelled_single_camera_marker_is_used(subject, database, record, noisy, stage_rig):
     """Rays count with the rig; without it the marker is hidden."""
     sessions = [Session(subject, database, rig) for rig in (None, stage_rig)]
     for number, row in enumerate(noisy[:12]):
@@ -109,7 +109,7 @@ def assert_labelled(pose, row, tolerance_m=1e-9):
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 35.0])
-def test_unlabelled_points_are_labelled_and_followed(subject, database, record, opening, turn_deg):
+def test_unlabelled_points_are_labelled_and_tracked(subject, database, record, opening, turn_deg):
     """Only points, in another order every frame, with a ghost among them, from the T pose into walking."""
     session = Session(subject, database)
     turn = rot.from_rotation_vector([0.0, np.radians(turn_deg), 0.0])
@@ -120,7 +120,7 @@ def test_unlabelled_points_are_labelled_and_followed(subject, database, record, 
         assert pose.confidence > 0.0
 
 
-def test_cameras_alone_are_enough(subject, database, record, opening, stage_rig):
+def test_blobs_are_enough(subject, database, record, opening, stage_rig):
     """Blobs in two distorted images, unlabelled, a hand hidden from the right camera during half a second."""
     session = Session(subject, database, stage_rig)
     alone = []
@@ -132,7 +132,7 @@ def test_cameras_alone_are_enough(subject, database, record, opening, stage_rig)
     np.testing.assert_array_equal(alone, np.where((np.arange(70) >= 45) & (np.arange(70) < 60), 0, -1))
 
 
-def test_waiting_for_the_torso_shows_a_t_pose_and_then_recovers(subject, database, record, opening):
+def test_t_pose_is_shown_until_the_torso_is_seen(subject, database, record, opening):
     session = Session(subject, database)
     few = opening[0].copy()
     few[[0, 1, 2, 6]] = np.nan
@@ -151,7 +151,7 @@ def test_waiting_for_the_torso_shows_a_t_pose_and_then_recovers(subject, databas
     assert 0.0 < as_if_never.confidence == pytest.approx(pose.confidence)
 
 
-def test_a_short_loss_keeps_the_last_pose_with_little_confidence(subject, database, record, noisy):
+def test_short_loss_keeps_the_last_pose_with_low_confidence(subject, database, record, noisy):
     session = Session(subject, database)
     for number in range(5):
         before = session.step(record(noisy[number], number, KNOWN))
@@ -163,7 +163,7 @@ def test_a_short_loss_keeps_the_last_pose_with_little_confidence(subject, databa
     assert after.confidence > 0.7
 
 
-def test_labelling_starts_afresh_after_a_long_loss(subject, database, record, opening):
+def test_labelling_restarts_after_a_long_loss(subject, database, record, opening):
     """The performer leaves for two seconds and stands in the T pose elsewhere, turned: still found."""
     session = Session(subject, database)
     for number in range(5):
@@ -204,7 +204,7 @@ def test_reset_is_a_new_session(subject, database, record, noisy):
         np.testing.assert_array_equal(a.rotations, b.rotations)
 
 
-def test_motion_unlike_the_database_is_told(subject, database, record, true_markers):
+def test_motion_unlike_the_database_is_noted(subject, database, record, true_markers):
     """Both hands a metre above the head, which no walker, runner, jumper or boxer does."""
     points = true_markers[0].copy()
     points[[4, 5]] = points[[0, 1]] + np.array([0.0, 0.7, 0.0])
@@ -233,7 +233,7 @@ def test_every_shipped_marker_set_is_solved_by_every_method(truth, database, rec
 
 
 @pytest.mark.parametrize("hidden", [(), (2,), (5, 7)])
-def test_a_start_with_hanging_arms_and_hidden_markers_is_labelled_right(subject, database, hidden):
+def test_start_with_hanging_arms_and_hidden_markers_is_labelled(subject, database, hidden):
     """The T pose explains as many points there, but worse; what it made of them must not linger."""
     skeleton = subject.skeleton
     joints, offsets = subject.marker_set.joint_indices(skeleton), subject.marker_set.offsets_m

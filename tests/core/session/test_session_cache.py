@@ -9,7 +9,7 @@ from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 
 
-def test_takes_that_share_a_session_are_solved_as_alone(truth, subject, database_file, database):
+def test_takes_with_a_shared_session_are_solved_independently(truth, subject, database_file, database):
     """Bit by bit, whatever was solved before: or a batch would depend on the order of its takes."""
     takes = [simulate_markers(truth, subject, noise_mm=2.0, dropout=0.05, seed=seed)[0] for seed in (1, 2)]
     takes = [replace(take, positions_m=take.positions_m[:25], frame_numbers=[], times_s=[]) for take in takes]
@@ -23,7 +23,7 @@ def test_takes_that_share_a_session_are_solved_as_alone(truth, subject, database
         assert [pose.confidence for pose in shared.poses_of()] == [pose.confidence for pose in alone.poses_of()]
 
 
-def test_what_is_shared(subject, database_file, stage_rig):
+def test_sessions_are_shared_by_performer_database_and_settings(subject, database_file, stage_rig):
     store, settings = SessionCache(), SolveSettings(method="nearest")
     database = store.database(database_file)
     assert store.database(str(database_file)) is database

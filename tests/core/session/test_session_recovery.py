@@ -46,7 +46,9 @@ def labelled_right(pose, row):
 
 @pytest.mark.parametrize(("clip", "turn"), [("walking-02-energetic", 1.3), ("boxing-06-energetic", -0.5),
                                             ("running-05-proud", 1.0), ("jumping-05-tired", -0.9)])  # fmt: skip
-def test_who_comes_back_elsewhere_in_another_pose_is_known_at_once(subject, database, record, true_markers, clip, turn):
+def test_performer_who_returns_elsewhere_in_another_pose_is_found_at_once(
+    subject, database, record, true_markers, clip, turn
+):
     """Gone for two and a half seconds, back two metres off and turned, in the middle of a clip out of the database."""
     session, generator = Session(subject, database), np.random.default_rng(0)
     for number in range(5):
@@ -62,7 +64,7 @@ def test_who_comes_back_elsewhere_in_another_pose_is_known_at_once(subject, data
     assert min(pose.confidence for pose in poses[3:]) > 0.1
 
 
-def test_a_wrong_start_is_noticed(subject, database, record, true_markers):
+def test_wrong_initial_labels_are_corrected(subject, database, record, true_markers):
     """Left and right mixed up by the source, which then gives no labels: the session goes on with what it believes."""
     session, generator = Session(subject, database), np.random.default_rng(1)
     swapped = np.array([1, 0, 3, 2, 5, 4, 7, 6])
@@ -76,7 +78,7 @@ def test_a_wrong_start_is_noticed(subject, database, record, true_markers):
     assert all(right[15:])  # half a second
 
 
-def test_a_right_start_is_not_begun_again(subject, database_of, record, monkeypatch, tmp_path):
+def test_right_initial_labels_are_kept(subject, database_of, record, monkeypatch, tmp_path):
     """In a database that is dense in such poses a new start is always nearer to some of them, with the same labels."""
     begun = []
     begin = Labeller.begin
@@ -92,7 +94,7 @@ def test_a_right_start_is_not_begun_again(subject, database_of, record, monkeypa
     assert len(begun) == 3
 
 
-def test_a_change_of_behaviour_leaves_nothing_behind(subject, database, record):
+def test_cut_between_behaviours_recovers(subject, database, record):
     """From walking into running in one take: the running is solved as if it had been alone."""
     motion = performance([("walking", 2.0), ("running", 2.0)], FPS, subject.skeleton, seed=1_000_007)
     rows, generator = markers_of(subject, motion), np.random.default_rng(2)
@@ -110,7 +112,7 @@ def test_a_change_of_behaviour_leaves_nothing_behind(subject, database, record):
     assert followed < 1.1 * alone
 
 
-def test_a_performer_who_turns_away_and_back_is_followed(subject, database, record):
+def test_performer_who_turns_away_and_back_is_tracked(subject, database, record):
     """The body hides its own markers from cameras in front; back in view all are known, and the root never was lost."""
     still = performance([("rest", 3.0)], FPS, subject.skeleton)
     share = np.clip((np.arange(still.frames) / FPS - 3.0) / 1.2, 0.0, 1.0)  # after the arms have come down
@@ -140,7 +142,7 @@ def test_a_performer_who_turns_away_and_back_is_followed(subject, database, reco
 
 
 @pytest.mark.parametrize("blobs", [True, False])
-def test_a_hand_that_returns_far_from_where_it_is_thought_to_be_is_known_within_three_frames(
+def test_hand_that_returns_far_from_its_predicted_position_is_labelled_within_three_frames(
     subject, database, record, blobs
 ):
     """Both hands hidden while the arms are raised from the sides of the body into the T pose."""
@@ -163,7 +165,7 @@ def test_a_hand_that_returns_far_from_where_it_is_thought_to_be_is_known_within_
     assert away[1].max() < TOLERANCE_M
 
 
-def test_a_body_that_was_wrung_by_wrong_markers_comes_right_at_once(subject, database, record, truth, true_markers):
+def test_body_bent_by_wrong_markers_recovers_at_once(subject, database, record, truth, true_markers):
     """For two thirds of a second the source exchanges hands and feet: what it shows is a body in knots."""
     right = np.arange(len(subject.marker_set))
     crossed = right.copy()
@@ -182,7 +184,7 @@ def test_a_body_that_was_wrung_by_wrong_markers_comes_right_at_once(subject, dat
 
 
 @pytest.mark.parametrize("clip", ["boxing-06-energetic", "running-05-proud", "jumping-05-tired"])
-def test_a_cut_from_a_t_pose_costs_nothing(subject, database, record, clip):
+def test_cut_from_a_t_pose_recovers(subject, database, record, clip):
     """Recordings begin in a T pose; the pose that follows is not near it."""
     motion = resampled(read_motion(MOTION / f"{clip}.bvh"), FPS)
     rows, labels = markers_of(subject, motion)[40:55], np.arange(len(subject.marker_set))
@@ -201,7 +203,7 @@ def test_a_cut_from_a_t_pose_costs_nothing(subject, database, record, clip):
 
 
 @pytest.mark.parametrize(("hidden", "looked_at"), [((), True), (("RSHO", "LWAI", "RHAN", "RFOO"), False)])
-def test_a_body_unlike_the_database_is_not_replaced_for_what_few_markers_show(
+def test_unfamiliar_pose_is_not_reinitialised_from_few_markers(
     subject, database, record, hidden, looked_at, monkeypatch
 ):
     """Some pose or other is near to half of the markers, so that these say nothing."""

@@ -40,7 +40,7 @@ def test_summary(take, subject, database):
     assert solved.joint_errors_deg() == {}  # only "best" knows them
 
 
-def test_a_take_that_shows_nothing_for_a_while(take, subject, database):
+def test_take_with_empty_frames(take, subject, database):
     """Frames before the first marker wait in the T pose; a gap in the middle is bridged."""
     positions = take.positions_m[:20].copy()
     positions[:4] = np.nan
@@ -57,7 +57,7 @@ def test_a_take_that_shows_nothing_for_a_while(take, subject, database):
     assert summary["confidence"] == 0.0
 
 
-def test_what_one_camera_shows_counts(truth, subject, database, stage_rig):
+def test_single_camera_markers_are_used(truth, subject, database, stage_rig):
     """A hand that one camera alone shows is nearer to the truth across its ray than one that is hidden."""
     whole = simulate_markers(truth, subject, noise_mm=2.0, seed=1)[0]
     hand = whole.names.index("LHAN")
@@ -77,7 +77,7 @@ def test_what_one_camera_shows_counts(truth, subject, database, stage_rig):
     assert errors[1] < 0.5 * errors[0]
 
 
-def test_the_wrong_marker_set_is_refused(take, subject, database):
+def test_wrong_marker_set_is_refused(take, subject, database):
     other = MarkerTake("other", 30.0, ("C7", "LSHO", "RSHO"), np.zeros((2, 3, 3)))
     with pytest.raises(TakeError, match="other: has fewer than three of the torso markers LSHO, RSHO, LWAI, RWAI"):
         solve_take(other, subject, database, SolveSettings(), lambda fraction, text: None)

@@ -46,7 +46,7 @@ def test_causal_poses_are_those_of_a_live_session(take, live, subject, database)
         np.testing.assert_array_equal(session.step(frame).rotations, pose.rotations)
 
 
-def test_solving_again_gives_the_same(recorded, take, subject, database):
+def test_solving_is_repeatable(recorded, take, subject, database):
     """Also in a session that has solved something else before."""
     session = Session(subject, database)
     for _ in range(2):
@@ -70,7 +70,7 @@ def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, data
     np.testing.assert_array_equal(whole.motion.rotations[:first], alone.motion.rotations)
 
 
-def test_backwards_the_learned_prior_is_that_of_the_markers_before(take, subject, database, monkeypatch):
+def test_learned_prior_of_the_backward_pass_uses_earlier_markers(take, subject, database, monkeypatch):
     """It was learned from motion that goes forwards: nothing runs through its network in reverse."""
     monkeypatch.setattr("perfanim.core.session.two_way_solve._TOGETHER", 7)
     session, batches, estimate_all = Session(subject, database), [], MotionPrior.estimate_all
@@ -95,7 +95,7 @@ def test_backwards_the_learned_prior_is_that_of_the_markers_before(take, subject
         assert all(earlier < at for at, earlier in found)
 
 
-def test_before_the_torso_is_first_seen_the_character_waits_in_its_first_pose(take, subject, database):
+def test_poses_before_the_first_torso_repeat_the_first_solved_pose(take, subject, database):
     hidden, positions_m = 5, take.positions_m.copy()
     positions_m[:hidden] = np.nan
     motion = solve_take(replace(take, positions_m=positions_m), subject, database, SolveSettings(), silent).motion
@@ -104,7 +104,7 @@ def test_before_the_torso_is_first_seen_the_character_waits_in_its_first_pose(ta
         np.testing.assert_array_equal(motion.root_positions_m[frame], motion.root_positions_m[hidden])
 
 
-def test_what_cancels_comes_through_at_any_moment(take, subject, database):
+def test_cancellation_is_possible_at_any_moment(take, subject, database):
     for at in (0.1, 0.5, 0.8):
 
         def cancel(fraction, text, at=at):

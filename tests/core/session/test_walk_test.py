@@ -31,7 +31,7 @@ GOOD = WalkFigures(0.0, 60.0, np.array([0.02, 0.0]), 0.0004, 0.006, 0.99, 5.2)
         ({"confidence": 0.5, "lost": 0.06}, "usable", "images are lost"),  # which makes all else worse
     ],
 )
-def test_the_worst_figure_is_what_would_help_most(change: dict, verdict: str, advice: str) -> None:
+def test_advice_is_on_the_worst_figure(change: dict, verdict: str, advice: str) -> None:
     sentence = judge_walk(replace(GOOD, **change), TEXTS)
     assert sentence.startswith(f"captures will be {verdict}")
     assert advice in sentence
@@ -55,7 +55,7 @@ def poses_of(seconds: float, fps: float = 30.0, noise_m: float = 0.001) -> list[
     return poses
 
 
-def test_the_figures_are_those_of_the_poses() -> None:
+def test_walk_figures_summarise_the_poses() -> None:
     figures = walk_figures(poses_of(10.0), lost=100)
     assert figures is not None
     assert figures.lost == pytest.approx(100 / 401)

@@ -60,7 +60,7 @@ def test_joints_are_widened_where_another_prior_is_far_away():
     np.testing.assert_allclose(widened.covariance, first.covariance * np.outer(factors, factors), rtol=1e-12)
 
 
-def test_what_was_observed_is_regressed_on():
+def test_prior_is_regressed_on_observations():
     samples, weights = gaussian(3)
     prior = neighbours_prior(samples, weights, 0.01 * np.eye(7), *NO_PAST)
     observed = np.array([0.5, np.nan, -0.2])  # the last three entries, one of them unknown
@@ -72,7 +72,7 @@ def test_what_was_observed_is_regressed_on():
     np.testing.assert_allclose(result.covariance, joint[:4, :4] - gain @ joint[seen, :4], atol=1e-10)
 
 
-def test_observing_nothing_changes_nothing():
+def test_prior_without_observations_is_unchanged():
     prior = neighbours_prior(*gaussian(4), 0.01 * np.eye(7), *NO_PAST)
     result = neighbours_prior(*gaussian(4), 0.01 * np.eye(7), np.full(3, np.nan), np.full(3, 0.05))
     np.testing.assert_allclose(result.mean, prior.mean[:4], atol=1e-12)
@@ -110,7 +110,7 @@ def fitted(model, frame, observation, steps=3):
     return fit_to_markers(expectation, model, NOISE_M, steps)[:2]
 
 
-def test_fit_brings_the_markers_to_within_their_noise(model, frame):
+def test_fitted_markers_are_within_their_noise(model, frame):
     prior, _, root, points = frame
     before = rms(model.markers(prior.mean.reshape(-1, 3), root), points)
     pose, found = fitted(model, frame, Observation.of_points(points))
@@ -130,7 +130,7 @@ def test_fit_comes_closer_to_the_true_pose_than_the_prior(model, frame, database
     assert np.linalg.norm(pose - true_pose) < 0.7 * np.linalg.norm(prior.mean - true_pose)
 
 
-def test_fit_tells_the_deviations_of_the_laplace_posterior(model, frame):
+def test_fit_returns_laplace_standard_deviations(model, frame):
     prior, _, root, points = frame
     points = np.where(np.arange(8)[:, None] == 4, np.nan, points)  # without the left hand
     observation = Observation.of_points(points)
@@ -151,7 +151,7 @@ def test_fit_tells_the_deviations_of_the_laplace_posterior(model, frame):
     assert facts.deviation == pytest.approx(np.sqrt(unlikely / len(rows)), rel=0.01)
 
 
-def test_the_likelihood_is_the_density_of_the_markers_under_the_prior(model, frame):
+def test_likelihood_is_the_marker_density_under_the_prior(model, frame):
     prior, _, root, points = frame
     points = np.where(np.arange(8)[:, None] == 4, np.nan, points)
     observation = Observation.of_points(points)
@@ -164,7 +164,7 @@ def test_the_likelihood_is_the_density_of_the_markers_under_the_prior(model, fra
     assert found == pytest.approx(expected, rel=1e-4, abs=1e-2)
 
 
-def test_fit_is_the_least_of_its_energy(model, frame):
+def test_fit_minimises_its_cost(model, frame):
     prior, _, root, points = frame
     pose, found = fitted(model, frame, Observation.of_points(points), steps=8)
 
@@ -222,7 +222,7 @@ def test_a_noisy_marker_counts_less(model, frame):
     assert away[1] > 2.0 * away[0]
 
 
-def test_fit_comes_back_from_a_prior_that_is_far_off(model, frame):
+def test_fit_converges_from_a_distant_prior(model, frame):
     """Full Gauss-Newton steps from a prior so far away wring the limbs and leave the markers."""
     prior, _, root, points = frame
     generator = np.random.default_rng(4)
@@ -234,7 +234,7 @@ def test_fit_comes_back_from_a_prior_that_is_far_off(model, frame):
         assert rms(model.markers(pose.reshape(-1, 3), found), points) <= start
 
 
-def test_fit_keeps_joints_within_their_limits(model, frame):
+def test_fit_respects_joint_limits(model, frame):
     prior, _, root, points = frame
     limits = np.array([prior.mean - 0.05, prior.mean + 0.05])
     far = points + np.array([0.0, 0.5, 0.0]) * (np.arange(len(points)) % 2)[:, None]

@@ -19,7 +19,7 @@ def markers(model, database):
     return LaggedMarkers(database, database_markers(model, database), LaggedFrames(database, LAGS_S))
 
 
-def test_earlier_markers_of_a_frame_are_those_of_its_clip_seen_from_its_root(markers, model, database):
+def test_earlier_markers_are_in_the_current_root_frame(markers, model, database):
     clip = database.clips[1]
     lags, unit_m = [round(lag * database.fps) for lag in LAGS_S], database_markers(model, database).unit_m
     assert unit_m < 1e-4
@@ -38,7 +38,7 @@ def test_earlier_markers_of_a_frame_are_those_of_its_clip_seen_from_its_root(mar
             )  # each coordinate within a half
 
 
-def test_orientations_of_roots_that_are_nearly_rotations_are_stored_as_such(model, database):
+def test_nearly_unit_quaternions_are_normalised(model, database):
     """The database's own check lets lengths differ by a thousandth: entries of their matrices would not fit."""
     nearly = np.tile(np.array([0.0, 1.0009, 0.0, 0.0], dtype=np.float32), (database.frames, 1))
     markers = LaggedMarkers(
@@ -49,7 +49,7 @@ def test_orientations_of_roots_that_are_nearly_rotations_are_stored_as_such(mode
 
 
 @pytest.mark.parametrize("fps", [30.0, 60.0, 120.0])
-def test_markers_seen_are_found_again_whatever_the_rate(markers, fps):
+def test_observed_markers_are_recalled_at_any_rate(markers, fps):
     """A body that moves steadily: where it was is known."""
     start, velocity = np.random.default_rng(0).normal(size=(2, 8, 3))
     times = np.arange(0.0, 1.0, 1.0 / fps)
@@ -63,7 +63,7 @@ def test_markers_seen_are_found_again_whatever_the_rate(markers, fps):
         assert np.all(np.abs(root.to_world(found_m) - start - velocity * (times[-1] - lag)) <= half_frame)
 
 
-def test_what_was_not_seen_is_unknown(markers):
+def test_unseen_markers_are_unknown(markers):
     history = LaggedHistory(LAGS_S[-1])
     root = RootPose(rot.identity(), np.zeros(3))
     assert np.isnan(markers.observed(history, 0.0, root)).all()
@@ -88,7 +88,7 @@ def lagged_poses(database, components):
     return LaggedPoses(database, components, LaggedFrames(database, LAGS_S))
 
 
-def test_earlier_poses_of_a_frame_are_those_of_its_clip(lagged_poses, database, components):
+def test_earlier_poses_are_from_the_same_clip(lagged_poses, database, components):
     clip = database.clips[1]
     lags = [round(lag * database.fps) for lag in LAGS_S]
     frames = np.array([clip.start, clip.start + lags[0], clip.start + 40])
@@ -98,7 +98,7 @@ def test_earlier_poses_of_a_frame_are_those_of_its_clip(lagged_poses, database, 
             np.testing.assert_allclose(found, pose @ components, atol=1e-5)  # stored in float32
 
 
-def test_poses_solved_are_found_again_and_nothing_else(lagged_poses, components):
+def test_only_solved_poses_are_recalled(lagged_poses, components):
     history = LaggedHistory(LAGS_S[-1])
     poses = np.random.default_rng(2).normal(size=(3, 84))
     for time, pose in zip((0.0, 0.15, 0.25), poses, strict=True):

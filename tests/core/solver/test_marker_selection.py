@@ -21,7 +21,7 @@ def suited(truth):
     return Subject("walker", truth.skeleton, load_marker_set("cmu-41"))
 
 
-def test_each_marker_tells_something_and_the_torso_comes_first(suited, database):
+def test_each_marker_reduces_the_error_and_the_torso_comes_first(suited, database):
     choice = choose_markers(suited, database, 9)
     assert len(set(choice.names)) == 9
     markers = {marker.name: marker for marker in suited.marker_set.markers}
@@ -33,7 +33,7 @@ def test_each_marker_tells_something_and_the_torso_comes_first(suited, database)
     assert limbs & {"foot", "toes", "tibia"}
 
 
-def test_the_choice_expects_less_error_than_exchanges_of_one(suited, database):
+def test_choice_is_better_than_single_exchanges(suited, database):
     """Greedy: with the last marker exchanged for another the rest leaves more open."""
     choice = choose_markers(suited, database, 6)
     for name in ("LFHD", "LWRA", "RKNE", "LTOE"):
@@ -42,7 +42,7 @@ def test_the_choice_expects_less_error_than_exchanges_of_one(suited, database):
             assert other.expected_m[-1] >= choice.expected_m[-1] - 1e-9
 
 
-def test_too_few_are_refused(suited, database):
+def test_too_few_markers_are_refused(suited, database):
     with pytest.raises(MarkerSetError, match="2 of 41 markers"):
         choose_markers(suited, database, 2)
     with pytest.raises(MarkerSetError, match="4 of 3 markers, 1 of them of the torso"):

@@ -68,7 +68,7 @@ def by_hand(network, model, points, single, frame):
 
 
 @pytest.mark.parametrize("single", [(), (2, 3)])
-def test_inference_equals_what_is_reckoned_entry_by_entry(network, model, points, single):
+def test_inference_equals_a_loop_over_entries(network, model, points, single):
     root = RootPose(rot.identity(), np.zeros(3))
     rest = SubjectModel(model.subject, network.mean_rotations).markers(np.zeros((JOINTS - 1, 3)))
     frame = root_from_torso(Observation.of_points(points[0]), rest, model, root)
@@ -90,7 +90,7 @@ def test_inference_equals_what_is_reckoned_entry_by_entry(network, model, points
     assert np.max(rot.angle_between(mine, theirs)) < 1e-6
 
 
-def test_place_and_heading_of_the_body_do_not_matter(network, model, points):
+def test_prior_is_independent_of_place_and_heading(network, model, points):
     prior = MotionPrior(network, model, model.mean_rotations)
     root = RootPose(rot.identity(), np.zeros(3))
     one = prior.estimate(recent(points), root)
@@ -101,7 +101,7 @@ def test_place_and_heading_of_the_body_do_not_matter(network, model, points):
     assert rot.angle_between(other.root.rotation, rot.multiply(turn, one.root.rotation)) < 1e-4
 
 
-def test_markers_that_were_elsewhere_are_no_motion(network, model, points):
+def test_jumping_markers_have_no_velocity(network, model, points):
     """A cut: earlier markers metres away count as not seen; absurd ones give numbers all the same."""
     prior, root = MotionPrior(network, model, model.mean_rotations), RootPose(rot.identity(), np.zeros(3))
     points[:, np.isnan(points[0, :, 0])] = np.nan
@@ -118,7 +118,7 @@ def test_markers_that_were_elsewhere_are_no_motion(network, model, points):
         assert np.all(np.isfinite(estimate.pose.mean)) and np.all(np.isfinite(estimate.pose.covariance))
 
 
-def test_frames_together_are_as_each_alone(network, model, true_markers):
+def test_batched_priors_equal_single_ones(network, model, true_markers):
     frames = [recent(true_markers[[at, at - 1, at - 3, at - 15]].copy()) for at in range(20, 25)]
     frames[2].points_m[0, np.flatnonzero(model.torso)[1:]] = np.nan  # where the body is depends on the frame before
     root, prior = RootPose(rot.identity(), np.zeros(3)), MotionPrior(network, model, model.mean_rotations)
@@ -146,7 +146,7 @@ def solved(model, database, markers, **settings):
     return np.array(poses)
 
 
-def test_what_one_camera_sees_reaches_the_prior_along_its_ray(
+def test_single_camera_markers_are_back_projected_for_the_prior(
     model, database, true_markers, stage_rig, network_file, monkeypatch
 ):
     asked, estimate = [], MotionPrior.estimate
@@ -173,7 +173,7 @@ def test_what_one_camera_sees_reaches_the_prior_along_its_ray(
     assert np.isnan(state.observed.values[-1][hidden]).all()  # no memory of a guess
 
 
-def test_without_the_file_it_is_as_without_the_prior(model, database, true_markers, tmp_path, network_file):
+def test_missing_file_disables_the_prior(model, database, true_markers, tmp_path, network_file):
     markers = true_markers[:8]
     off = solved(model, database, markers, prior_share=0.0)
     missing = solved(model, database, markers, prior_share=1.0, prior_file=str(tmp_path / "none.npz"))
@@ -181,7 +181,7 @@ def test_without_the_file_it_is_as_without_the_prior(model, database, true_marke
     assert np.max(np.abs(solved(model, database, markers, prior_share=1.0, prior_file=str(network_file)) - off)) > 1e-4
 
 
-def test_damaged_files_are_named(database, network_file, tmp_path):
+def test_damaged_prior_files_are_refused(database, network_file, tmp_path):
     assert open_network(tmp_path / "none.npz") is None
     whole = network_file.read_bytes()
     damaged = tmp_path / "damaged.npz"
@@ -213,7 +213,7 @@ def test_the_shipped_file_opens_and_is_small():
     assert open_network(MOTION_PRIOR).facts["version"] == VERSION
 
 
-def test_the_shipped_file_is_cmus_motion_and_our_own_and_says_so():
+def test_shipped_prior_names_its_training_data():
     facts = open_network(MOTION_PRIOR).facts
     people = {name for name in facts["subjects"] if name.isdecimal()}
     assert set(facts["subjects"]) - people == {"motion"}  # the embedded clips; no other studio's

@@ -20,7 +20,7 @@ def mixed(true_markers, stage_rig):
     return Observation(points, cameras, image_points, stage_rig.cameras)
 
 
-def test_what_was_seen_how(mixed):
+def test_markers_are_located_single_or_hidden(mixed):
     np.testing.assert_array_equal(mixed.located, [1, 1, 0, 1, 1, 0, 1, 0])
     np.testing.assert_array_equal(mixed.single, [0, 0, 1, 0, 0, 1, 0, 0])
     points = Observation.of_points(mixed.points_m)
@@ -38,7 +38,7 @@ def test_residual_is_zero_where_the_markers_are(true_markers, stage_rig, mixed):
     assert len(control_residual(mixed, true_markers[0])) == 3 * 5 + 2 * 2
 
 
-def test_a_single_camera_marker_is_free_along_its_ray(true_markers, mixed):
+def test_single_camera_marker_is_free_along_its_ray(true_markers, mixed):
     camera = mixed.rig[0]
     ray = camera.rays(mixed.image_points[2])
     for depth in (2.0, 3.5, 6.0):
@@ -49,7 +49,7 @@ def test_a_single_camera_marker_is_free_along_its_ray(true_markers, mixed):
         assert np.linalg.norm(control_residual(mixed, markers)[15:17]) == pytest.approx(0.05, rel=0.1)
 
 
-def test_a_marker_that_one_camera_sees_is_put_where_its_ray_comes_nearest(true_markers, mixed):
+def test_back_projection_is_the_closest_point_on_the_ray(true_markers, mixed):
     markers = true_markers[0] + np.random.default_rng(2).normal(scale=0.05, size=(8, 3))
     placed = mixed.back_projected(markers)
     np.testing.assert_array_equal(placed.points_m[[0, 1, 3, 4, 6, 7]], mixed.points_m[[0, 1, 3, 4, 6, 7]])
@@ -60,7 +60,7 @@ def test_a_marker_that_one_camera_sees_is_put_where_its_ray_comes_nearest(true_m
         assert (placed.points_m[marker] - markers[marker]) @ ray == pytest.approx(0.0, abs=1e-12)
 
 
-def test_noise_is_added_to_the_least_deviation_of_located_markers(mixed):
+def test_marker_noise_adds_to_the_least_deviation(mixed):
     noise_m = 0.004 * np.arange(8)
     noisy = mixed.smoothed(mixed.points_m + 1.0, noise_m)
     np.testing.assert_array_equal(noisy.points_m, mixed.points_m + 1.0)
@@ -81,7 +81,7 @@ def test_jacobian_is_the_derivative_of_the_residual(model, mixed):
     np.testing.assert_allclose(control_jacobian(mixed, full)[:, 6:], expected, atol=1e-8)
 
 
-def test_nothing_seen_is_no_rows():
+def test_residual_without_markers_is_empty():
     nothing = Observation.of_points(np.full((3, 3), np.nan))
     assert control_residual(nothing, np.zeros((3, 3))).shape == (0,)
     assert control_jacobian(nothing, np.zeros((3, 3, 5))).shape == (0, 5)

@@ -62,7 +62,7 @@ def errors_without(embedded_motion, name, path, database_of):
     return {m: degrees_per_joint(model, solve(model, database, observations, m, 0.0), truth) for m in METHODS}
 
 
-def test_methods_stand_in_order(embedded_motion, tmp_path, database_of):
+def test_methods_are_ordered_by_accuracy(embedded_motion, tmp_path, database_of):
     """Interpolating beats copying, and conditioning on the markers beats both, over people whose style nobody shares.
 
     Where the database holds the same style again the closest frame is hard to beat, and with a single other clip of
@@ -77,7 +77,7 @@ def test_methods_stand_in_order(embedded_motion, tmp_path, database_of):
         assert row["best"] == min(row.values())
 
 
-def test_fitting_methods_explain_the_markers_and_copies_do_not(solved, noisy):
+def test_only_fitting_methods_explain_the_markers(solved, noisy):
     def rms(method):
         markers = np.array([solution.markers_m for solution in solved[method]])
         return np.sqrt(np.mean(np.sum((markers - noisy) ** 2, axis=-1)))
@@ -107,7 +107,7 @@ def test_the_root_is_found(solved, truth):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_hidden_markers_are_borne(model, database, noisy, truth, solved, method):
+def test_hidden_markers_are_tolerated(model, database, noisy, truth, solved, method):
     points = noisy[:30].copy()
     points[10:20, [HAND, 6]] = np.nan
     points[20:, 1] = np.nan
@@ -119,7 +119,7 @@ def test_hidden_markers_are_borne(model, database, noisy, truth, solved, method)
     assert degrees_per_joint(model, solutions, part) < all_seen + 6.0
 
 
-def test_a_marker_that_one_camera_sees_beats_one_that_none_sees(model, database, noisy, true_markers, stage_rig):
+def test_single_camera_marker_improves_the_pose(model, database, noisy, true_markers, stage_rig):
     """The left hand is hidden from one camera, or from both, for the whole second half."""
     view = stage_rig.cameras[0]
     blind, seeing = [], []
@@ -146,7 +146,7 @@ def test_a_marker_that_one_camera_sees_beats_one_that_none_sees(model, database,
     assert np.mean(across) < 3.0 * NOISE_M
 
 
-def test_nothing_is_solved_before_the_torso_is_seen(model, database, noisy):
+def test_nothing_is_solved_without_torso(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings())
     hands_only = noisy[0].copy()
     hands_only[model.torso] = np.nan
@@ -159,7 +159,7 @@ def test_nothing_is_solved_before_the_torso_is_seen(model, database, noisy):
     assert solver.initial_state.markers_m is None
 
 
-def test_the_closest_example_is_told_without_going_on(model, database, noisy):
+def test_closest_distance_leaves_the_state_unchanged(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
     _, state = follow(solver, [Observation.of_points(row) for row in noisy[:5]])
     before, rootless = state.markers_m.copy(), solver.forget_poses(state)
@@ -175,7 +175,7 @@ def test_the_closest_example_is_told_without_going_on(model, database, noisy):
     assert np.isnan(fresh.closest_m(fresh.initial_state, Observation.of_points(hands_only)))
 
 
-def test_the_torso_of_a_solution_leads_to_nearer_examples(model, database):
+def test_start_at_a_known_torso_finds_nearer_examples(model, database):
     """Other labels of the limbs are judged at the root of the present pose: a bent trunk misleads a first one."""
     solver = PoseSolver(model, database, SolveSettings())
     frames = np.arange(0, database.frames, database.frames // 100)
@@ -192,7 +192,7 @@ def test_the_torso_of_a_solution_leads_to_nearer_examples(model, database):
     assert np.all(at_torso_m < fresh_m + 0.01)
 
 
-def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
+def test_searches_per_frame_are_bounded(model, database, noisy, monkeypatch):
     """Every second frame jumps; the past is looked beyond now and then only, and looks search a sample only."""
     solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
     search, searches = solver._locator._search.nearest, []
@@ -210,7 +210,7 @@ def test_no_frame_pays_for_many_searches(model, database, noisy, monkeypatch):
     assert set(counts[1:]) == {1}
 
 
-def test_a_hurried_first_frame_is_nearly_as_good(model, database, noisy, truth):
+def test_hurried_first_frame_is_nearly_as_accurate(model, database, noisy, truth):
     solver = PoseSolver(model, database, SolveSettings(search="exhaustive"))
     errors = []
     for hurried in (False, True):
@@ -221,7 +221,7 @@ def test_a_hurried_first_frame_is_nearly_as_good(model, database, noisy, truth):
     assert errors[1] < 1.3 * errors[0]
 
 
-def test_the_initial_state_forgets_everything(model, database, noisy):
+def test_initial_state_has_no_history(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings())
     observations = [Observation.of_points(row) for row in noisy[:4]]
     fresh, state = follow(solver, observations)
@@ -230,7 +230,7 @@ def test_the_initial_state_forgets_everything(model, database, noisy):
     np.testing.assert_array_equal([s.pose for s in again], [s.pose for s in fresh])
 
 
-def test_another_solver_goes_on_as_the_first_would(model, database, noisy):
+def test_state_continues_in_another_solver(model, database, noisy):
     """Long enough that the past counts."""
     first, second = (PoseSolver(model, database, SolveSettings(search="exhaustive")) for _ in range(2))
     _, state = follow(first, [Observation.of_points(row) for row in noisy[:20]])
@@ -239,7 +239,7 @@ def test_another_solver_goes_on_as_the_first_would(model, database, noisy):
     np.testing.assert_array_equal([s.pose for s in theirs], [s.pose for s in ours])
 
 
-def test_a_place_elsewhere_gives_the_same_pose(model, database, noisy, solved):
+def test_pose_is_independent_of_the_place(model, database, noisy, solved):
     """The body turned and moved: only the root changes."""
     turn, shift = rot.from_rotation_vector([0.0, 2.0, 0.0]), np.array([3.0, 0.5, -7.0])
     moved = solve(model, database, [Observation.of_points(rot.rotate(turn, row) + shift) for row in noisy[:5]])
@@ -249,7 +249,7 @@ def test_a_place_elsewhere_gives_the_same_pose(model, database, noisy, solved):
         np.testing.assert_allclose(solution.root.position_m, expected, atol=1e-3)
 
 
-def test_a_performers_own_frames_are_preferred_to_equal_ones_of_others(embedded_motion, tmp_path, database_of):
+def test_own_frames_are_preferred(embedded_motion, tmp_path, database_of):
     """The same walk stands in the database twice, once on another body; markers of the third body fit both."""
     walk = sliced(embedded_motion["walking-01-neutral"], 0, 120)
     own, other = replace(walk, name="anna"), replace(walk, name="ben", skeleton=scaled(walk.skeleton, 1.01))
@@ -268,7 +268,7 @@ def test_a_performers_own_frames_are_preferred_to_equal_ones_of_others(embedded_
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_small_databases_are_enough_to_start(model, noisy, embedded_motion, tmp_path, database_of, method):
+def test_small_databases_work(model, noisy, embedded_motion, tmp_path, database_of, method):
     walk = next(motion for name, motion in embedded_motion.items() if name.startswith("walking"))
     small = database_of(tmp_path / "two.db", [sliced(walk, 0, 2)])
     own = type(model)(model.subject, small.mean_rotations)
@@ -280,15 +280,13 @@ def test_small_databases_are_enough_to_start(model, noisy, embedded_motion, tmp_
 
 
 @pytest.mark.parametrize("method", ["nearest", "lwr"])
-def test_methods_that_fit_no_markers_are_not_solved_twice(model, database, noisy, method, monkeypatch):
+def test_methods_without_fit_are_not_reinitialised(model, database, noisy, method, monkeypatch):
     monkeypatch.setattr(PoseSolver, "reinitialise", lambda *arguments: pytest.fail("solved again"))
     assert all(solve(model, database, [Observation.of_points(row) for row in noisy[:20]], method))
 
 
 @pytest.mark.parametrize(("jump_m", "nearer"), [(0.0, []), (0.2, [0.6]), (0.8, [1.0])])
-def test_after_a_cut_a_pose_without_the_past_must_only_be_no_further(
-    model, database, noisy, monkeypatch, jump_m, nearer
-):
+def test_reinitialised_pose_after_a_cut_must_not_be_farther(model, database, noisy, monkeypatch, jump_m, nearer):
     """The past of another motion is worth nothing; limbs that only are fast still have theirs."""
     asked, original = [], PoseSolver.reinitialise
 

@@ -28,7 +28,7 @@ def test_exact_on_a_noise_free_torso(model, case, hidden):
     assert_same(root_from_torso(Observation.of_points(points), local, model, None), root)
 
 
-def test_markers_on_the_root_itself_count_more(model, case):
+def test_pelvis_markers_have_more_weight(model, case):
     local, root = case
     points = root.to_world(local)
     points[:2] += np.array([0.0, 0.0, 0.04])  # the shoulders, which the back carries, lean
@@ -38,7 +38,7 @@ def test_markers_on_the_root_itself_count_more(model, case):
     assert errors[waist].max() < errors[:2].min()
 
 
-def test_too_few_torso_markers_move_the_last_root(model, case):
+def test_last_root_is_shifted_with_too_few_torso_markers(model, case):
     local, root = case
     shift = np.array([0.02, -0.01, 0.03])
     points = root.to_world(local) + shift
@@ -48,7 +48,7 @@ def test_too_few_torso_markers_move_the_last_root(model, case):
     assert root_from_torso(Observation.of_points(points), local, model, None) is None
 
 
-def test_nothing_seen_keeps_the_last_root(model, case):
+def test_root_is_kept_without_markers(model, case):
     local, root = case
     nothing = Observation.of_points(np.full((8, 3), np.nan))
     assert root_from_torso(nothing, local, model, root) is root

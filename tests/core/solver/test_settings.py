@@ -5,7 +5,7 @@ from perfanim.core.errors import SettingsError
 from perfanim.core.solver.settings import METHODS, LwrSettings, NearestSettings, SolveSettings
 
 
-def test_the_papers_values_are_the_defaults():
+def test_defaults_are_the_papers_values():
     settings = SolveSettings()
     paper = settings.local_pca
     assert (settings.query_alpha, paper.control_alpha, paper.smoothness_beta) == (0.8, 0.8, 0.2)
@@ -36,7 +36,7 @@ def test_values_out_of_range_are_refused(change):
         SolveSettings.of_table(change)
 
 
-def test_stored_settings_are_read_and_written_alike():
+def test_stored_settings_round_trip():
     stored = {
         "method": "local-pca",
         "query_alpha": 0.7,

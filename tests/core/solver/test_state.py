@@ -8,7 +8,7 @@ from perfanim.core.solver.settings import SolveSettings
 
 
 @pytest.mark.parametrize("search", ["exhaustive", "graph"])
-def test_states_that_part_do_not_know_of_each_other(model, database, true_markers, search):
+def test_continuations_of_a_state_are_independent(model, database, true_markers, search):
     settings = SolveSettings(search=search)
     common, there, elsewhere = (Observation.of_points(true_markers[i]) for i in (20, 21, 50))
     solver = PoseSolver(model, database, settings)
@@ -23,7 +23,7 @@ def test_states_that_part_do_not_know_of_each_other(model, database, true_marker
         np.testing.assert_array_equal(end.pose, last.pose)
 
 
-def test_exchanged_markers_are_unlikely(model, database, true_markers):
+def test_exchanged_markers_have_a_lower_likelihood(model, database, true_markers):
     solver = PoseSolver(model, database, SolveSettings())
     state = solver.initial_state
     assert solver.negative_log_likelihood(state) == 0.0

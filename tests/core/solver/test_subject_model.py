@@ -53,7 +53,7 @@ def test_database_markers_are_the_subjects_with_the_root_at_rest(model, database
     assert model.database_markers(database).shape == (database.frames, 8, 3)
 
 
-def test_another_skeleton_is_refused(subject, database):
+def test_other_skeletons_are_refused(subject, database):
     skeleton = subject.skeleton
     names = tuple("lpollex" if name == "lthumb" else name for name in skeleton.names)
     other = Skeleton(names, skeleton.parents, skeleton.offsets_m, skeleton.tips_m)
@@ -61,7 +61,7 @@ def test_another_skeleton_is_refused(subject, database):
         SubjectModel(Subject("a", other, subject.marker_set), database.mean_rotations)
 
 
-def test_joints_are_hidden_where_no_marker_below_them_is_seen(model):
+def test_joints_with_only_hidden_markers_are_hidden(model):
     names, markers = model.skeleton.names, model.subject.marker_set.markers
     arm = {"lclavicle", "lhumerus", "lradius", "lwrist", "lhand"}
     seen = np.array([marker.joint not in arm for marker in markers])

@@ -48,7 +48,7 @@ def follow(model: SubjectModel, database: Database, true_markers: np.ndarray) ->
     return evidence
 
 
-def test_the_nearest_examples_of_all_are_never_doubted(database: Database, follow: Follow) -> None:
+def test_nearest_examples_are_never_evidence_against_the_trajectory(database: Database, follow: Follow) -> None:
     assert max(follow(np.arange(database.frames))) == 0.0
 
 

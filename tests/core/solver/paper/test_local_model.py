@@ -27,7 +27,7 @@ def test_poses_and_weights():
     np.testing.assert_allclose(full.pose(full.weights(poses[3])), poses[3], atol=1e-9)
 
 
-def test_equal_poses_have_a_model_without_infinite_stiffness():
+def test_model_of_equal_poses_has_a_variance_floor():
     model = fit(np.ones((12, 5)), 3)
     assert np.isfinite(model.pose(np.zeros(model.dimensions))).all()
     assert np.all(model.variances > 0.0)
@@ -61,7 +61,7 @@ def test_cross_validation_finds_the_known_dimension(known):
     assert np.median(found) == known
 
 
-def test_frames_of_a_clip_do_not_vouch_for_each_other():
+def test_cross_validation_leaves_out_whole_clips():
     """With the clips known, the score tells the error on a new clip; with every frame its own clip it flatters."""
     poses, markers, groups = low_dimensional(12, 0, clips=8, frames=25)
     honest = cross_validate(poses, markers, groups, (200,), (12,), 0.003**2, 200)
@@ -83,7 +83,7 @@ def test_few_neighbours_are_all_taken():
     assert result.model.dimensions <= 11
 
 
-def test_no_marker_seen_still_gives_a_model():
+def test_model_without_markers():
     poses, _, groups = low_dimensional(3, 0)
     result = cross_validate(poses, np.empty((200, 0)), groups, (60,), (3, 7), 1e-5, 20)
     assert np.isfinite(result.scores).all()

@@ -22,7 +22,7 @@ def test_number_of_neighbours_is_bounded():
         assert frame not in kept
 
 
-def test_many_frames_are_clustered_and_nearly_the_closest_found():
+def test_clustered_graph_holds_nearly_the_closest_frames():
     poses, clips = wandering(12_000, step=0.02)
     graph = build_graph(poses, clips, most=18)
     assert graph.clusters.max() + 1 == len(np.unique(graph.clusters)) > 100
@@ -37,7 +37,7 @@ def test_many_frames_are_clustered_and_nearly_the_closest_found():
     assert np.mean(closer) < 1.5  # neighbours beyond the clusters beside a frame's own are not looked for
 
 
-def test_clips_do_not_follow_each_other():
+def test_clips_are_not_joined():
     poses, clips = wandering(40, clips=2)
     graph = build_graph(poses, clips, most=2)
     assert graph.neighbours[19].tolist() == [18, -1]

@@ -51,13 +51,13 @@ def test_minimum_is_found_from_anywhere(problem, seed):
         assert energy(problem, found + change) > (1.0 - 1e-3) * energy(problem, found)
 
 
-def test_energy_never_rises_even_from_a_wild_start(problem):
+def test_energy_never_rises_from_a_distant_start(problem):
     for seed in range(10):
         start = 8.0 * np.random.default_rng(seed).normal(size=15) * np.sqrt(problem.model.variances)
         assert energy(problem, solve(problem, start)[0]) <= energy(problem, start)
 
 
-def test_terms_pull_as_their_weights_say(problem, true_markers):
+def test_terms_count_by_their_weights(problem, true_markers):
     def with_weights(control, smooth):
         other = SynthesisProblem(problem.model, problem.subject, problem.root, problem.observation,
                                  problem.continued_pose, control, smooth)  # fmt: skip

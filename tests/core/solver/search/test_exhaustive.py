@@ -57,7 +57,7 @@ def test_weights_choose_between_markers_and_continuity(data):
     assert search.nearest(query(data, weights=(0.0, 1.0)), 1)[0][0] == 310
 
 
-def test_among_candidates(data):
+def test_nearest_among_candidates(data):
     search = ExhaustiveSearch(*data)
     asked = query(data)
     candidates = np.arange(5, FRAMES, 9)
@@ -68,6 +68,6 @@ def test_among_candidates(data):
     assert frames[0] == candidates[np.argmin(expected)]
 
 
-def test_more_than_there_is(data):
+def test_count_is_limited_to_the_database(data):
     frames, _ = ExhaustiveSearch(data[0][:5], data[1][:5]).nearest(query(data), 100)
     assert sorted(frames) == [0, 1, 2, 3, 4]

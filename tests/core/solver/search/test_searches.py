@@ -99,7 +99,7 @@ def visits(search, query, count=WANTED):
     return search.visited - before
 
 
-def test_a_complete_graph_finds_what_looking_at_all_frames_finds(motions):
+def test_complete_graph_search_is_exhaustive(motions):
     few = slice(0, 400)
     complete = build_graph(motions.poses[few], motions.clips[few], most=402)
     search = Following(GraphSearch(motions.markers[few], motions.poses[few], complete))
@@ -110,7 +110,7 @@ def test_a_complete_graph_finds_what_looking_at_all_frames_finds(motions):
 
 
 @pytest.mark.parametrize("hidden", [(), (2,), (0, 5, 7)])
-def test_graph_finds_nearly_the_closest_among_few_frames(motions, graph, hidden):
+def test_graph_search_finds_nearly_the_closest_frames(motions, graph, hidden):
     search = Following(GraphSearch(motions.markers, motions.poses, graph))
     assert worst_excess(motions, search, hidden) < 0.1
     search = Following(GraphSearch(motions.markers, motions.poses, graph))
@@ -118,7 +118,7 @@ def test_graph_finds_nearly_the_closest_among_few_frames(motions, graph, hidden)
     assert np.mean(looked_at[1:]) < 0.03 * len(motions.poses)
 
 
-def test_every_frame_whose_distance_is_computed_counts(motions, graph, monkeypatch):
+def test_visited_counts_computed_distances(motions, graph, monkeypatch):
     computed = []
     distances = ExhaustiveSearch.distances
 
@@ -134,7 +134,7 @@ def test_every_frame_whose_distance_is_computed_counts(motions, graph, monkeypat
         assert visits(search, query) == sum(computed) > 0
 
 
-def test_what_a_graph_search_looks_at_is_bounded(motions, graph):
+def test_graph_search_visits_are_bounded(motions, graph):
     search = Following(GraphSearch(motions.markers, motions.poses, graph))
     nowhere = Query(np.full((MARKERS, 3), 3.0), np.full(ANGLES, 5.0), 0.8, 0.002)  # all frames are about as far
     search.nearest(nowhere, WANTED)
@@ -142,7 +142,7 @@ def test_what_a_graph_search_looks_at_is_bounded(motions, graph):
     assert visits(search, nowhere) < 6 * WANTED + last_looks
 
 
-def test_a_motion_that_jumps_elsewhere_is_followed(motions, graph):
+def test_search_follows_jumps_of_the_motion(motions, graph):
     search = Following(GraphSearch(motions.markers, motions.poses, graph))
     for query in motions.queries(30):
         search.nearest(query, WANTED)
@@ -155,28 +155,28 @@ def test_a_motion_that_jumps_elsewhere_is_followed(motions, graph):
 
 
 @pytest.mark.parametrize("hidden", [(), (2,), (0, 5, 7)])
-def test_cells_find_nearly_the_closest_among_few_frames(motions, cells, hidden):
+def test_cell_search_finds_nearly_the_closest_frames(motions, cells, hidden):
     search = CellSearch(cells, motions.poses, scanned=1500)
     assert worst_excess(motions, search, hidden) < 0.1
     looked_at = [visits(search, query) for query in motions.queries(5, hidden=hidden)]
     assert max(looked_at[1:]) < 0.4 * len(motions.poses)  # at first, without a pose, more
 
 
-def test_all_cells_are_all_frames(motions, cells):
+def test_search_of_all_cells_is_exhaustive(motions, cells):
     search = CellSearch(cells, motions.poses, scanned=len(motions.poses))
     exhaustive = ExhaustiveSearch(motions.markers, motions.poses)
     for query in motions.queries(5):
         np.testing.assert_allclose(search.nearest(query, WANTED)[1], exhaustive.nearest(query, WANTED)[1], atol=1e-5)
 
 
-def test_cells_hold_as_many_frames_as_are_wanted(motions, cells):
+def test_cell_search_finds_the_wanted_count(motions, cells):
     search = CellSearch(cells, motions.poses, scanned=1)
     query = next(iter(motions.queries(1)))
     for count in (1, 500, len(motions.poses), len(motions.poses) + 7):
         assert len(set(search.nearest(query, count)[0])) == min(count, len(motions.poses))
 
 
-def test_what_cells_look_at_does_not_grow_with_the_database(motions):
+def test_cell_search_visits_do_not_grow_with_the_database(motions):
     looked_at = []
     for frames in (3000, len(motions.poses)):
         groups = clusters_of(motions.poses[:frames], int(np.sqrt(frames)))
