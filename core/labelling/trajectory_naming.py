@@ -6,7 +6,6 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ..body.calibration_poses import standing, t_pose
-from ..body.skeleton import marker_positions
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry.arrays import Array, IntArray
@@ -76,8 +75,7 @@ def _misfit_m(template: Array, points: Array) -> float:
 def _templates(marker_set: MarkerSet) -> list[Array]:
     """Return the set's markers (M, 3) on a body in the T pose and on one that stands."""
     skeleton = default_skeleton()
-    joints, offsets = marker_set.joint_indices(skeleton), marker_set.offsets_m
-    return [marker_positions(skeleton, joints, offsets, pose(skeleton), np.zeros(3)) for pose in (t_pose, standing)]
+    return [marker_set.positions_on(skeleton, pose(skeleton)) for pose in (t_pose, standing)]
 
 
 def _samples(take: MarkerTake) -> IntArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..body.calibration_poses import standing
-from ..body.skeleton import Skeleton, forward_kinematics, marker_positions
+from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry import rotations as rot
@@ -78,8 +78,7 @@ def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
 
 def upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
     """Return the rotation (3, 3) from a level frame, by the body's mean vertical."""
-    joints = marker_set.joint_indices(skeleton)
-    template = marker_positions(skeleton, joints, marker_set.offsets_m, pose, np.zeros(3))
+    template = marker_set.positions_on(skeleton, pose)
     columns = _columns(take, marker_set)
     up = np.zeros(3)
     for frame in np.unique(np.linspace(0, take.frames - 1, _S.upright_samples).astype(int)):
@@ -125,9 +124,8 @@ def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, 
 
 def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
     """Return (M,) heights of the markers above the floor when a person stands."""
-    positions, world = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
-    joints = marker_set.joint_indices(skeleton)
-    markers = positions[joints] + rot.rotate(world[joints], marker_set.offsets_m)
+    positions, _ = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
+    markers = marker_set.positions_on(skeleton, standing(skeleton))
     floor = min(positions[skeleton.index(name), 1] for name in _FOOT_JOINTS) - _S.sole_m
     return np.asarray(markers[:, 1] - floor)
 

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..body.skeleton import Skeleton
+from ..body.skeleton import Skeleton, marker_positions
 from ..errors import MarkerSetError
 from ..geometry.arrays import Array, IntArray, Mask
 from ..system.assets import MARKER_SETS
@@ -89,6 +90,10 @@ class MarkerSet:
     def joint_indices(self, skeleton: Skeleton) -> IntArray:
         """(M,) index of each marker's joint in the skeleton."""
         return np.array([skeleton.index(marker.joint) for marker in self.markers], dtype=np.int64)
+
+    def positions_on(self, skeleton: Skeleton, rotations: Array, root_position_m: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+        """Return the markers (..., M, 3) in the world on a skeleton with joint rotations (..., J, 4)."""
+        return marker_positions(skeleton, self.joint_indices(skeleton), self.offsets_m, rotations, root_position_m)
 
     def with_offsets(self, offsets_m: Array) -> "MarkerSet":
         """Return the set with new offsets (M, 3)."""

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from bench.subset import write_database
 from perfanim.core.body.motion import Motion, resampled, sliced
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.database.file_selection import behaviour_of
 from perfanim.core.database.store import Clip, Database, open_database
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -90,10 +89,7 @@ def model(subject: Subject, database: Database) -> SubjectModel:
 @pytest.fixture(scope="session")
 def true_markers(subject: Subject, truth: Motion) -> np.ndarray:
     """(F, M, 3) where the markers are."""
-    joints = subject.marker_set.joint_indices(truth.skeleton)
-    return marker_positions(
-        truth.skeleton, joints, subject.marker_set.offsets_m, truth.rotations, truth.root_positions_m
-    )
+    return subject.marker_set.positions_on(truth.skeleton, truth.rotations, truth.root_positions_m)
 
 
 @pytest.fixture(scope="session")

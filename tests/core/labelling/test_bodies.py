@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from motion_synthesis.bodies import prototype_bodies
 from perfanim.core.body.calibration_poses import standing, t_pose
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
@@ -19,7 +18,7 @@ TORSO = SET.torso
 
 
 def markers_of(skeleton, pose):
-    return marker_positions(skeleton, SET.joint_indices(skeleton), SET.offsets_m, pose(skeleton), np.zeros(3))
+    return SET.positions_on(skeleton, pose(skeleton))
 
 
 @pytest.mark.parametrize("pose", [t_pose, standing])

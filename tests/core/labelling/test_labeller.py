@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import t_pose
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
@@ -15,8 +14,7 @@ NOISE_M = 0.003
 
 def markers_of(marker_set: MarkerSet, height_m: float = 1.75) -> np.ndarray:
     skeleton = default_skeleton(height_m)
-    joints = marker_set.joint_indices(skeleton)
-    return marker_positions(skeleton, joints, marker_set.offsets_m, t_pose(skeleton), np.zeros(3))
+    return marker_set.positions_on(skeleton, t_pose(skeleton))
 
 
 def limbs(count: int) -> Labeller:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from motion_synthesis.performance import performance
 from perfanim.core.body.calibration_poses import standing, t_pose
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.labelling.single_view_labelling import SingleViewLabeller
@@ -36,7 +35,7 @@ def camera():
 def posed(person, pose):
     """Markers of the person in a pose, with the root at the origin."""
     skeleton, markers = person.skeleton, person.marker_set
-    return marker_positions(skeleton, markers.joint_indices(skeleton), markers.offsets_m, pose(skeleton), np.zeros(3))
+    return markers.positions_on(skeleton, pose(skeleton))
 
 
 @pytest.mark.parametrize(("turn", "hidden"), [(0.0, ()), (0.3, (2, 9)), (-0.3, (0, 7))])
@@ -137,8 +136,7 @@ def test_blobs_unlike_a_body_are_not_labelled(person, camera):
 def test_body_in_any_pose_is_labelled_near_its_place(person, camera, database):
     skeleton, markers = person.skeleton, person.marker_set
     motion = performance([("boxing", 3.0)], 20.0, skeleton, seed=1_000_007)
-    joints = markers.joint_indices(skeleton)
-    rows = marker_positions(skeleton, joints, markers.offsets_m, motion.rotations, motion.root_positions_m)
+    rows = markers.positions_on(skeleton, motion.rotations, motion.root_positions_m)
     examples = rows[::3]  # poses like the true one, not it, and laid with the root elsewhere
     generator = np.random.default_rng(3)
     right = total = 0
@@ -187,8 +185,7 @@ def without_depth(frame, camera):
 def test_one_camera_tracks_a_walk(person, database, record):
     motion = performance([("walking", 2.0)], FPS, person.skeleton, seed=1_000_003)
     markers = person.marker_set
-    joints = markers.joint_indices(person.skeleton)
-    rows = marker_positions(person.skeleton, joints, markers.offsets_m, motion.rotations, motion.root_positions_m)
+    rows = markers.positions_on(person.skeleton, motion.rotations, motion.root_positions_m)
     both = default_rig()
     errors, away = {}, {}
     for rig in (CameraRig(both.cameras[:1]), both):

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import standing
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import TakeError
 from perfanim.core.geometry import rotations as rot
@@ -44,8 +43,8 @@ def stand():
     """A person who stands and sways a little, with two of the markers at times seen by one camera alone."""
     generator = np.random.default_rng(0)
     skeleton = default_skeleton()
-    joints, root = SET.joint_indices(skeleton), np.array([0.2, 0.95, 0.3])
-    row = marker_positions(skeleton, joints, SET.offsets_m, standing(skeleton), root)
+    root = np.array([0.2, 0.95, 0.3])
+    row = SET.positions_on(skeleton, standing(skeleton), root)
     sway = 0.01 * np.sin(np.arange(30) / 5.0)[:, None, None] * np.array([1.0, 0.0, 1.0])
     positions = row + sway * (row[:, 1:2] / 1.5) + generator.normal(scale=0.001, size=(30, 8, 3))
     return MarkerTake("stand", FPS, SET.names, positions)
@@ -77,7 +76,7 @@ def test_up_axis_is_found_or_given(stand, up):
 def test_unnamed_markers_are_named_for_any_up_axis(name, up):
     worn = load_marker_set(name)
     skeleton = default_skeleton(1.7)
-    places = marker_positions(skeleton, worn.joint_indices(skeleton), worn.offsets_m, standing(skeleton), np.zeros(3))
+    places = worn.positions_on(skeleton, standing(skeleton))
     order = np.random.default_rng(5).permutation(len(worn))
     take = MarkerTake("stand", FPS, tuple(f"M{i}" for i in range(len(worn))), places[None, order])
     found = import_take(moved(take, turn_to(up)), worn, "auto")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import standing, t_pose
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.template_labelling import label_by_template
@@ -18,7 +17,7 @@ NEEDED = 6  # of nine, 60 percent
 
 def template(pose=t_pose):
     skeleton = default_skeleton()
-    return marker_positions(skeleton, SET.joint_indices(skeleton), SET.offsets_m, pose(skeleton), np.zeros(3))
+    return SET.positions_on(skeleton, pose(skeleton))
 
 
 def laid(markers, heading=0.0, size=1.0, place=(0.4, 0.9, -3.0)):

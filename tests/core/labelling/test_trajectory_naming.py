@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import standing, t_pose
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import TakeError
 from perfanim.core.geometry import rotations as rot
@@ -21,8 +20,8 @@ def take_of(marker_set, pose=standing, frames=2, scattered=()):
     """A person of 1.68 m in a pose, who sways, markers in random order; some frames show points all over the place."""
     generator = np.random.default_rng(0)
     skeleton = default_skeleton(1.68)
-    joints, root = marker_set.joint_indices(skeleton), np.array([0.3, 1.0, -3.0])
-    row = marker_positions(skeleton, joints, marker_set.offsets_m, pose(skeleton), root)
+    root = np.array([0.3, 1.0, -3.0])
+    row = marker_set.positions_on(skeleton, pose(skeleton), root)
     order = generator.permutation(len(row))
     sway = np.cumsum(generator.normal(scale=NOISE_M, size=(frames, 1, 3)), axis=0)
     positions = row[order] + sway + generator.normal(scale=NOISE_M, size=(frames, len(row), 3))

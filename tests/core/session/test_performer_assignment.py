@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_set import load_marker_set
@@ -73,14 +72,8 @@ def test_first_performer_stands_on_the_left(subject, database, record, pair):
 def test_marker_positions_identify_performers(truth, database, record, true_markers, subject):
     """The boxer is listed first and stands on the right."""
     boxer = Subject("boxer", truth.skeleton, load_marker_set("boxing"))
-    worn = boxer.marker_set
-    markers = marker_positions(
-        truth.skeleton,
-        worn.joint_indices(truth.skeleton),
-        worn.offsets_m,
-        truth.rotations,
-        truth.root_positions_m + np.array([0.5 * APART_M, 0.0, 0.0]),
-    )
+    place_m = truth.root_positions_m + np.array([0.5 * APART_M, 0.0, 0.0])
+    markers = boxer.marker_set.positions_on(truth.skeleton, truth.rotations, place_m)
     walker = true_markers - np.array([0.5 * APART_M, 0.0, 0.0])
     ensemble = ensemble_of([boxer, subject], database, None)
     for number in range(5):  # for a second, as somebody else might still come

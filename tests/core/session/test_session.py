@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import standing, t_pose
 from perfanim.core.body.pose_notes import NoteKind, PoseNote, source_notes
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
@@ -29,13 +28,12 @@ def noisy(true_markers):
 def opening(subject, truth, true_markers):
     """Markers (F, M, 3) of the person who stands in the T pose for a third of a second and lowers the arms and goes."""
     skeleton = truth.skeleton
-    joints, offsets = subject.marker_set.joint_indices(skeleton), subject.marker_set.offsets_m
     start = t_pose(skeleton)
     start[0] = truth.rotations[0, 0]
     share = np.clip((np.arange(40) - 10) / 30.0, 0.0, 1.0)
     share = 3.0 * share**2 - 2.0 * share**3
     rotations = rot.slerp(np.broadcast_to(start, (40, 29, 4)), truth.rotations[0], np.tile(share[:, None], (1, 29)))
-    moving = marker_positions(skeleton, joints, offsets, rotations, truth.root_positions_m[0])
+    moving = subject.marker_set.positions_on(skeleton, rotations, truth.root_positions_m[0])
     return np.concatenate((moving, true_markers))
 
 
@@ -218,12 +216,11 @@ def test_motion_unlike_the_database_is_noted(subject, database, record, true_mar
 def test_every_shipped_marker_set_is_solved_by_every_method(truth, database, record, name):
     """Markers, the sword's too, come near where they were seen; fitted to them, poses are better than a mean pose."""
     subject = Subject("b", truth.skeleton, load_marker_set(name))
-    joints, offsets = subject.marker_set.joint_indices(truth.skeleton), subject.marker_set.offsets_m
-    markers = marker_positions(truth.skeleton, joints, offsets, truth.rotations, truth.root_positions_m)
+    markers = subject.marker_set.positions_on(truth.skeleton, truth.rotations, truth.root_positions_m)
     guessed = rot.angle_between(database.mean_rotations, truth.rotations[:3])[:, 1:]
     for method in METHODS:
         session = Session(subject, database, settings=SolveSettings(method=method))
-        frames = [record(markers[number], number, np.arange(len(offsets))) for number in range(3)]
+        frames = [record(markers[number], number, np.arange(len(subject.marker_set))) for number in range(3)]
         poses = [session.step(frame) for frame in frames]
         if method in ("best", "local-pca"):
             assert degrees(poses, truth) < np.degrees(guessed.mean())
@@ -236,8 +233,7 @@ def test_every_shipped_marker_set_is_solved_by_every_method(truth, database, rec
 def test_start_with_hanging_arms_and_hidden_markers_is_labelled(subject, database, hidden):
     """The T pose explains as many points there, but worse; what it made of them must not linger."""
     skeleton = subject.skeleton
-    joints, offsets = subject.marker_set.joint_indices(skeleton), subject.marker_set.offsets_m
-    markers = marker_positions(skeleton, joints, offsets, standing(skeleton), np.array([0.3, 0.9, 0.2]))
+    markers = subject.marker_set.positions_on(skeleton, standing(skeleton), (0.3, 0.9, 0.2))
     generator = np.random.default_rng(0)
     session = Session(subject, database)
     for number in range(10):

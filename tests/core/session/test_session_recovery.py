@@ -7,7 +7,6 @@ import pytest
 from motion_synthesis.performance import performance
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import resampled
-from perfanim.core.body.skeleton import marker_positions
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.labeller import Labeller
@@ -26,8 +25,7 @@ TOLERANCE_M = 5.0 * np.sqrt(3.0) * NOISE_M
 
 def markers_of(subject, motion):
     """Markers (F, M, 3) of the subject who moves like that."""
-    joints, offsets = subject.marker_set.joint_indices(subject.skeleton), subject.marker_set.offsets_m
-    return marker_positions(subject.skeleton, joints, offsets, motion.rotations, motion.root_positions_m)
+    return subject.marker_set.positions_on(subject.skeleton, motion.rotations, motion.root_positions_m)
 
 
 def points(record, row, number, generator, labels=None):

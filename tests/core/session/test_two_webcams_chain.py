@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from perfanim.core.body.skeleton import forward_kinematics, marker_positions
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.read_motion import read_motion
@@ -113,9 +113,7 @@ def check_body(motion):
 
 def check_markers(motion, take, subject):
     """The character's markers stay with the performer's; no marker stands for another."""
-    joints = subject.marker_set.joint_indices(motion.skeleton)
-    offsets = subject.marker_set.offsets_m
-    markers = marker_positions(motion.skeleton, joints, offsets, motion.rotations, motion.root_positions_m)
+    markers = subject.marker_set.positions_on(motion.skeleton, motion.rotations, motion.root_positions_m)
     columns = [take.names.index(name) for name in subject.marker_set.names]
     distance = np.linalg.norm(markers - take.positions_m[:, columns], axis=2)
     assert np.nanmedian(distance) < 0.02
