@@ -3,40 +3,39 @@
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from ..body.motion import Motion
 from ..formats.markers.marker_files import check_ending
 from ..formats.motion.bvh import write_bvh
+from ..retarget.joint_naming import NAMINGS
 from ..retarget.retargeter import RootMotion
 from ..system.blender_process import check_blender, run_in_blender
+from ..system.schema import About, check_ranges
 
 EXPORTED = (".fbx", ".glb", ".bvh")
 
 
 @dataclass(frozen=True)
 class RetargetRequest:
-    """Character, and how it receives a motion.
+    """Character, and how it receives a motion."""
 
-    Args:
-        character: File with a humanoid: `.blend`, `.glb`, `.gltf`, `.vrm` or `.fbx`; None for a new character.
-        bone_map: Name of a shipped bone map, or its file; None to detect the bones.
-        root_motion: Bone or object that receives the root motion.
-        skeleton: ASF file of an AMC motion.
-        naming: Names of the bones in files for other programs, one of `NAMINGS`; None for the character's own.
-        picture: PNG file of a picture to render; None for no picture.
-        frame: Frame of the picture, from 1; None for the middle one.
-        blender: Blender's program; None for Blender's Python module (bpy).
-    """
+    character: Annotated[
+        str | None, About("humanoid of a .blend, .glb, .gltf, .vrm or .fbx file (default: a new character)")
+    ] = None
+    bone_map: Annotated[str | None, About("bone map: a shipped one's name or its file (default: detected)")] = None
+    root_motion: Annotated[RootMotion, About("bone or object that receives the root motion")] = RootMotion.HIPS
+    skeleton: Annotated[str | None, About("skeleton (.asf) of an .amc motion")] = None
+    naming: Annotated[
+        str | None,
+        About("names of the bones in a file for other programs (default: the character's own)", choices=tuple(NAMINGS)),
+    ] = None
+    picture: Annotated[str | None, About("picture (.png) to render, too")] = None
+    frame: Annotated[int | None, About("frame of the picture, from 1 (default: the middle one)")] = None
+    blender: Annotated[str | None, About("Blender's program (default: its Python module, bpy)")] = None
 
-    character: Path | str | None = None
-    bone_map: Path | str | None = None
-    root_motion: RootMotion = RootMotion.HIPS
-    skeleton: Path | str | None = None
-    naming: str | None = None
-    picture: Path | str | None = None
-    frame: int | None = None
-    blender: str | None = None
+    def __post_init__(self) -> None:
+        check_ranges(self)
 
 
 def retarget(motion: Motion | Path | str, out: Path | str, request: RetargetRequest) -> dict[str, Any]:

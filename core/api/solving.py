@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from ..body.foot_lock import floor_of, hold_feet
+from ..body.foot_lock import FEET, floor_of, hold_feet
 from ..body.motion import Motion
 from ..body.scene_pose import doubtful_stretches
 from ..body.skeleton import marker_positions
@@ -27,10 +27,11 @@ from ..session.session_cache import SessionCache
 from ..session.solve_take import solve_recorded, solve_take
 from ..session.solved_take import SolvedTake
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
-from ..solver.settings import SolveSettings
+from ..solver.settings import METHODS, SolveSettings
 from ..subjects.refine_body import refine_body
 from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress, no_progress
+from ..system.schema import About, check_ranges
 from .take_reading import fit_take
 
 Facts = dict[str, Any]
@@ -38,25 +39,39 @@ Facts = dict[str, Any]
 
 @dataclass(frozen=True)
 class SolveRequest:
-    """How a take is solved.
+    """How a take is solved."""
 
-    Args:
-        method: Solver method, one of `METHODS`; None for "best", or for the method a recorded take was solved with.
-        causal: Solve each frame by earlier frames alone, as live; by default in both directions.
-        refine_body: First correct the performer's bones and marker offsets by this take.
-        smooth_hz: Cut-off frequency of a low-pass without lag, Hz, of a marker take's trajectories and of the motion;
-            walking keeps its shape from 6 Hz up. None for no low-pass.
-        feet: Feet to hold in place, one of `FEET`: "auto" for those that stand, "always" for the lower one.
-        markers: Markers of a marker take to solve with, or the number to choose; None for all. The others then measure
-            the error.
-    """
+    method: Annotated[
+        str | None, About("solver method (default best; of a recorded take, as it was solved)", choices=METHODS)
+    ] = None
+    causal: Annotated[
+        bool, About("solve each frame by earlier frames alone, as live (default: in both directions)")
+    ] = False
+    refine_body: Annotated[
+        bool, About("first correct the performer's bones and marker offsets by this take; no file is changed")
+    ] = False
+    smooth_hz: Annotated[
+        float | None,
+        About(
+            "cut-off of a low-pass without lag, for a marker take's trajectories and for the motion; walking keeps its "
+            "shape from 6 Hz up (default: no low-pass)",
+            "Hz",
+            above=0.0,
+        ),
+    ] = None
+    feet: Annotated[
+        str,
+        About("feet to hold in place: auto, those that stand; always, the lower one even if it glides", choices=FEET),
+    ] = "off"
+    markers: Annotated[
+        tuple[str, ...], About("markers of a marker take to solve with; the others measure the error (default: all)")
+    ] = ()
+    marker_count: Annotated[
+        int | None, About("number of markers to choose, those that determine the body best (default: all)")
+    ] = None
 
-    method: str | None = None
-    causal: bool = False
-    refine_body: bool = False
-    smooth_hz: float | None = None
-    feet: str = "off"
-    markers: int | Sequence[str] | None = None
+    def __post_init__(self) -> None:
+        check_ranges(self)
 
 
 AS_USUAL = SolveRequest()
@@ -109,10 +124,10 @@ def solve_markers(
     if request.smooth_hz is not None:
         take = smooth_take(take, request.smooth_hz)
     subject, changes = _refined(take, subject, opened, request, progress)
-    worn, choice = _choose_worn(take, subject, opened, request.markers)
+    worn, choice = _choose_worn(take, subject, opened, request)
     solved = solve_take(take, worn, opened, settings, progress, cache.session, request.causal)
     check_file(opened)
-    if request.markers is not None:
+    if choice:
         choice["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)
     report = {
         "method": settings.method,
@@ -203,16 +218,16 @@ def _refined(
 
 
 def _choose_worn(
-    take: MarkerTake, subject: Subject, database: Database, markers: int | Sequence[str] | None
+    take: MarkerTake, subject: Subject, database: Database, request: SolveRequest
 ) -> tuple[Subject, Facts]:
-    """Return the subject with the markers to solve with, and facts about their choice."""
-    if markers is None:
-        return worn_in(take, subject), {}
-    if not isinstance(markers, int):
-        worn = with_markers(subject, list(markers))
+    """Return the subject with the markers to solve with, and facts about a choice of them."""
+    if request.markers:
+        worn = with_markers(subject, list(request.markers))
         return worn, {"used": list(worn.marker_set.names)}
+    if request.marker_count is None:
+        return worn_in(take, subject), {}
     seen = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
-    choice = choose_markers(subject, database, markers, seen)
+    choice = choose_markers(subject, database, request.marker_count, seen)
     expected_mm = (1e3 * choice.expected_m).round(1).tolist()
     return with_markers(subject, choice.names), {"used": list(choice.names), "expected_mm": expected_mm}
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from ..session.session import Session
 from ..session.solve_take import solve_frames
 from ..system.files import atomic_path
 from ..system.progress import Progress, no_progress
+from ..system.schema import About, check_ranges
 from ..vision.calibration.rig_on_floor import rig_on_floor
 from ..vision.detection.blob_detector import DetectionSettings
 from ..vision.pipeline import MarkerPipeline
@@ -54,42 +55,57 @@ _SETTINGS = _Settings()
 
 @dataclass(frozen=True)
 class TrackRequest:
-    """Images to track, and the take to write.
+    """Images to track, and the take to write."""
 
-    Args:
-        rig: Calibrated cameras, one for each source.
-        sources: Videos, folders or patterns of images, device numbers, addresses of streams.
-        out: Marker take to write (`.take.npz`, `.trc`, `.csv`, `.c3d`), or recorded take (`.perftake`) with all that
-            the cameras saw, without labels.
-        marker_set: Names the trajectories; None for M01, M02, ...
-        subject: Performer with this marker set, if known.
-        database: Motion database, by which the subject labels the trajectories; a recorded take only names it.
-        background: Images without the performer, one source per camera; empty to learn it from the take itself.
-        threshold: Grey levels by which a marker is brighter than the background; None for automatic.
-        fps: Frames per second, where the sources do not tell.
-        seconds: Time to stop after, s; cameras need it.
-        markers: Number of markers worn, 1 to 200; None for the set's, or for as many as are seen most of the time.
-        time_offsets: Bring the markers of a camera that is found to be late to the time of the others.
-        floor: World of the take: "camera" for the left camera's level, "feet" for the floor under the feet, y = 0.
-        level_rig: File for the calibration in the world of the feet.
-        truth: Marker take to compare with, frame by frame.
-    """
+    rig: Annotated[CameraRig, About("calibrated cameras, one for each source")]
+    sources: Annotated[tuple[str, ...], About("videos, folders or patterns of images, devices, stream addresses")]
+    out: Annotated[
+        str,
+        About(
+            "take to write: .take.npz, .trc, .csv or .c3d; or .perftake, all that the cameras saw, without labels, "
+            "which solving gives it",
+        ),
+    ]
+    marker_set: Annotated[MarkerSet | None, About("marker set; without one trajectories are M01, M02, ...")] = None
+    subject: Annotated[Subject | None, About("performer, with this marker set")] = None
+    database: Annotated[
+        Database | None, About("motion database, to label the markers by the body; a recorded take only names it")
+    ] = None
+    background: Annotated[
+        tuple[str, ...],
+        About("images without the performer, one source per camera (default: learned from the take itself)"),
+    ] = ()
+    threshold: Annotated[
+        float | None, About("grey levels above the background (default: automatic)", "grey levels")
+    ] = None
+    fps: Annotated[
+        float | None, About("frames per second, where the source does not tell", "frames per second", 1.0, 1000.0)
+    ] = None
+    seconds: Annotated[
+        float | None, About("stop after so many seconds (needed for cameras)", "s", above=0.0, most=86400.0)
+    ] = None
+    markers: Annotated[
+        int | None,
+        About("how many markers are worn (default: the set's, or as many as are seen at most times)", "", 1, 200),
+    ] = None
+    time_offsets: Annotated[
+        bool, About("bring the markers of a camera that is found to be late to the time of the others")
+    ] = True
+    floor: Annotated[
+        str,
+        About(
+            "the take's world: the left camera's level (camera), or the floor under the feet at y = 0 (feet; needs a "
+            "marker set with markers on the feet)",
+            choices=("camera", "feet"),
+        ),
+    ] = "camera"
+    level_rig: Annotated[str | None, About("file for the calibration in the world of the feet")] = None
+    truth: Annotated[
+        str | None, About("trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)")
+    ] = None
 
-    rig: CameraRig
-    sources: Sequence[str]
-    out: str
-    marker_set: MarkerSet | None = None
-    subject: Subject | None = None
-    database: Database | None = None
-    background: Sequence[str] = ()
-    threshold: float | None = None
-    fps: float | None = None
-    seconds: float | None = None
-    markers: int | None = None
-    time_offsets: bool = True
-    floor: str = "camera"
-    level_rig: str | None = None
-    truth: str | None = None
+    def __post_init__(self) -> None:
+        check_ranges(self)
 
     @property
     def worn(self) -> int | None:

@@ -9,7 +9,7 @@ from typing import Any
 from ..system.files import is_file, is_folder
 from ..system.outputs import check_no_input, claimed
 
-_OUTPUTS = ("out", "render")
+_OUTPUTS = ("out", "picture")
 
 
 def guarded_run(args: argparse.Namespace, progress: Any) -> Any:

@@ -3,11 +3,14 @@
 import argparse
 from collections.abc import Iterable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from ..errors import SettingsError
 from ..retarget.joint_naming import NAMINGS, OWN
 from ..retarget.retargeter import RootMotion
+from ..system.schema import keys_of
+
+_T = TypeVar("_T")
 
 
 def add_text(parser: Any, flag: str, metavar: str, description: str, **more: Any) -> None:
@@ -33,6 +36,45 @@ def add_choice(parser: Any, flag: str, choices: Iterable[str], description: str,
 def add_switch(parser: Any, flag: str, description: str) -> None:
     """Add an option that is on when it is given."""
     parser.add_argument(flag, action="store_true", help=description)
+
+
+def add_request_options(parser: Any, request: type, **flags: str) -> None:
+    """Add options for fields of a request, which say what they mean and what they are by default.
+
+    Args:
+        flags: Option and metavar for each field: smooth_hz="--smooth HZ". The option's value has the field's name.
+    """
+    parser.set_defaults(flags={field: flag.partition(" ")[0] for field, flag in flags.items()})
+    for key in keys_of(request):
+        if key.field not in flags:
+            continue
+        flag, _, metavar = flags[key.field].partition(" ")
+        is_shown = key.optional and key.default not in (None, (), False)
+        text = f"{key.about.text} (default {key.default})" if is_shown else key.about.text
+        more: dict[str, Any] = {"dest": key.field, "help": text, "required": not key.optional}
+        if bool in key.holds:
+            more["action"] = "store_true"
+        elif key.choices:
+            more |= {"choices": key.choices, "default": key.default}
+        else:
+            more |= {"type": key.holds[0], "metavar": metavar, "nargs": "+" if key.is_list else None}
+            more |= {"default": key.default} if key.optional else {}
+        parser.add_argument(flag, **more)
+
+
+def request_of(request: type[_T], args: argparse.Namespace, **more: Any) -> _T:
+    """Return the request of options that `add_request_options` has added, and of further fields.
+
+    Raises:
+        SettingsError: A value is out of range; the message names its option.
+    """
+    given = {key.field: getattr(args, key.field) for key in keys_of(request) if hasattr(args, key.field)}
+    given = {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+    try:
+        return request(**given | more)
+    except SettingsError as error:
+        field, _, fact = error.what.partition(" ")
+        raise SettingsError(f"{args.flags.get(field, field)} {fact}") from error
 
 
 def add_command(group: Any, name: str, run: Any, description: str) -> argparse.ArgumentParser:

@@ -5,22 +5,25 @@ from pathlib import Path
 from typing import Any
 
 from ..api.retargeting import EXPORTED, RetargetRequest, retarget
-from ..retarget.joint_naming import NAMINGS
 from ..retarget.retargeter import RootMotion
 from ..system.progress import Progress
-from .options import add_character_options, add_choice, add_command, add_text
+from .options import add_character_options, add_command, add_request_options, add_text, request_of
 
 
 def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "retarget", run, "a motion onto a character (needs bpy or Blender)")
     parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
-    add_text(parser, "--to", "CHARACTER", "humanoid of a .blend, .glb, .gltf, .vrm or .fbx file", required=True)
+    character = "humanoid of a .blend, .glb, .gltf, .vrm or .fbx file"
+    add_text(parser, "--to", "CHARACTER", character, dest="character", required=True)
     add_character_options(parser)
-    add_text(parser, "--skeleton", "FILE.asf", "skeleton of an .amc motion")
-    add_text(parser, "--render", "FILE.png", "also render a picture")
-    add_text(parser, "--frame", "N", "frame of the picture, from 1 (default: the middle one)", type=int)
-    names = "names of the bones in a file for other programs (default: the character's own)"
-    add_choice(parser, "--naming", NAMINGS, names)
+    add_request_options(
+        parser,
+        RetargetRequest,
+        skeleton="--skeleton FILE.asf",
+        picture="--render FILE.png",
+        frame="--frame N",
+        naming="--naming",
+    )
     written = f"file to write: a scene (.blend), or the character for other programs ({', '.join(EXPORTED)})"
     add_text(parser, "--out", "FILE.blend", written, required=True)
 
@@ -28,16 +31,8 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.naming is not None and Path(args.out).suffix.lower() not in EXPORTED:
         args.wrong_usage("argument --naming: a .blend keeps the character's own names")
-    request = RetargetRequest(
-        character=args.to,
-        bone_map=args.map,
-        root_motion=RootMotion[args.root_motion.replace("-", "_").upper()],
-        skeleton=args.skeleton,
-        naming=args.naming,
-        picture=args.render,
-        frame=args.frame,
-        blender=args.blender,
-    )
+    root_motion = RootMotion[args.root_motion.replace("-", "_").upper()]
+    request = request_of(RetargetRequest, args, bone_map=args.map, root_motion=root_motion)
     progress(0.0, "retargeting")
     report = retarget(args.motion, args.out, request)
-    return report if args.render is None else report | {"picture": str(Path(args.render))}
+    return report if request.picture is None else report | {"picture": str(Path(request.picture))}

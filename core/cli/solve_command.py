@@ -1,13 +1,11 @@
 """`perfanim solve`: a marker take to full-body motion."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ..api.solving import RecordingChanges, SolveRequest, solve_markers, solve_recording
 from ..api.take_reading import fit_take, read_labelled, wearing
-from ..body.foot_lock import FEET
 from ..errors import FormatError
 from ..formats.markers.marker_files import READABLE, is_recorded
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion
@@ -19,9 +17,16 @@ from ..markers.prop import load_prop
 from ..markers.subject import load_subject
 from ..session.session_cache import SessionCache
 from ..session.solved_take import SolvedTake
-from ..solver.settings import METHODS
 from ..system.progress import Progress
-from .options import add_choice, add_command, add_motion_options, add_number, add_repeated, add_switch, add_text
+from .options import (
+    add_choice,
+    add_command,
+    add_motion_options,
+    add_repeated,
+    add_request_options,
+    add_text,
+    request_of,
+)
 from .performer_options import add_body_options, add_names_option, chosen_marker_set, chosen_subject
 
 
@@ -30,23 +35,17 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}")
     add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
     _add_performer_options(parser)
-    add_switch(
+    add_request_options(
         parser,
-        "--refine-body",
-        "first correct the performer's bones and marker offsets by this take (see calibrate subject --refine); "
-        "the subject's file stays as it is",
+        SolveRequest,
+        method="--method",
+        causal="--causal",
+        refine_body="--refine-body",
+        smooth_hz="--smooth HZ",
+        feet="--feet",
     )
-    add_choice(parser, "--method", METHODS, "solver method (default best; of a .perftake, as live)")
-    add_switch(parser, "--causal", "solve each frame by earlier ones alone, as live (default: in both directions)")
     _add_marker_options(parser)
     _add_recorded_options(parser)
-    smooth = (
-        "low-pass markers before and motion after, without lag; 6 suits walking; of a .perftake the motion alone "
-        "(default: off)"
-    )
-    add_number(parser, "--smooth", "HZ", smooth)
-    feet = "hold feet in place: auto, those that stand; always, the lower one even if it glides (default off)"
-    add_choice(parser, "--feet", FEET, feet, default="off")
     written = (
         f"motion to write ({', '.join(MOTION_ENDINGS)}); of a {ENDING} also another {ENDING}: the recording with "
         "the new poses"
@@ -131,7 +130,7 @@ def check(args: argparse.Namespace) -> None:
         (args.cameras is not None and args.refine_body, "--refine-body: the recorded labels have the old calibration"),
         (recorded and args.use is not None, "--use: for marker takes, not for a .perftake"),
         (take_out and not recorded, "--out: perfanim take import makes a .perftake of other takes"),
-        (take_out and args.smooth is not None, "--smooth: a .perftake holds poses as they are solved"),
+        (take_out and args.smooth_hz is not None, "--smooth: a .perftake holds poses as they are solved"),
         (take_out and args.feet != "off", "--feet: a .perftake holds poses as they are solved"),
     ):
         if is_wrong:
@@ -146,18 +145,17 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
 
     Takes that are solved one after another share the cache.
     """
-    request = SolveRequest(args.method, args.causal, args.refine_body, args.smooth, args.feet, _used_markers(args.use))
-    make = _solve_recorded if is_recorded(args.take) else _solve_markers
-    solved = make(args, request, progress, cache)
+    request = request_of(SolveRequest, args, **_used_markers(args.use))
+    solved = (_solve_recorded if is_recorded(args.take) else _solve_markers)(args, request, progress, cache)
     solved.save(args.out, args.units, args.naming, args.rate)
     return solved
 
 
-def _used_markers(text: str | None) -> int | Sequence[str] | None:
-    """Return the markers of --use: their number or names."""
-    if text is None:
-        return None
-    return int(text.strip()[:9]) if text.strip().isdecimal() else [n.strip() for n in text.split(",") if n.strip()]
+def _used_markers(text: str | None) -> dict[str, Any]:
+    """Return the fields for --use: the number of markers, or their names."""
+    if text is not None and text.strip().isdecimal():
+        return {"marker_count": int(text.strip()[:9])}
+    return {"markers": tuple(name.strip() for name in text.split(",") if name.strip()) or (text,)} if text else {}
 
 
 def _solve_markers(

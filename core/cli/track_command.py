@@ -12,33 +12,38 @@ from ..formats.markers.marker_files import check_ending, is_recorded
 from ..geometry.camera import CameraRig
 from ..geometry.rig_file import load_rig
 from ..system.progress import Progress
-from .options import add_choice, add_command, add_number, add_repeated, add_switch, add_text, check_fps
+from .options import add_command, add_repeated, add_request_options, add_switch, add_text, request_of
 from .performer_options import add_body_options, chosen_marker_set, chosen_subject
 
 
 def add_parser(subparsers: Any) -> None:
+    from ..api.tracking import TrackRequest
+
     parser = add_command(subparsers, "track", run, "images to marker trajectories, or to a recorded take")
     add_text(parser, "--cameras", "cameras.toml", "calibration (anipose-style TOML)", required=True)
     source = "a video, a folder or pattern of images, a device number, a stream address"
-    add_text(parser, "--left", "SRC", source + "; alone: one camera, with more markers")
+    add_text(parser, "--left", "SRC", f"{source}; alone: one camera, with more markers")
     add_text(parser, "--right", "SRC", "the same for the right camera")
-    add_repeated(
+    further = "any further camera, in the calibration's order; or with its name there, of which others may be left out"
+    add_repeated(parser, "--camera", "[NAME=]SRC", further)
+    subject = "calibrated subject: labels the markers, with --database"
+    add_body_options(parser, subject, ".asf or .bvh with the bones; needs --marker-set")
+    worn = "markers worn (default: the subject's); without a body their labels are guessed (default: M01, M02, ...)"
+    add_text(parser, "--marker-set", "NAME_OR_FILE", worn)
+    add_text(parser, "--database", "DB", "motion database, to label the markers by the body")
+    add_request_options(
         parser,
-        "--camera",
-        "[NAME=]SRC",
-        "any further camera, in the calibration's order; or with its name there, of which others may be left out",
+        TrackRequest,
+        out="--out TAKE",
+        background="--background SRC",
+        threshold="--threshold LEVELS",
+        fps="--fps RATE",
+        seconds="--seconds S",
+        markers="--markers N",
+        floor="--floor",
+        level_rig="--floor-cameras FILE",
+        truth="--truth TAKE",
     )
-    written = (
-        "take to write: .take.npz, .trc, .csv or .c3d; or .perftake, all that the cameras saw, without labels: "
-        "`solve` labels and solves it as live"
-    )
-    add_text(parser, "--out", "TAKE", written, required=True)
-    _add_body_options(parser)
-    empty = "frames without the performer, one source per camera (default: learned from the take itself)"
-    add_text(parser, "--background", "SRC", empty, nargs="+")
-    add_number(parser, "--threshold", "LEVELS", "grey levels above the background (default: automatic)")
-    add_number(parser, "--fps", "RATE", "frames per second, where the source does not tell")
-    add_number(parser, "--seconds", "S", "stop after so many seconds (needed for cameras)")
     add_switch(
         parser,
         "--no-time-offset",
@@ -47,62 +52,32 @@ def add_parser(subparsers: Any) -> None:
     )
     distortion = "leave the lens distortion out, to compare with results of programs that do (default: corrected)"
     add_switch(parser, "--ignore-distortion", distortion)
-    add_text(parser, "--truth", "TAKE", "trajectories to compare with, frame by frame (.trc, .c3d, .csv, .take.npz)")
-    floor = (
-        "the take's world: the left camera's level (camera), or with the floor where the feet stand at y = 0 "
-        "(feet; needs --marker-set with markers on the feet) (default camera)"
-    )
-    add_choice(parser, "--floor", ("camera", "feet"), floor, default="camera")
-    add_text(parser, "--floor-cameras", "FILE", "with --floor feet: also write the calibration in that world")
-
-
-def _add_body_options(parser: argparse.ArgumentParser) -> None:
-    subject = "calibrated subject: labels the markers, with --database"
-    add_body_options(parser, subject, ".asf or .bvh with the bones; needs --marker-set")
-    add_text(parser, "--database", "DB", "motion database, to label the markers by the body")
-    worn = "markers worn (default: the subject's); without a body their labels are guessed (default: M01, M02, ...)"
-    add_text(parser, "--marker-set", "NAME_OR_FILE", worn)
-    count = "how many markers are worn (default: the set's, or as many as are seen at most times)"
-    add_text(parser, "--markers", "N", count, type=int)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    from ..api.tracking import TrackRequest, track  # OpenCV is slow to load
+    from ..api.tracking import TrackRequest, track
 
     _check(args)
-    marker_set = chosen_marker_set(args)
-    subject = chosen_subject(args, marker_set)
-    database = open_database(args.database) if args.database else None
+    worn = chosen_marker_set(args)
+    subject = chosen_subject(args, worn)
     rig, sources = _cameras_and_sources(args, load_rig(args.cameras))
     if args.ignore_distortion:
         rig = replace(rig, cameras=tuple(replace(camera, distortion=np.zeros(5)) for camera in rig.cameras))
-    request = TrackRequest(
-        rig,
-        sources,
-        args.out,
-        subject.marker_set if subject else marker_set,
-        subject,
-        database,
-        background=args.background or (),
-        threshold=args.threshold,
-        fps=args.fps,
-        seconds=args.seconds,
-        markers=args.markers,
+    request = request_of(
+        TrackRequest,
+        args,
+        rig=rig,
+        sources=tuple(sources),
+        marker_set=subject.marker_set if subject else worn,
+        subject=subject,
+        database=open_database(args.database) if args.database else None,
         time_offsets=not args.no_time_offset,
-        floor=args.floor,
-        level_rig=args.floor_cameras,
-        truth=args.truth,
     )
     return track(request, progress)
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raise SettingsError for options that contradict each other, before any work."""
-    if args.markers is not None and not 1 <= args.markers <= 200:
-        raise SettingsError(f"--markers {args.markers} is out of range", advice="give 1 to 200")
-    if args.seconds is not None and not 0.0 < args.seconds <= 86400.0:
-        raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, a day at most")
-    check_fps(args.fps)
+    """End with wrong usage, or raise SettingsError, for options that contradict each other, before any work."""
     if is_recorded(args.out):
         _check_left_out(args, "labels, which a .perftake gets when it is solved")
     else:
@@ -113,7 +88,7 @@ def _check(args: argparse.Namespace) -> None:
             args.wrong_usage("argument --database: needs --subject, or --skeleton and --marker-set")
     if args.floor == "feet" and not (args.marker_set or args.subject):
         raise SettingsError("--floor feet needs --marker-set", advice="name the marker set that is worn")
-    if args.floor_cameras and args.floor != "feet":
+    if args.level_rig and args.floor != "feet":
         raise SettingsError("--floor-cameras needs --floor feet", advice="add it, or leave --floor-cameras out")
 
 

@@ -81,7 +81,7 @@ class _MisfitError(Exception):
     """A table does not fit; the arguments are place and fact."""
 
 
-class _Key:
+class Key:
     """A field of a dataclass as a key of its table."""
 
     about = About("")
@@ -98,7 +98,7 @@ class _Key:
         self.field, self.name = field.name, self.about.key or field.name
         self.default = field.default if field.default_factory is MISSING else field.default_factory()
         self.optional = self.default is not MISSING if self.about.optional is None else self.about.optional
-        self._choices = self.about.choices or tuple(str(each.value) for kind in self.holds for each in _members(kind))
+        self.choices = self.about.choices or tuple(str(each.value) for kind in self.holds for each in _members(kind))
         self.is_table = self.holds[0] is Mapping or is_dataclass(self.holds[0])
 
     def _add(self, hint: Any) -> None:
@@ -130,6 +130,11 @@ class _Key:
             self.holds = (origin or hint,)
 
     @property
+    def is_list(self) -> bool:
+        """Whether it holds a list of values."""
+        return bool(self._shape)
+
+    @property
     def text(self) -> str:
         """Possible values in plain words: "three numbers from -1 to 1 m"."""
         shapes = [self._shape, *([self.about.or_shape] if self.about.or_shape else [])]
@@ -148,8 +153,8 @@ class _Key:
 
     @property
     def _nouns(self) -> tuple[str, str]:
-        if self._choices:
-            return f"one of {', '.join(self._choices)}", f"texts out of {', '.join(self._choices)}"
+        if self.choices:
+            return f"one of {', '.join(self.choices)}", f"texts out of {', '.join(self.choices)}"
         if self.is_table:
             return ("a table", "tables") if self._is_named else (f"a table [{self.name}]", f"tables [[{self.name}]]")
         nouns = {
@@ -227,7 +232,7 @@ class _Key:
         for kind in self.holds:
             if kind is str or _members(kind):
                 fits = isinstance(value, str) and len(value) >= about.least and "\0" not in value
-                fits = fits and (not self._choices or value in self._choices)
+                fits = fits and (not self.choices or value in self.choices)
             elif kind is bool:
                 fits = isinstance(value, bool)
             else:
@@ -276,7 +281,7 @@ class Schema(Generic[_T]):
         if self.kind and (table.get("kind") != self.kind or table.get("version") != _VERSION):
             kind = self.kind.removeprefix("perfanim ")
             raise self.error(f"is not a {kind} file of this version", where=where, advice=self.advice)
-        names = sorted(key.name for key in _keys(self.cls))
+        names = sorted(key.name for key in keys_of(self.cls))
         unknown = sorted(set(table) - set(names)) if self.closed else ()
         if unknown:
             advice = f"keys: {', '.join(names)}"
@@ -309,7 +314,7 @@ class Schema(Generic[_T]):
 def table_of(value: Any) -> dict[str, Any]:
     """Return a dataclass as a table; optional values that equal their defaults are left out."""
     table = {}
-    for key in _keys(type(value)):
+    for key in keys_of(type(value)):
         own = getattr(value, key.field)
         is_default = not own.size if isinstance(own, np.ndarray) else own == key.default
         if own is not None and not (key.optional and is_default):
@@ -319,7 +324,7 @@ def table_of(value: Any) -> dict[str, Any]:
 
 def check_ranges(value: Any) -> None:
     """Raise SettingsError where a number or text of a dataclass is out of its range."""
-    for key in _keys(type(value)):
+    for key in keys_of(type(value)):
         own = getattr(value, key.field)
         try:
             if own is not None and not key.is_table:
@@ -328,12 +333,12 @@ def check_ranges(value: Any) -> None:
             raise SettingsError(f"{key.name} must be {key.text}") from None
 
 
-_known_keys: dict[Any, Sequence[_Key]] = {}
+_known_keys: dict[Any, Sequence[Key]] = {}
 
 
 def _read(cls: type[_T], table: Table, where: str) -> _T:
     values = {}
-    for key in _keys(cls):
+    for key in keys_of(cls):
         value = table.get(key.name)
         if value is None:
             if not key.optional:
@@ -360,18 +365,18 @@ def plain(value: Any) -> Any:
 
 
 def _rows(cls: Any, prefix: str) -> Iterator[str]:
-    for key in _keys(cls):
+    for key in keys_of(cls):
         optional = "; may be left out" if key.optional else ""
         yield f"| `{prefix}{key.name}` | {key.about.text} | {key.text}{optional} |"
         for kind in filter(is_dataclass, key.holds):
             yield from _rows(kind, f"{prefix}{key.name}.")
 
 
-def _keys(cls: Any) -> Sequence[_Key]:
+def keys_of(cls: Any) -> Sequence[Key]:
     """Return the keys of a dataclass's table."""
     if cls not in _known_keys:
         hints = get_type_hints(cls, include_extras=True)
-        _known_keys[cls] = [_Key(each, hints[each.name]) for each in fields(cls) if each.init]
+        _known_keys[cls] = [Key(each, hints[each.name]) for each in fields(cls) if each.init]
     return _known_keys[cls]
 
 

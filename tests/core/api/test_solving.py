@@ -66,10 +66,10 @@ def test_smoothing_and_held_feet_change_the_motion(take, solved, subject, databa
 
 def test_markers_that_are_not_used_measure_the_error(take, subject, database):
     used = [marker.name for marker in subject.marker_set.markers if marker.torso or marker.name == "LFOO"]
-    few = perfanim.solve(take, subject, database, perfanim.SolveRequest("nearest", causal=True, markers=used))
+    few = perfanim.solve(take, subject, database, perfanim.SolveRequest("nearest", causal=True, markers=tuple(used)))
     assert few.report["used"] == used
     assert 1.0 < few.report["left_out_rms_mm"] < 300.0
-    whole = perfanim.SolveRequest("nearest", causal=True, markers=len(subject.marker_set))
+    whole = perfanim.SolveRequest("nearest", causal=True, marker_count=len(subject.marker_set))
     assert np.isnan(perfanim.solve(take, subject, database, whole).report["left_out_rms_mm"])
 
 

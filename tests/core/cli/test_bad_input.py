@@ -135,8 +135,8 @@ CASES = [
         "128x96, the calibration is for 64x48",
     ),
     (TRACK.replace("a.take.npz", "a.doc"), "a.doc: has an ending that cannot be written"),
-    (TRACK + " --seconds 0", "--seconds 0 is out of range"),
-    (TRACK + " --fps -3", "--fps -3 is out of range"),
+    (TRACK + " --seconds 0", "--seconds must be a number above 0 s up to 86,400 s"),
+    (TRACK + " --fps -3", "--fps must be a number from 1 to 1,000 frames per second"),
     (TRACK + " --floor feet", "--floor feet needs --marker-set"),
     (TRACK + " --floor-cameras out/level.toml", "--floor-cameras needs --floor feet"),
     # database

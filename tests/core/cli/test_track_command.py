@@ -137,7 +137,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(folder, capsys):
     assert "cannot be read" in refused("track", "--cameras", "gone.toml", "--left", f"{folder}/left", "--right", "x")
     assert "no marker set" in refused(*arguments(folder, "--marker-set", "gone"))
     assert "at most 5 of 9 markers" in refused(*arguments(folder, "--marker-set", "boxing"))
-    assert "--markers 0" in refused(*arguments(folder, "--markers", "0"))
+    assert "--markers must be a whole number from 1 to 200" in refused(*arguments(folder, "--markers", "0"))
     assert "threshold" in refused(*arguments(folder, "--threshold", "900"))
     (folder / "right" / "005.png").write_bytes(b"broken")
     assert "005.png" in refused(*arguments(folder))
