@@ -1,10 +1,10 @@
-"""Change of a body: the sizes of its parts, and its markers' offsets.
+"""Changes of a body: the sizes of its parts, and its markers' offsets.
 
-Under given joint rotations the markers are linear in both (cf. the attachment phase of O'Brien et al. 2000, where joint
-centres are linear in the same way).
+With fixed joint rotations the markers are linear in both (cf. O'Brien et al. 2000, where joint centres are linear in
+the same way).
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,9 +15,17 @@ from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 
-SIZE_SIGMA = 0.08  # standard deviation of the whole body's size about the first estimate
-PART_SIGMA = 0.04  # of a part's share in it
-OFFSET_SIGMA_M = 0.02  # of a marker about its usual place on the body
+
+@dataclass(frozen=True)
+class ChangeSigmas:
+    """Usual standard deviations of changes."""
+
+    size: float = 0.08  # relative size of the whole body
+    part: float = 0.04  # relative size of a part besides
+    offset_m: float = 0.02  # marker about its usual offset
+
+
+SIGMAS = ChangeSigmas()
 
 PARTS: dict[str, tuple[str, ...]] = {
     "hips": ("femur",),
@@ -30,7 +38,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 
 def observed_positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
-    """Return (F, M, 3) positions in the set's order, NaN where the take has none."""
+    """Return positions (F, M, 3) in the set's order, NaN for markers that the take lacks."""
     result = np.full((take.frames, len(marker_set), 3), np.nan)
     for column, name in enumerate(marker_set.names):
         if name in take.names:
@@ -39,7 +47,7 @@ def observed_positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
 
 
 def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Array]:
-    """Return the derivatives by part sizes and offsets, and the markers (F, M, 3)."""
+    """Return derivatives by part sizes and by offsets (F, M, 3, ...), and the markers (F, M, 3)."""
     skeleton, joints = subject.skeleton, subject.marker_set.joint_indices(subject.skeleton)
     positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
     parts = _part_of_joint(skeleton)
@@ -58,7 +66,7 @@ def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Arra
 
 
 def _part_of_joint(skeleton: Skeleton) -> IntArray:
-    """Return (J,) the part of each joint's offset from its parent; -1 for the root."""
+    """Return the part (J,) of the bone to each joint, -1 for the root."""
     result = np.full(len(skeleton), -1, dtype=np.int64)
     for number, members in enumerate(PARTS.values()):
         for joint, name in enumerate(skeleton.names):
@@ -68,13 +76,13 @@ def _part_of_joint(skeleton: Skeleton) -> IntArray:
 
 
 def part_lengths_m(skeleton: Skeleton) -> Array:
-    """Return the length of each part's bones together."""
+    """Return the total length of each part's bones."""
     part, lengths = _part_of_joint(skeleton), np.linalg.norm(skeleton.offsets_m, axis=1)
     return np.array([lengths[part == number].sum() for number in range(len(PARTS))])
 
 
 def sized(skeleton: Skeleton, parts: Array) -> Skeleton:
-    """Return the skeleton with each part's bones longer by its share."""
+    """Return the skeleton with the bones of each part longer by a relative change."""
     part = _part_of_joint(skeleton)
     factors = np.where(part >= 0, 1.0 + parts[part], 1.0)
     offsets = skeleton.offsets_m * factors[:, None]

@@ -1,13 +1,13 @@
 """Skeleton and marker offsets of a performer from motion alone.
 
-Poses and body are found in turn: the solver completes the poses for the body known so far, then bone lengths and
-marker offsets are fitted to all frames at once. With the joint rotations fixed the markers are linear in both, so the
-fit is one ridge regression about the usual proportions and offsets. At the end the body is refined by frames without a
-past (see `refine_body`), as far as the database holds such motion.
+Poses and body are found in turn: the solver completes the poses of the body found so far, then bone lengths and marker
+offsets are fitted to all frames at once. With fixed joint rotations the markers are linear in both, so the fit is one
+ridge regression about the usual proportions and offsets. At the end `refine_body` corrects the body, if the database
+holds such motion.
 """
 
 import contextlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,16 +20,25 @@ from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..session.session import Session
 from ..system.progress import Progress, no_progress
-from .body_change import OFFSET_SIGMA_M, PART_SIGMA, SIZE_SIGMA, linear_model, observed_positions, sized
+from .body_change import SIGMAS, linear_model, observed_positions, sized
 from .refine_body import refine_body
 
-_ROUNDS = 4
-_MOST_FRAMES = 300  # of the take that are looked at; more tell little new about the body
-_LARGE_M = 0.06  # a frame with a larger median marker error shows no pose to learn from
-_FEWEST_FRAMES = 20
-_TORSO = 3  # markers by which the root is found
-_MARKER_SIGMA_M = 0.01  # of a marker about the modelled one, skin and solver together
-_INDEPENDENT_FRAMES = 30.0  # frames that follow each other repeat each other's errors: all count as so many
+_TORSO = 3  # markers that locate the root
+
+
+@dataclass(frozen=True)
+class MotionFitSettings:
+    """Settings of the fit to motion."""
+
+    rounds: int = 4
+    most_frames: int = 300  # more frames tell little new about the body
+    fewest_frames: int = 20
+    large_m: float = 0.06  # frames with a larger median marker error are left out
+    marker_sigma_m: float = 0.01  # marker about the modelled one: skin and solver
+    independent_frames: float = 30.0  # weight of all frames together, as near ones repeat each other's errors
+
+
+SETTINGS = MotionFitSettings()
 
 
 def subject_from_motion(
@@ -37,29 +46,28 @@ def subject_from_motion(
 ) -> Subject:
     """Return the subject with the bones and offsets that explain a take best.
 
-    Args:
-        take: labelled; nobody need stand still in it.
-        start: first guess of the body with the usual offsets, to which the result is drawn.
-        database: motion of the kind that the take shows.
+    Its residual is the RMS marker error over the frames.
 
-    Returns:
-        The subject; its residual is the RMS marker error over the frames, metres.
+    Args:
+        take: Labelled take; it need not show a held pose.
+        start: First guess of the body with the usual offsets; the fit is regularised towards it.
+        database: Database with such motion.
 
     Raises:
-        SubjectError: too few frames could be explained.
-        TakeError: the take lacks torso markers.
+        SubjectError: Too few frames could be explained.
+        TakeError: The take lacks torso markers.
     """
-    part = frames_of(take, slice(0, _MOST_FRAMES))
+    part = frames_of(take, slice(0, SETTINGS.most_frames))
     observed = observed_positions(part, start.marker_set)
     subject = start
-    for round_ in range(_ROUNDS):
-        progress(round_ / _ROUNDS, "fitting the body")
+    for round_ in range(SETTINGS.rounds):
+        progress(round_ / SETTINGS.rounds, "fitting the body")
         rotations, good = _poses(part, subject, database)
         used = int(good.sum())
-        if used < _FEWEST_FRAMES:
+        if used < SETTINGS.fewest_frames:
             raise _refusal(used, observed[:, start.marker_set.torso], take.name)
         subject = _fitted(rotations[good], observed[good], start)
-    with contextlib.suppress(SubjectError):  # no more can be learned from motion unlike the database
+    with contextlib.suppress(SubjectError):  # the motion is unlike the database
         subject = refine_body(take, subject, database).subject
     return subject
 
@@ -67,7 +75,7 @@ def subject_from_motion(
 def _refusal(used: int, torso: Array, name: str) -> SubjectError:
     """Return the error for a take with only `used` frames that fit."""
     shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
-    if shown < _FEWEST_FRAMES:
+    if shown < SETTINGS.fewest_frames:
         advice = "check them in the program that the take is from"
         return SubjectError(f"only {shown} frames show {_TORSO} markers of the torso", where=name, advice=advice)
     advice = "choose the marker set that was worn, or a database with such motion"
@@ -75,7 +83,7 @@ def _refusal(used: int, torso: Array, name: str) -> SubjectError:
 
 
 def frames_of(take: MarkerTake, frames: slice) -> MarkerTake:
-    """Return part of a take; TakeError when nothing is left of it."""
+    """Return part of a take; raise TakeError if it is empty."""
     return replace(
         take,
         positions_m=take.positions_m[frames],
@@ -89,8 +97,8 @@ def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Arra
     """Return joint rotations (F, J, 4) and a mask of well solved frames."""
     session = Session(subject, database, smooth=False)
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
-    # the median: a marker on a wand is as far from its usual place as no body explains, and just that is to be found
-    good = np.array([_median_m(pose) < _LARGE_M and pose.confidence > 0.0 for pose in poses])
+    # the median, as single markers may be far from their usual offsets, which are to be found
+    good = np.array([_median_m(pose) < SETTINGS.large_m and pose.confidence > 0.0 for pose in poses])
     return np.array([pose.rotations for pose in poses]), good
 
 
@@ -99,10 +107,10 @@ def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
     by_part, by_offset, modelled = linear_model(rotations, start)
     count, markers = observed.shape[:2]
     seen = np.all(np.isfinite(observed), axis=-1)
-    # the root's position is free in every frame: only differences to the frame's mean marker count
+    # the root's position is free in every frame: only differences from the frame's mean marker count
     residual = _less_mean(observed - modelled, seen).reshape(-1)
     columns = _less_mean(np.concatenate((by_part, by_offset), axis=-1), seen).reshape(count * markers * 3, -1)
-    weight = min(1.0, _INDEPENDENT_FRAMES / count) / _MARKER_SIGMA_M**2
+    weight = min(1.0, SETTINGS.independent_frames / count) / SETTINGS.marker_sigma_m**2
     normal = weight * columns.T @ columns + _prior(by_part.shape[-1], markers)
     solution = np.linalg.solve(normal, weight * columns.T @ residual)
     error = (residual - columns @ solution).reshape(count, markers, 3)
@@ -113,7 +121,7 @@ def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
 
 
 def _less_mean(values: Array, seen: Mask) -> Array:
-    """Return values (F, M, ...) less the mean of the seen markers, 0 elsewhere."""
+    """Return values (F, M, ...) less the mean of the seen markers, 0 for hidden ones."""
     shown = seen.reshape(*seen.shape, *[1] * (values.ndim - 2))
     share = np.maximum(shown.sum(axis=1, keepdims=True), 1)
     mean = np.sum(values, axis=1, where=shown, keepdims=True) / share
@@ -122,11 +130,11 @@ def _less_mean(values: Array, seen: Mask) -> Array:
 
 def _prior(parts: int, markers: int) -> Array:
     """Return the inverse covariance of part sizes and offsets."""
-    covariance = np.full((parts, parts), SIZE_SIGMA**2) + PART_SIGMA**2 * np.eye(parts)
+    covariance = np.full((parts, parts), SIGMAS.size**2) + SIGMAS.part**2 * np.eye(parts)
     result = np.zeros((parts + 3 * markers, parts + 3 * markers))
     result[:parts, :parts] = np.linalg.inv(covariance)
     diagonal = np.arange(parts, parts + 3 * markers)
-    result[diagonal, diagonal] = OFFSET_SIGMA_M**-2
+    result[diagonal, diagonal] = SIGMAS.offset_m**-2
     return result
 
 

@@ -21,13 +21,13 @@ def subject_from_recording(
     """Return the subject of frames with held calibration poses.
 
     Args:
-        frames: marker frames of steady rate with located points.
-        marker_set: worn markers with their usual offsets.
-        poses: of `POSES`, the T pose or another upright one first.
+        frames: Marker frames of a steady rate with points.
+        marker_set: Worn markers with their usual offsets.
+        poses: Names in `POSES`, an upright pose first.
 
     Raises:
-        SubjectError: a pose is unknown or not held.
-        TakeError: the markers were not recognised.
+        SubjectError: A pose is unknown or not held.
+        TakeError: The markers were not recognised.
     """
     take = name_trajectories(track_markers(frames, name, fps, len(marker_set)).take, marker_set)
     return calibrate_subject(pose_points(take, marker_set, poses), marker_set, prototypes, name, *poses)

@@ -1,13 +1,14 @@
 """Fit of a body and its marker offsets to the markers of held poses.
 
-The body is a mixture of prototype bodies, as in section 4.2 of Chai and Hodgins 2005, with what bodies of one size
-differ in besides; the left and the right side have mixtures of their own. Nobody holds a pose exactly or places a
-marker exactly, so joint angles and offsets are unknown too, each within its usual range: the fit is the most probable
-body (Gauss-Newton on all unknowns at once), and the curvature there shows how well these poses determine it.
+The body is a mixture of prototype bodies, as in section 4.2 of Chai and Hodgins 2005, with further differences between
+bodies of one size; the left and the right side have mixtures of their own. Nobody holds a pose or places a marker
+exactly, so joint angles and offsets are unknowns too, each within its usual range. The fit is the most probable body,
+and the curvature of the cost there shows how well the poses determine it.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,35 +22,44 @@ from ..markers.marker_set import MarkerSet
 
 Pose = Callable[[Skeleton], Array]
 
-_STEP_RAD = 1e-5
-_LEAST_VARIANCE_M = 1e-3  # of a direction in which prototypes differ: below, it is left out
+_STEP_RAD = 1e-5  # for derivatives by joint angles
 
-# standard deviations of the unknowns
-_SEEN_M = 0.002  # of a marker, measurement and skin together
-_OFFSET_M, _UNKNOWN_OFFSET_M = 0.010, 0.030  # of a marker about its usual place, and about its joint where it has none
-_SIDE_SHARE = 0.25  # of the mixture, by which a side differs from the body's middle
-_PLACES_M = {"femur": 0.008, "humerus": 0.014}  # of hip and shoulder joints, each way, in bodies of one size
-_LENGTHS = {"tibia": 0.04, "foot": 0.04, "radius": 0.05, "wrist": 0.05, "hand": 0.05}  # of segments, relative
-_OWN_SHARE = 0.5  # of these, by which a side differs from what both share
-# of joint angles about those of the pose, degrees, and the axes they are about
-_LIMB_ANGLES_DEG = {"humerus": (8.0, "xyz"), "hand": (6.0, "yz"), "femur": (6.0, "xyz"), "foot": (4.0, "xyz")}
-_HINGES_DEG = {"radius": 8.0, "tibia": 8.0}
-# the first pose says what an upright trunk is; in the others it may differ from it
-_TRUNK_ANGLES_DEG = {("lowerback", "upperback", "thorax"): 8.0, ("lowerneck", "upperneck", "head"): 10.0}
-_COLLAR_DEG = 10.0
-_PARENTS = {"tibia": "femur", "foot": "tibia", "radius": "humerus", "wrist": "radius", "hand": "wrist"}
-_PARENTS |= {"humerus": "clavicle"}
+
+@dataclass(frozen=True)
+class PoseFitSigmas:
+    """Standard deviations of the unknowns."""
+
+    seen_m: float = 0.002  # marker position: measurement and skin
+    offset_m: float = 0.010  # marker about its usual offset, or
+    unknown_offset_m: float = 0.030  # about its joint if it has none
+    least_direction_m: float = 1e-3  # smaller differences between prototypes are left out
+    side_share: float = 0.25  # share of the mixture by which a side differs from the whole body
+    places_m: tuple[tuple[str, float], ...] = (("femur", 0.008), ("humerus", 0.014))  # per axis, bodies of one size
+    lengths: tuple[tuple[str, float], ...] = (  # share of the length of the bone to the joint
+        ("tibia", 0.04), ("foot", 0.04), ("radius", 0.05), ("wrist", 0.05), ("hand", 0.05),
+    )  # fmt: skip
+    own_share: float = 0.5  # share of places and lengths by which a side differs from both
+    limbs_deg: tuple[tuple[str, float, str], ...] = (  # angles about axes
+        ("humerus", 8.0, "xyz"), ("hand", 6.0, "yz"), ("femur", 6.0, "xyz"), ("foot", 4.0, "xyz"),
+    )  # fmt: skip
+    hinge_deg: float = 8.0  # elbows and knees
+    trunk_deg: float = 8.0  # all of the back about each axis, relative to the first pose,
+    neck_deg: float = 10.0  # and all of the neck
+    collar_deg: float = 10.0  # clavicles, relative to the first pose
+
+
+SIGMAS = PoseFitSigmas()
 
 
 @dataclass(frozen=True)
 class BodyFit:
-    """The most probable body and how it stood.
+    """The most probable body and its poses.
 
     Args:
-        rotations: (N, J, 4) of each pose.
-        root_positions_m: (N, 3) of each pose.
-        astray_rad: per pose, the angle by which the upper joints of arms and legs are off the pose, by joint name.
-        sigmas_m: (J,) standard deviation of each joint's distance from its parent that is left (0 of a known body).
+        rotations: Local rotations (N, J, 4) of each pose.
+        root_positions_m: Root positions (N, 3).
+        astray_rad: Angle between limb and pose by the limb's first joint, for each pose.
+        sigmas_m: Standard deviation (J,) of each joint's distance from its parent; 0 for a known body.
     """
 
     skeleton: Skeleton
@@ -63,18 +73,18 @@ def fit_body(points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skelet
     """Return the body that shows the points in the poses.
 
     Args:
-        points_m: (N, M, 3) markers of each pose in any world, NaN where unseen; at least three torso markers of each.
-        marker_set: its joints, and its usual offsets where it has them.
-        prototypes: bodies of many sizes with the standard skeleton's joints; a single one is taken as known.
-        poses: N poses, of which the first has the trunk just so.
+        points_m: Markers (N, M, 3) of each pose in any world, NaN where hidden; at least three torso markers of each.
+        marker_set: Markers with their joints, and their usual offsets if known.
+        prototypes: Bodies of many sizes with the standard skeleton's joints; a single one is the known body.
+        poses: Poses (N); the first one defines the upright trunk.
     """
     body = _BodyPrior(prototypes)
-    fit = _Fit(points_m, marker_set, body, [_HeldPose(pose, body.skeleton(), i == 0) for i, pose in enumerate(poses)])
-    return fit.solved()
+    held = [_HeldPose(pose, body.skeleton(), i == 0) for i, pose in enumerate(poses)]
+    return _Fit(points_m, marker_set, body, held).solved()
 
 
 class _BodyPrior:
-    """Bodies as a mean and directions with coefficients of unit deviation."""
+    """Bodies as a mean and directions (K, J, 6) with coefficients of unit variance."""
 
     def __init__(self, prototypes: Sequence[Skeleton]) -> None:
         self.like = prototypes[0]
@@ -85,7 +95,7 @@ class _BodyPrior:
             mixed = self._mixed(shapes)
             names = self.like.names
             sides = np.array([name[0] if mirrored_name(name) != name else "m" for name in names])
-            one_side = [np.where((sides == side)[:, None], _SIDE_SHARE * mixed, 0.0) for side in "lr"]
+            one_side = [np.where((sides == side)[:, None], SIGMAS.side_share * mixed, 0.0) for side in "lr"]
             self.directions = np.concatenate((mixed, *one_side, self._own()))
 
     def skeleton(self, coefficients: Array | float = 0.0) -> Skeleton:
@@ -96,46 +106,42 @@ class _BodyPrior:
         return Skeleton(like.names, like.parents, shape[:, :3], shape[:, 3:], like.angle_axes, like.angle_orders)
 
     def _mixed(self, shapes: Array) -> Array:
-        """Return the directions of difference between prototypes."""
+        """Return the principal differences between prototypes."""
         count = len(shapes)
         _, spread, axes = np.linalg.svd((shapes - self.mean).reshape(count, -1), full_matrices=False)
         deviations = spread / np.sqrt(count - 1)
-        kept = deviations > _LEAST_VARIANCE_M
+        kept = deviations > SIGMAS.least_direction_m
         return (deviations[kept, None] * axes[kept]).reshape(-1, *self.mean.shape)
 
     def _own(self) -> Array:
-        """Return further differences of bodies: joint places and segment lengths."""
+        """Return further differences between bodies, of both sides and of each alone: joint places, bone lengths."""
+        mirror = np.array([-1.0, 1.0, 1.0])
+        changes = [
+            (joint, sigma * axis, sigma * mirror * axis) for joint, sigma in SIGMAS.places_m for axis in np.eye(3)
+        ]
+        for joint, share in SIGMAS.lengths:
+            left_m, right_m = (share * self.mean[self.like.index(side + joint), :3] for side in "lr")
+            changes.append((joint, left_m, right_m))
         result = []
-        for joint, sigma in _PLACES_M.items():
-            for axis in np.eye(3):
-                mirror = np.array([-1.0, 1.0, 1.0])
-                result += _with_sides(*(self._moved(side + joint, sigma * (axis if side == "l" else mirror * axis))
-                                        for side in "lr"))  # fmt: skip
-        for joint, share in _LENGTHS.items():
-            offsets = [self.mean[self.like.index(side + joint), :3] for side in "lr"]
-            result += _with_sides(
-                *(self._moved(side + joint, share * offset) for side, offset in zip("lr", offsets, strict=True))
-            )
+        for joint, left_m, right_m in changes:
+            left, right = self._moved("l" + joint, left_m), self._moved("r" + joint, right_m)
+            result += [left + right, SIGMAS.own_share * left, SIGMAS.own_share * right]
         return np.array(result)
 
-    def _moved(self, joint: str, change_m: Array) -> Array:
-        """Return the change of shape (J, 6) that moves a joint and the bone to it."""
-        result = np.zeros_like(self.mean)
-        result[self.like.index(joint), :3] = change_m
-        if joint[1:] in _PARENTS:
-            result[self.like.index(joint[0] + _PARENTS[joint[1:]]), 3:] = change_m
+    def _moved(self, name: str, change_m: Array) -> Array:
+        """Return the change of shape (J, 6) that moves a joint and the end of the bone to it."""
+        result, joint = np.zeros_like(self.mean), self.like.index(name)
+        result[joint, :3] = change_m
+        parent = int(self.like.parents[joint])
+        if parent:  # the root's bone ends in the back
+            result[parent, 3:] = change_m
         return result
 
 
-def _with_sides(left: Array, right: Array) -> list[Array]:
-    """Return a change of both sides, and that of each alone."""
-    return [left + right, _OWN_SHARE * left, _OWN_SHARE * right]
-
-
 class _HeldPose:
-    """A calibration pose with the angles of error around it.
+    """A calibration pose with the usual errors of its angles.
 
-    The feet stand flat on the floor however the legs are bent, so their orientation is given against the root's.
+    The feet stand flat on the floor however the legs are bent, so their orientation is relative to the root.
     """
 
     def __init__(self, pose: Pose, skeleton: Skeleton, first: bool) -> None:
@@ -147,20 +153,21 @@ class _HeldPose:
         self.turns, self.sigmas_rad = self._angles(skeleton, first)
 
     def _angles(self, skeleton: Skeleton, first: bool) -> tuple[Array, Array]:
-        """Return unit rotation vectors (A, J, 3) and deviations (A,) of the angles."""
+        """Return unit rotation vectors (A, J, 3) and standard deviations (A,) of the angles."""
         rows: list[tuple[tuple[str, ...], Array, float]] = []
         axes = dict(zip("xyz", np.eye(3), strict=True))
         for side in "lr":
-            for joint, (sigma, letters) in _LIMB_ANGLES_DEG.items():
+            for joint, sigma, letters in SIGMAS.limbs_deg:
                 rows += [((side + joint,), axes[letter], sigma) for letter in letters]
             leg = skeleton.tips_m[skeleton.index(f"{side}femur")] * [1.0, 1.0, 0.0]
             knee = np.cross(leg / np.linalg.norm(leg), [0.0, 0.0, 1.0])
-            for joint, axis in (("radius", axes["y"]), ("tibia", -knee)):
-                rows.append(((side + joint,), axis, _HINGES_DEG[joint]))
+            rows += [((f"{side}radius",), axes["y"], SIGMAS.hinge_deg), ((f"{side}tibia",), -knee, SIGMAS.hinge_deg)]
             if not first:
-                rows += [((f"{side}clavicle",), axes[letter], _COLLAR_DEG) for letter in "yz"]
+                rows += [((f"{side}clavicle",), axes[letter], SIGMAS.collar_deg) for letter in "yz"]
         if not first:
-            rows += [(joints, axis / len(joints), s) for joints, s in _TRUNK_ANGLES_DEG.items() for axis in np.eye(3)]
+            back, neck = ("lowerback", "upperback", "thorax"), ("lowerneck", "upperneck", "head")
+            for axis in np.eye(3) / 3.0:
+                rows += [(back, axis, SIGMAS.trunk_deg), (neck, axis, SIGMAS.neck_deg)]
         turns = np.zeros((len(rows), len(skeleton), 3))
         for row, (joints, axis, _) in zip(turns, rows, strict=True):
             row[[skeleton.index(joint) for joint in joints]] = axis
@@ -177,21 +184,24 @@ class _HeldPose:
         return result
 
     def astray(self, angles_rad: Array, skeleton: Skeleton) -> dict[str, float]:
-        """Return the angle between each limb's first joint and the pose."""
+        """Return the angle between the first joint of each limb and the pose."""
         vectors = np.tensordot(angles_rad, self.turns, 1)
         joints = [side + joint for side in "lr" for joint in ("humerus", "femur")]
         return {joint: float(np.linalg.norm(vectors[skeleton.index(joint)])) for joint in joints}
 
 
-@dataclass
+@dataclass(frozen=True)
 class _State:
-    """Unknowns of the fit: body, offsets, angles, and the place of each pose."""
+    """Unknowns of the fit.
 
-    body: Array
-    offsets: Array
-    angles: list[Array]
-    matrices: list[Array]
-    places: list[Array]
+    Args:
+        values: Body, offsets, and for each pose its angles, a zero turn (3) and its place (3); all but the places in
+            units of their standard deviations.
+        matrices: World-from-root rotations (N, 3, 3).
+    """
+
+    values: Array
+    matrices: Array
 
 
 class _Fit:
@@ -201,30 +211,51 @@ class _Fit:
         self.torso = marker_set.torso
         self.usual = usual_offsets(marker_set)
         known = np.array([marker.offset_m is not None for marker in marker_set.markers])
-        self.offset_sigmas = np.where(known, _OFFSET_M, _UNKNOWN_OFFSET_M)[:, None]
-        # which joints' offsets a marker's place is the sum of
+        self.offset_sigmas = np.where(known, SIGMAS.offset_m, SIGMAS.unknown_offset_m)[:, None]
+        # joints whose offsets add up to the place of a marker
         self.carried = body.like.is_ancestor[self.joints].astype(np.float64)
         self.carried[:, 0] = 0.0
+        ends = np.cumsum([len(body.directions), 3 * len(self.joints), *(len(pose.turns) + 6 for pose in held)]).tolist()
+        self.bodies, self.shared, self.size = ends[0], ends[1], ends[-1]
+        self.poses = [slice(*each) for each in pairwise(ends[1:])]
+        self.bound = np.ones(self.size, dtype=np.bool_)  # unknowns with a prior
+        for pose in self.poses:
+            self.bound[pose.stop - 6 : pose.stop] = False
 
     def solved(self) -> BodyFit:
-        """Return the fit from the middle body in the exact poses."""
+        """Return the fit, started from the mean body in the exact poses."""
         state, near = levenberg_marquardt(self._start(), self._linearise, self._moved)
-        return self._result(state, np.linalg.inv(near.matrix))
+        skeleton, _ = self._shape(state)
+        rotations = []
+        for i, held in enumerate(self.held):
+            local = held.local(self._angles(state, i), skeleton)
+            local[0] = rot.from_matrix(state.matrices[i])
+            rotations.append(local)
+        length = np.maximum(np.linalg.norm(skeleton.offsets_m, axis=1, keepdims=True), 1e-9)
+        along = np.einsum("kjx,jx->jk", self.body.directions[:, :, :3], skeleton.offsets_m / length)
+        shape = np.linalg.inv(near.matrix)[: self.bodies, : self.bodies]
+        return BodyFit(
+            skeleton,
+            np.array(rotations),
+            np.array([state.values[pose.stop - 3 : pose.stop] for pose in self.poses]),
+            tuple(held.astray(self._angles(state, i), skeleton) for i, held in enumerate(self.held)),
+            np.sqrt(np.einsum("jk,kl,jl->j", along, shape, along)),
+        )
 
     def _start(self) -> _State:
-        body, offsets = np.zeros(len(self.body.directions)), np.zeros((len(self.joints), 3))
-        skeleton = self.body.skeleton()
-        angles, matrices, places = [], [], []
-        for held, points in zip(self.held, self.points, strict=True):
-            angles.append(np.zeros(len(held.turns)))
+        values, skeleton, matrices = np.zeros(self.size), self.body.skeleton(), []
+        for held, points, pose in zip(self.held, self.points, self.poses, strict=True):
             seen = np.isfinite(points[:, 0])
-            local = self._markers(held, angles[-1], skeleton, self.usual)[0]
+            local = self._markers(held, np.zeros(len(held.turns)), skeleton, self.usual)[0]
             # limbs may be held elsewhere: they only decide where the torso's markers lie nearly on a line
-            weights = np.where(self.torso, 1.0, 0.05)[seen]
-            matrix, place = kabsch(local[seen], points[seen], weights)
+            matrix, values[pose.stop - 3 : pose.stop] = kabsch(
+                local[seen], points[seen], np.where(self.torso, 1.0, 0.05)[seen]
+            )
             matrices.append(matrix)
-            places.append(place)
-        return _State(body, offsets, angles, matrices, places)
+        return _State(values, np.array(matrices))
+
+    def _angles(self, state: _State, i: int) -> Array:
+        return np.asarray(self.held[i].sigmas_rad * state.values[self.poses[i]][:-6])
 
     def _markers(self, held: _HeldPose, angles: Array, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
         """Return markers (..., M, 3) and joint orientations in the root's frame."""
@@ -232,91 +263,54 @@ class _Fit:
         return positions[..., self.joints, :] + rot.rotate(world[..., self.joints, :], offsets), world
 
     def _shape(self, state: _State) -> tuple[Skeleton, Array]:
-        return self.body.skeleton(state.body), self.usual + self.offset_sigmas * state.offsets
+        offsets = state.values[self.bodies : self.shared].reshape(-1, 3)
+        return self.body.skeleton(state.values[: self.bodies]), self.usual + self.offset_sigmas * offsets
 
     def _linearise(self, state: _State) -> NormalEquations:
-        """Return the normal equations of the squares over their variances."""
         skeleton, offsets = self._shape(state)
-        prior = [state.body, state.offsets.ravel()]
-        for angles, held in zip(state.angles, self.held, strict=True):
-            prior += [angles / held.sigmas_rad, np.full(6, np.nan)]
-        values = np.concatenate(prior)
-        free = np.isnan(values)  # root of each pose
-        normal = np.diag(np.where(free, 0.0, 1.0))
-        gradient = np.where(free, 0.0, values)
+        matrix, gradient = np.diag(self.bound.astype(np.float64)), np.where(self.bound, state.values, 0.0)
         cost = float(gradient @ gradient)
-        first = len(state.body) + state.offsets.size
-        for i, held in enumerate(self.held):
+        for i, pose in enumerate(self.poses):
             columns, error = self._columns(state, i, skeleton, offsets)
-            here = np.r_[0 : len(state.body) + state.offsets.size, first : first + len(held.turns) + 6]
-            normal[np.ix_(here, here)] += columns.T @ columns
+            here = np.r_[: self.shared, pose]
+            matrix[np.ix_(here, here)] += columns.T @ columns
             gradient[here] += columns.T @ error
             cost += float(error @ error)
-            first += len(held.turns) + 6
-        return NormalEquations(normal, gradient, cost)
+        return NormalEquations(matrix, gradient, cost)
 
     def _columns(self, state: _State, i: int, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
-        """Return Jacobian and error of a pose's seen markers.
+        """Return Jacobian and error of the seen markers of a pose.
 
         Columns: body, offsets, angles, the root's turn and place.
         """
-        held, count = self.held[i], len(self.joints)
+        held, count, matrix = self.held[i], len(self.joints), state.matrices[i]
         angles = len(held.turns)
-        tried = state.angles[i] + np.concatenate((np.zeros((1, angles)), _STEP_RAD * np.eye(angles)))
+        tried = self._angles(state, i) + np.concatenate((np.zeros((1, angles)), _STEP_RAD * np.eye(angles)))
         markers, orientations = self._markers(held, tried, skeleton, offsets)
         local, world = markers[0], rot.to_matrix(orientations[0])
         above = world[np.maximum(skeleton.parents, 0)]
         by_body = np.einsum("mj,jxy,kjy->kmx", self.carried, above, self.body.directions[:, :, :3])
         by_offset = np.zeros((count, 3, count, 3))
-        by_offset[np.arange(count), :, np.arange(count)] = self.offset_sigmas[:, :, None] * np.swapaxes(
-            world[self.joints], 1, 2
-        )
+        own = np.arange(count)
+        by_offset[own, :, own] = self.offset_sigmas[:, :, None] * np.swapaxes(world[self.joints], 1, 2)
         by_angle = held.sigmas_rad[:, None, None] * (markers[1:] - local) / _STEP_RAD
         by_turn = np.cross(np.eye(3)[:, None], local)
         in_root = np.concatenate((by_body, by_offset.reshape(3 * count, count, 3), by_angle, by_turn))
         by_place = np.broadcast_to(np.eye(3)[:, None], (3, count, 3))
-        columns = np.concatenate((in_root @ state.matrices[i].T, by_place))
-        error = local @ state.matrices[i].T + state.places[i] - self.points[i]
+        columns = np.concatenate((in_root @ matrix.T, by_place))
+        error = local @ matrix.T + state.values[self.poses[i]][-3:] - self.points[i]
         seen = np.isfinite(error[:, 0])
-        return columns[:, seen].reshape(len(columns), -1).T / _SEEN_M, error[seen].ravel() / _SEEN_M
+        return columns[:, seen].reshape(len(columns), -1).T / SIGMAS.seen_m, error[seen].ravel() / SIGMAS.seen_m
 
     def _moved(self, state: _State, step: Array) -> _State:
-        shared = len(state.body) + state.offsets.size
-        result = _State(
-            state.body + step[: len(state.body)],
-            state.offsets + step[len(state.body) : shared].reshape(-1, 3),
-            [],
-            [],
-            [],
-        )
-        first = shared
-        for i, held in enumerate(self.held):
-            part = step[first : first + len(held.turns) + 6]
-            result.angles.append(state.angles[i] + held.sigmas_rad * part[:-6])
-            result.matrices.append(state.matrices[i] @ rot.to_matrix(rot.from_rotation_vector(part[-6:-3])))
-            result.places.append(state.places[i] + part[-3:])
-            first += len(part)
-        return result
-
-    def _result(self, state: _State, covariance: Array) -> BodyFit:
-        skeleton, _ = self._shape(state)
-        rotations = []
-        for i, held in enumerate(self.held):
-            local = held.local(state.angles[i], skeleton)
-            local[0] = rot.from_matrix(state.matrices[i])
-            rotations.append(local)
-        length = np.maximum(np.linalg.norm(skeleton.offsets_m, axis=1, keepdims=True), 1e-9)
-        along = np.einsum("kjx,jx->jk", self.body.directions[:, :, :3], skeleton.offsets_m / length)
-        shape = covariance[: len(state.body), : len(state.body)]
-        return BodyFit(
-            skeleton,
-            np.array(rotations),
-            np.array(state.places),
-            tuple(held.astray(angles, skeleton) for held, angles in zip(self.held, state.angles, strict=True)),
-            np.sqrt(np.einsum("jk,kl,jl->j", along, shape, along)),
-        )
+        values, matrices = state.values + step, []
+        for matrix, pose in zip(state.matrices, self.poses, strict=True):
+            turn = slice(pose.stop - 6, pose.stop - 3)
+            matrices.append(matrix @ rot.to_matrix(rot.from_rotation_vector(step[turn])))
+            values[turn] = 0.0
+        return _State(values, np.array(matrices))
 
 
 def usual_offsets(marker_set: MarkerSet) -> Array:
-    """Return usual offsets (M, 3), zero (on the joint) where the set has none."""
+    """Return usual offsets (M, 3), zero (at the joint) if the set has none."""
     return np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in marker_set.markers])

@@ -1,9 +1,8 @@
-"""Skeleton and marker offsets from held calibration poses (section 4.2).
+"""Skeleton and marker offsets from held calibration poses (Chai and Hodgins 2005, section 4.2).
 
-Skeleton: a mixture of prototype bodies that shows the seen markers in these poses (see `subject_fit`). The left side,
-with the middle of the body, and the right side are measured apart. Offsets: the seen marker relative to its joint, in
-the joint's axes. One pose shows where limbs end, not where they begin: arms that are stretched out, forward and down
-tell the shoulder from the arm.
+The skeleton is fitted to the markers by `held_pose_fit`. An offset is the position of the marker relative to its joint,
+in the joint's axes. One pose shows where limbs end, not where they begin: arms stretched out, forward and down separate
+the shoulder from the arm.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,15 +22,6 @@ from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from .held_pose_fit import BodyFit, fit_body, usual_offsets
 
-_FARTHEST_SWING_DEG = 35.0  # of a limb from the calibration pose: nobody holds it exactly
-_NOISE_M = 0.03  # by which measurement alone spreads a marker that is held still
-_STILL_M_S = 0.15  # a marker moving faster is not held still
-_LIKE_POSE_M = 0.20  # RMS distance to the default body's markers of the pose, bodies of all sizes
-_AS_CLOSE = 1.3  # of the least distance from the pose, up to which a stiller moment is the better one
-_DOUBTFUL_M = 0.015  # a body that explains its markers no better is not to be trusted
-_ODD_MARKER_M = 0.035  # off its usual place
-_OPEN_M = 0.012  # standard deviation of a shoulder's place from which another pose is worth the while
-_CARELESS_DEG = 15.0  # of a limb from the pose, from which it is worth saying
 _LIMBS = {"humerus": "arm", "femur": "leg"}
 _HELD_AS = {
     "t": "the T pose",
@@ -42,12 +32,30 @@ _HELD_AS = {
 
 
 @dataclass(frozen=True)
+class CalibrationLimits:
+    """Limits for poses and their results."""
+
+    farthest_swing_deg: float = 35.0  # angle between a limb and the calibration pose
+    careless_deg: float = 15.0  # the same, from which it is mentioned
+    noise_m: float = 0.03  # spread of a still marker by measurement alone
+    still_m_s: float = 0.15  # markers of a held pose are slower
+    like_pose_m: float = 0.20  # RMS distance from the default body's markers in the pose, for bodies of all sizes
+    as_close: float = 1.3  # factor of the smallest distance within which the stillest moment counts
+    residual_m: float = 0.015  # RMS marker error of a calibration that should be redone
+    odd_marker_m: float = 0.035  # distance of a marker from its usual place that is mentioned
+    shoulder_m: float = 0.012  # standard deviation of a shoulder's place that makes another pose worthwhile
+
+
+LIMITS = CalibrationLimits()
+
+
+@dataclass(frozen=True)
 class SubjectCalibration:
-    """A calibrated subject and how far it can be trusted.
+    """A calibrated subject and its quality.
 
     Args:
-        sigmas_m: by joint name, standard deviation of its distance from its parent that these poses leave.
-        marker_residuals_m: by marker name, RMS distance from its usual place on this body in these poses.
+        sigmas_m: Standard deviation of each joint's distance from its parent, by joint name.
+        marker_residuals_m: RMS distance of each marker from its usual place on this body, by marker name.
         verdict: "good", "usable" (another pose would tell more) or "redo".
     """
 
@@ -61,33 +69,29 @@ class SubjectCalibration:
 def calibration_points(
     take: MarkerTake, marker_set: MarkerSet, seconds: float = 1.0, frames: slice = slice(None)
 ) -> Array:
-    """Return the median markers (M, 3) of the first moment of standing still.
-
-    Markers that are not seen then are NaN.
+    """Return the median markers (M, 3) of the first still moment, NaN for hidden markers.
 
     Args:
-        take: shows the calibration pose among other things.
-        frames: part of the take that is looked at.
+        take: Take that shows the calibration pose.
+        frames: Searched part of the take.
 
     Raises:
-        SubjectError: the take lacks markers of the set.
+        SubjectError: The take lacks markers of the set, or a still moment.
     """
     positions = _positions(take, marker_set)[frames]
     return _median(positions, next(_still(positions, take.fps, seconds)))
 
 
 def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], seconds: float = 1.0) -> Array:
-    """Return the median markers (N, M, 3) of each held pose.
-
-    Of the moments in which the performer stands still and like the pose, the stillest counts.
+    """Return the median markers (N, M, 3) of each held pose, from its stillest moment.
 
     Args:
-        take: shows the poses among other things, in any order.
-        marker_set: markers that are wanted, with usual offsets.
-        poses: of `POSES`.
+        take: Take that shows the poses in any order.
+        marker_set: Wanted markers with their usual offsets.
+        poses: Names (N) in `POSES`.
 
     Raises:
-        SubjectError: an unknown pose, the take lacks markers of the set, or a pose is not held in it.
+        SubjectError: A pose is unknown or not held, or the take lacks markers of the set.
     """
     check_poses(poses)
     positions = _positions(take, marker_set)
@@ -101,7 +105,7 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
         points = _median(positions, window)
         distances = {name: _distance(points, template) for name, template in templates.items()}
         nearest = min(distances, key=lambda name: distances[name])
-        if distances[nearest] < _LIKE_POSE_M:
+        if distances[nearest] < LIMITS.like_pose_m:
             shown = np.isfinite(points[:, 0])
             spread = float(np.nanstd(positions[window][:, shown], axis=0).max())
             held.setdefault(nearest, []).append((distances[nearest], spread, points))
@@ -116,16 +120,16 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
 
 
 def _stillest(moments: list[tuple[float, float, Array]]) -> Array:
-    """Return the points of the stillest moment (distance, spread, points).
+    """Return the points of the stillest of the moments (distance, spread, points) that are close to the pose.
 
-    The closest may still be on the way into the pose.
+    The closest one may still be on the way into the pose.
     """
-    closest = min(distance for distance, _, _ in moments)
-    return min((moment for moment in moments if moment[0] < _AS_CLOSE * closest), key=lambda moment: moment[1])[2]
+    most = LIMITS.as_close * min(distance for distance, _, _ in moments)
+    return min((moment for moment in moments if moment[0] < most), key=lambda moment: moment[1])[2]
 
 
 def check_poses(poses: Sequence[str]) -> None:
-    """Raise SubjectError unless all are of `POSES` and none is named twice."""
+    """Raise SubjectError unless all poses are in `POSES`, each once."""
     for pose in poses:
         if pose not in POSES:
             raise SubjectError(f"there is no calibration pose {pose!r}", advice="poses: " + ", ".join(POSES))
@@ -134,7 +138,7 @@ def check_poses(poses: Sequence[str]) -> None:
 
 
 def _positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
-    """Return the set's markers (F, M, 3); SubjectError when the take lacks one."""
+    """Return the set's markers (F, M, 3); raise SubjectError if the take lacks one."""
     missing = [name for name in marker_set.names if name not in take.names]
     if missing:
         raise SubjectError(
@@ -146,7 +150,7 @@ def _positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
 
 
 def _median(positions: Array, window: slice) -> Array:
-    """Return the markers' median positions (M, 3) in a window, NaN where unseen."""
+    """Return the markers' median positions (M, 3) in a window, NaN for hidden ones."""
     seen = np.all(np.isfinite(positions[window]), axis=-1)
     result = np.full(positions.shape[1:], np.nan)
     for marker in np.flatnonzero(seen.any(axis=0)):
@@ -165,7 +169,7 @@ def _distance(points: Array, template: Array) -> float:
 
 
 def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
-    """Yield windows with still markers, in order; SubjectError without any."""
+    """Yield windows with still markers in order; raise SubjectError if there are none."""
     length = min(max(2, round(seconds * fps)), len(positions))
     some = seen_at_all = False
     for start in range(0, len(positions) - length + 1, max(1, length // 4)):
@@ -175,9 +179,9 @@ def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
             continue
         seen_at_all = True
         spread = np.nanmax(window[:, seen], axis=0) - np.nanmin(window[:, seen], axis=0)
-        # markers that are hardly seen must not make a window look still
-        moved = max(float(np.linalg.norm(spread, axis=-1).max()) - _NOISE_M, 0.0)
-        if moved * fps / length + 0.1 * np.mean(~np.isfinite(window)) < _STILL_M_S:
+        # markers that are mostly hidden must not make a window look still
+        moved = max(float(np.linalg.norm(spread, axis=-1).max()) - LIMITS.noise_m, 0.0)
+        if moved * fps / length + 0.1 * np.mean(~np.isfinite(window)) < LIMITS.still_m_s:
             some = True
             yield slice(start, start + length)
     if some:
@@ -196,13 +200,13 @@ def calibrate_subject(
     """Return the subject that shows `points_m` in the calibration poses.
 
     Args:
-        points_m: (N, M, 3), or (M, 3) of one pose, seen markers in the world, NaN where unseen.
-        marker_set: its joints, and its usual offsets where it has them.
-        prototypes: bodies of many sizes with the standard skeleton's joints.
-        poses: N of `POSES`, the T pose without any; the first says what an upright trunk is.
+        points_m: Markers (N, M, 3), or (M, 3) of one pose, in world axes; NaN where a marker is hidden.
+        marker_set: Markers with their joints, and their usual offsets if known.
+        prototypes: Bodies of many sizes with the standard skeleton's joints.
+        poses: Names (N) in `POSES`, by default the T pose; the first one defines the upright trunk.
 
     Raises:
-        SubjectError: too few markers, an unknown pose, or limbs that are elsewhere than in the pose.
+        SubjectError: There are too few markers, a pose is unknown, or limbs are elsewhere than in the pose.
     """
     poses = poses or ("t",)
     check_poses(poses)
@@ -221,7 +225,7 @@ def calibrate_subject(
         subject=Subject(name, fit.skeleton, marker_set.with_offsets(offsets), residual),
         sigmas_m=dict(zip(fit.skeleton.names, fit.sigmas_m.tolist(), strict=True)),
         marker_residuals_m=dict(zip(marker_set.names, residuals.tolist(), strict=True)),
-        verdict="redo" if residual > _DOUBTFUL_M else "usable" if advice else "good",
+        verdict="redo" if residual > LIMITS.residual_m else "usable" if advice else "good",
         advice=advice,
     )
 
@@ -231,14 +235,11 @@ def calibrate_markers(
 ) -> SubjectCalibration:
     """Return a known performer with moved, added or removed markers.
 
-    The bones stay. Markers that the person wore before help, where they were, to find the pose that is held.
+    The bones stay. The former offsets of markers help to find the held pose. Arguments and errors are those of
+    `calibrate_subject`.
 
     Args:
-        points_m, marker_set, name, poses: as for `calibrate_subject`.
-        known: the person, calibrated with any marker set.
-
-    Raises:
-        SubjectError: as for `calibrate_subject`.
+        known: The performer, calibrated with any marker set.
     """
     before = {(marker.name, marker.joint): marker.offset_m for marker in known.marker_set.markers}
     markers = tuple(
@@ -249,7 +250,7 @@ def calibrate_markers(
 
 
 def _check_seen(seen: Mask, marker_set: MarkerSet, name: str) -> None:
-    """Refuse a pose without torso, and markers that no pose shows."""
+    """Raise SubjectError for a pose without torso and for markers that no pose shows."""
     for shown in seen:
         if np.sum(shown & marker_set.torso) < 3:
             unseen = [marker for marker, there in zip(marker_set.names, shown, strict=True) if not there]
@@ -266,9 +267,9 @@ def _check_seen(seen: Mask, marker_set: MarkerSet, name: str) -> None:
 
 
 def _check_limbs(fit: BodyFit, poses: Sequence[str]) -> None:
-    """Refuse a pose with limbs elsewhere than the calibration pose has them."""
+    """Raise SubjectError for limbs far from the calibration pose."""
     for limb, off_deg, pose in _astray(fit, poses):
-        if off_deg > _FARTHEST_SWING_DEG:
+        if off_deg > LIMITS.farthest_swing_deg:
             raise SubjectError(
                 f"{limb} is {off_deg:.0f} degrees away from where {_HELD_AS[pose]} has it",
                 advice="take this pose, or name the one that was taken",
@@ -276,7 +277,7 @@ def _check_limbs(fit: BodyFit, poses: Sequence[str]) -> None:
 
 
 def _astray(fit: BodyFit, poses: Sequence[str]) -> list[tuple[str, float, str]]:
-    """Return limb, angle in degrees off the pose, and pose."""
+    """Return limb, its angle from the pose in degrees, and pose."""
     words = {"l": "the left ", "r": "the right "}
     return [
         (words[joint[0]] + _LIMBS[joint[1:]], float(np.degrees(angle)), pose)
@@ -286,7 +287,7 @@ def _astray(fit: BodyFit, poses: Sequence[str]) -> list[tuple[str, float, str]]:
 
 
 def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, Array]:
-    """Return the usual markers (N, M, 3) and the observed offsets (M, 3)."""
+    """Return the markers (N, M, 3) at their usual offsets, and the observed offsets (M, 3)."""
     joints = marker_set.joint_indices(fit.skeleton)
     positions, world = forward_kinematics(fit.skeleton, fit.rotations, fit.root_positions_m)
     shown = positions[:, joints] + rot.rotate(world[:, joints], usual_offsets(marker_set))
@@ -295,7 +296,7 @@ def _shown(fit: BodyFit, points: Array, marker_set: MarkerSet) -> tuple[Array, A
 
 
 def _hidden(seen: Mask, marker_set: MarkerSet, poses: Sequence[str]) -> tuple[str, ...]:
-    """Return advice on the markers hidden in each pose."""
+    """Return advice on markers that a pose hides."""
     return tuple(
         f"the marker of the {text} was not seen in {_HELD_AS[pose]}: hold it so that both cameras see all markers"
         for pose, shown in zip(poses, seen, strict=True)
@@ -307,7 +308,7 @@ def _hidden(seen: Mask, marker_set: MarkerSet, poses: Sequence[str]) -> tuple[st
 def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: dict[str, float]) -> tuple[str, ...]:
     """Return advice on the calibration, most important first."""
     advice = []
-    if residual_m > _DOUBTFUL_M:
+    if residual_m > LIMITS.residual_m:
         advice.append(
             "the markers do not lie as in this pose or set: check the pose and the marker set, record the pose again, "
             "or fit to motion with a database"
@@ -315,11 +316,11 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
     advice += [
         f"the marker of the {text} is {1e3 * off:.0f} mm from its usual place: see whether it is worn there"
         for text, off in markers_m.items()
-        if off > _ODD_MARKER_M
+        if off > LIMITS.odd_marker_m
     ]
     shoulder_m = max(fit.sigmas_m[fit.skeleton.index(side + "humerus")] for side in "lr")
     missing = [name for name in CALIBRATION if name not in poses]
-    if shoulder_m > _OPEN_M and missing:
+    if shoulder_m > LIMITS.shoulder_m and missing:
         advice.append(
             f"shoulders are known to {1e3 * shoulder_m:.0f} mm only, and so are arms: hold these poses as well: "
             + ", ".join(_HELD_AS[name] for name in missing)
@@ -327,6 +328,6 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
     advice += [
         f"{limb} was {off:.0f} degrees away from where {_HELD_AS[pose]} has it: look at a picture of the pose"
         for limb, off, pose in _astray(fit, poses)
-        if off > _CARELESS_DEG
+        if off > LIMITS.careless_deg
     ]
     return tuple(advice)

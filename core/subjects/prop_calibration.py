@@ -1,4 +1,4 @@
-"""Measurement of a prop from a take: the markers that stay together."""
+"""Measurement of a prop from a take: the markers that keep their distances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,10 +13,18 @@ from ..geometry.rigid_transform import kabsch, principal_axes, transform
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import FEWEST_MARKERS, MOST_MARKERS, Prop
 
-_RIGID_M = 0.003  # by which the distance between two of a prop's markers may vary: median deviation
-_FEWEST_FRAMES = 10  # that show two markers together, before their distance is believed
-_ROUNDS = 5
-_POOR_M = 0.002  # residual from which a prop is reported as bending or badly seen
+
+@dataclass(frozen=True)
+class PropSettings:
+    """Settings of the measurement."""
+
+    rigid_m: float = 0.003  # largest median deviation of the distance between two markers of a prop
+    fewest_frames: int = 10  # frames that must show both markers
+    rounds: int = 5
+    poor_m: float = 0.002  # residual of a prop that bends or is badly seen
+
+
+SETTINGS = PropSettings()
 
 
 @dataclass(frozen=True)
@@ -24,10 +32,10 @@ class PropCalibration:
     """A measured prop.
 
     Args:
-        prop: with its markers in a frame of its own: the origin in their middle, y along their greatest extent, towards
+        prop: Prop with its markers in its own frame: the origin in their middle, y along their greatest extent towards
             the end where they are sparser, x along the next greatest.
-        frames: that showed enough of it.
-        left_out: names of the take's markers that do not belong to it.
+        frames: Number of frames used.
+        left_out: Markers of the take that do not belong to the prop.
     """
 
     prop: Prop
@@ -40,12 +48,11 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
     """Return the prop of the markers at constant distances from each other.
 
     Args:
-        take: a prop alone before the cameras, lying or moved; other moving markers are left out, unless they move
-            with it.
-        markers: names of its markers in the take; empty: the largest group that stays together.
+        take: Take of the prop, lying or moved; other markers are left out unless they move with it.
+        markers: Names of the prop's markers; empty for the largest group that keeps its distances.
 
     Raises:
-        PropError: there are no three such markers, or they cannot be distinguished (see `Prop`).
+        PropError: There are fewer than three such markers, or they cannot be distinguished (see `Prop`).
     """
     unknown = [marker for marker in markers if marker not in take.names]
     if unknown:
@@ -54,7 +61,7 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
     chosen = [take.names.index(marker) for marker in markers] or _largest_group(take)
     if len(chosen) < FEWEST_MARKERS:
         raise PropError(
-            f"{len(chosen)} markers place nothing", where=take.name, advice=f"name {FEWEST_MARKERS} or more"
+            f"{len(chosen)} markers do not define a pose", where=take.name, advice=f"name {FEWEST_MARKERS} or more"
         )
     if len(chosen) > MOST_MARKERS:
         raise PropError(
@@ -68,8 +75,8 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
     left_out = tuple(other for other in take.names if other not in names)
     advice = []
     if len(chosen) == FEWEST_MARKERS:
-        advice.append("a fourth marker would let it be known at once, and with one of them hidden")
-    if residual_m > _POOR_M:
+        advice.append("with a fourth marker it would be found at once, and with one of them hidden")
+    if residual_m > SETTINGS.poor_m:
         advice.append(f"its markers move against each other by {1e3 * residual_m:.1f} mm: fasten them, move it slowly")
     return PropCalibration(prop, frames, left_out, tuple(advice))
 
@@ -81,9 +88,9 @@ def _largest_group(take: MarkerTake) -> list[int]:
     for first, second in combinations(range(count), 2):
         spans = np.linalg.norm(take.positions_m[:, first] - take.positions_m[:, second], axis=1)
         spans = spans[np.isfinite(spans)]
-        if len(spans) >= min(_FEWEST_FRAMES, take.frames):
+        if len(spans) >= min(SETTINGS.fewest_frames, take.frames):
             deviation = float(np.median(np.abs(spans - np.median(spans))))
-            rigid[first, second] = rigid[second, first] = deviation < _RIGID_M
+            rigid[first, second] = rigid[second, first] = deviation < SETTINGS.rigid_m
     groups = sorted(_groups(rigid), key=len)
     if not groups or len(groups[-1]) < FEWEST_MARKERS:
         raise PropError(
@@ -98,7 +105,7 @@ def _largest_group(take: MarkerTake) -> list[int]:
 
 
 def _groups(joined: Mask) -> list[set[int]]:
-    """Return all largest cliques of joined pairs (N, N), by Bron and Kerbosch."""
+    """Return all maximal cliques of joined pairs (N, N), by the algorithm of Bron and Kerbosch."""
     found: list[set[int]] = []
 
     def grow(group: set[int], candidates: set[int], excluded: set[int]) -> None:
@@ -117,10 +124,10 @@ def _groups(joined: Mask) -> list[set[int]]:
 
 
 def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
-    """Return the shape (M, 3) that fits all frames (F, M, 3) best.
+    """Return the shape (M, 3) that fits all frames (F, M, 3) best, its residual, and the number of frames used.
 
-    The shape is fitted to each frame and drawn to the mean of what the frames show, in turn; frames that it fits badly,
-    where a marker was taken for another, are left out.
+    In turn, the shape is fitted to each frame and replaced by the mean of the frames. Frames that it fits badly, in
+    which markers were confused, are left out.
     """
     seen = np.all(np.isfinite(positions_m), axis=2)
     usable = [f for f in np.flatnonzero(seen.sum(axis=1) >= FEWEST_MARKERS) if planarity_m(positions_m[f][seen[f]]) > 0]
@@ -131,7 +138,7 @@ def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
         )
     shape = positions_m[whole[len(whole) // 2]]
     residual_m = 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(SETTINGS.rounds):
         brought = np.full((len(usable), *shape.shape), np.nan)
         for row, f in enumerate(usable):
             turn, shift = kabsch(shape[seen[f]], positions_m[f][seen[f]])
@@ -144,7 +151,7 @@ def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
 
 
 def _upright(shape_m: Array) -> Array:
-    """Return the markers (M, 3) in the prop's own frame (see `PropCalibration`)."""
+    """Return the markers (M, 3) in the prop's own frame."""
     middle, _, axes = principal_axes(shape_m)
     centred = shape_m - middle
     along, across = (axis * (1.0 if np.sum((centred @ axis) ** 3) >= 0.0 else -1.0) for axis in axes[:2])

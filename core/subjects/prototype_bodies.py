@@ -15,7 +15,7 @@ def load_bodies(path: Path | str = SKELETONS) -> tuple[Skeleton, ...]:
     """Return the prototype bodies of a file; the shipped ones by default.
 
     Raises:
-        SkeletonError: the file is missing, is no such file, or holds other joints.
+        SkeletonError: The file cannot be read, is another kind of file, or has other joints.
     """
     plain = default_skeleton()
     try:

@@ -1,9 +1,9 @@
-"""Correct the bones and offsets of a calibrated performer by a take's motion.
+"""Correction of a calibrated performer's bones and marker offsets by a take's motion.
 
-Poses that were solved with wrong bones have swallowed the error, so they tell next to nothing. This looks at frames
-without a past instead: the database's examples give a pose, with how sure it is, before the markers are met; where the
-markers then are, beside where they should be (the innovation), shows the body. All is linear about the body found so
-far, and Gaussian. How far a body may be off is learned from the take (empirical Bayes): a right body stays as it is.
+Poses that were solved with wrong bones have absorbed the error and tell little. Instead, single frames are solved
+without history: the database's examples predict a pose with its covariance, and the distances of the markers from that
+prediction (the innovation) show the body. The model is linear about the body found so far, and Gaussian. The usual size
+of errors is learned from the take (empirical Bayes), so that a right body stays as it is.
 """
 
 from collections.abc import Callable
@@ -22,33 +22,34 @@ from ..solver.pose_solver import PoseSolver
 from ..solver.settings import BestSettings, SolveSettings
 from ..solver.subject_model import SubjectModel
 from ..system.progress import Progress, no_progress
-from .body_change import (
-    OFFSET_SIGMA_M,
-    PART_SIGMA,
-    PARTS,
-    SIZE_SIGMA,
-    linear_model,
-    observed_positions,
-    part_lengths_m,
-    sized,
-)
+from .body_change import PARTS, SIGMAS, linear_model, observed_positions, part_lengths_m, sized
 
-_ROUNDS = 4
-_INTERVAL_S = 0.25  # between frames that are looked at
-_MOST_FRAMES = 240  # that are looked at: one minute
-_FEWEST_FRAMES = 3
-_FARTHEST_M = 0.12  # from the closest example; beyond it the motion is another, not the body
-_ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 0.5, 0.3  # wide: the examples do not know where the body is
-_MARKER_SIGMA_M = 0.01
-_NEAREST_SHARE = 0.3  # of the distance to the closest example that its pose may be off besides
-_FRAMES_PER_S = 1.2  # that tell something new; frames near each other repeat each other's errors
-_PART_SCALES = (0.05, 0.2, 0.35, 0.5, 0.75, 1.0)  # of the usual deviations, tried
-_OFFSET_SCALES = (0.05, 0.2, 0.35, 0.5)
-# Deviations under which errors lie within twice the standard deviation 19 times of 20: chosen by bodies of five takes,
-# right ones and wrong ones, and found to hold on five others
-_TRUSTED_PART_SIGMA, _TRUSTED_OFFSET_SIGMA_M = 0.08, 0.015
-_COMMON_SIGMA = 0.02  # all bones are found so much too short, whatever the take
-_WITHOUT_PAST = SolveSettings(best=BestSettings(prior_share=0.0))  # the learned prior needs half a second of it
+_WITHOUT_HISTORY = SolveSettings(best=BestSettings(prior_share=0.0))  # the learned prior needs half a second of it
+
+
+@dataclass(frozen=True)
+class RefineSettings:
+    """Settings of the refinement."""
+
+    rounds: int = 4
+    interval_s: float = 0.25  # between the frames used
+    most_frames: int = 240  # one minute
+    fewest_frames: int = 3
+    farthest_m: float = 0.12  # from the closest example; beyond it the motion is another
+    root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; wide, as examples do not tell where the body is
+    marker_sigma_m: float = 0.01
+    nearest_share: float = 0.3  # error of the predicted markers as a share of the distance to the closest example
+    frames_per_s: float = 1.2  # independent frames; near ones repeat each other's errors
+    part_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5, 0.75, 1.0)  # candidates, relative to the usual deviations
+    offset_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5)
+    # Prior deviations for which twice the reported deviation holds 19 errors of 20: chosen on right and wrong bodies of
+    # five takes, confirmed on five others.
+    trusted_part_sigma: float = 0.08
+    trusted_offset_sigma_m: float = 0.015
+    common_sigma: float = 0.02  # all bones are found too short by so much, whatever the take
+
+
+SETTINGS = RefineSettings()
 
 
 @dataclass(frozen=True)
@@ -56,14 +57,14 @@ class Refinement:
     """A corrected body.
 
     Args:
-        subject: with its bones and offsets.
-        whole: change of the length of all bones together, as a share; known better than that of a part.
-        whole_sigma: standard deviation of this.
-        sizes: part -> change of its bones' length, as a share.
-        size_sigmas: part -> standard deviation of this.
-        offset_sigmas_m: marker -> standard deviation of its offset along one axis.
-        frames: that the body was found from.
-        evidence: logarithm of how many times likelier the take is with a body that is off than with the start's.
+        subject: Subject with corrected bones and offsets.
+        whole: Relative change of the length of all bones together, which is known better than that of a part.
+        whole_sigma: Standard deviation of `whole`.
+        sizes: Relative change of the length of each part's bones.
+        size_sigmas: Standard deviations of `sizes`.
+        offset_sigmas_m: Standard deviation of each marker's offset along one axis.
+        frames: Number of frames used.
+        evidence: Log likelihood ratio of a changed body against the given one.
     """
 
     subject: Subject
@@ -78,11 +79,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """Evidence of frames about parts and offsets.
-
-    Args:
-        information: (N, N), of `vector` (N,): the least squares' normal equations.
-    """
+    """Normal equations of parts and offsets: matrix (N, N), vector (N,), and the number of frames."""
 
     information: Array
     vector: Array
@@ -93,34 +90,34 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
     """Correct a subject's bones and offsets by a take's motion.
 
     Args:
-        take: labelled; of any motion that the database knows.
-        start: the body as it was calibrated.
-        database: motion of the kind that the take shows.
+        take: Labelled take of motion that the database knows.
+        start: The calibrated body.
+        database: Database with such motion.
 
     Raises:
-        SubjectError: too few frames are near the database's motion.
-        TakeError: the take lacks torso markers.
+        SubjectError: Too few frames are near the database's motion.
+        TakeError: The take lacks torso markers.
     """
-    step = max(round(_INTERVAL_S * take.fps), 1)
-    observed = observed_positions(take, start.marker_set)[::step][:_MOST_FRAMES]
-    seconds = min(take.frames / take.fps, _INTERVAL_S * _MOST_FRAMES)
+    step = max(round(SETTINGS.interval_s * take.fps), 1)
+    observed = observed_positions(take, start.marker_set)[::step][: SETTINGS.most_frames]
+    seconds = min(take.frames / take.fps, SETTINGS.interval_s * SETTINGS.most_frames)
     change = np.zeros(len(PARTS) + 3 * len(start.marker_set))
     subject = start
-    for round_ in range(_ROUNDS):
+    for round_ in range(SETTINGS.rounds):
 
-        def looked(share: float, round_: int = round_) -> None:
-            progress((round_ + share) / _ROUNDS, "correcting the body")
+        def report(share: float, round_: int = round_) -> None:
+            progress((round_ + share) / SETTINGS.rounds, "correcting the body")
 
-        found = _evidence(observed, subject, database, looked)
-        if found.frames < _FEWEST_FRAMES:
+        found = _evidence(observed, subject, database, report)
+        if found.frames < SETTINGS.fewest_frames:
             raise SubjectError(
                 f"only {found.frames} of {len(observed)} frames are near motion of the database",
                 where=take.name,
                 advice="choose a database with such motion, or leave the subject as it is",
             )
-        # parts are shares of the body's present bones: of the start's, they are smaller by their change
+        # changes are relative to the current body; convert them to the initial one
         slope = np.append(1.0 / (1.0 + change[: len(PARTS)]), np.ones(len(change) - len(PARTS)))
-        weight = _FRAMES_PER_S * seconds / len(observed)
+        weight = SETTINGS.frames_per_s * seconds / len(observed)
         information = weight * found.information * np.outer(slope, slope)
         vector = weight * found.vector * slope + information @ change
         covariance, evidence = _posterior(information, vector)
@@ -144,20 +141,18 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
     )
 
 
-def _evidence(observed: Array, subject: Subject, database: Database, looked: Callable[[float], None]) -> _Evidence:
-    """Return the evidence of frames (F, M, 3) about the subject's body.
-
-    `looked` is called with the share of them that are done.
-    """
-    solver = PoseSolver(SubjectModel(subject, database.mean_rotations), database, _WITHOUT_PAST)
+def _evidence(observed: Array, subject: Subject, database: Database, report: Callable[[float], None]) -> _Evidence:
+    """Return the evidence of frames (F, M, 3) about the subject's body; `report` gets the share done."""
+    solver = PoseSolver(SubjectModel(subject, database.mean_rotations), database, _WITHOUT_HISTORY)
     model = solver.subject
     unknowns = len(PARTS) + 3 * len(subject.marker_set)
     information, vector, frames = np.zeros((unknowns, unknowns)), np.zeros(unknowns), 0
-    root_variances = np.square(np.repeat((_ROOT_SIGMA_M, _ROOT_SIGMA_RAD), 3))
+    root_variances = np.square(np.repeat(SETTINGS.root_sigma, 3))
     for index, points_m in enumerate(observed):
-        looked(index / len(observed))
-        solution, state = solver.step(solver.initial_state, Observation.of_points(points_m), 0.0, limit_m=_FARTHEST_M)
-        if solution is None or state.expectation is None or solution.nearest_m > _FARTHEST_M:
+        report(index / len(observed))
+        observation = Observation.of_points(points_m)
+        solution, state = solver.step(solver.initial_state, observation, 0.0, limit_m=SETTINGS.farthest_m)
+        if solution is None or state.expectation is None or solution.nearest_m > SETTINGS.farthest_m:
             continue
         expectation = state.expectation
         pose = expectation.prior.mean.reshape(-1, 3)
@@ -165,7 +160,8 @@ def _evidence(observed: Array, subject: Subject, database: Database, looked: Cal
         markers, jacobian = model.markers_and_jacobian(pose, expectation.root)
         by_root, by_pose = np.split(jacobian[seen].reshape(-1, jacobian.shape[-1]), [6], axis=1)
         spread = by_pose @ expectation.prior.covariance @ by_pose.T + (by_root * root_variances) @ by_root.T
-        spread[np.diag_indices_from(spread)] += _MARKER_SIGMA_M**2 + (_NEAREST_SHARE * solution.nearest_m) ** 2
+        nearest_m = SETTINGS.nearest_share * solution.nearest_m
+        spread[np.diag_indices_from(spread)] += SETTINGS.marker_sigma_m**2 + nearest_m**2
         by_part, by_offset, _ = linear_model(model.rotations(pose, expectation.root)[None], subject)
         columns = np.concatenate((by_part, by_offset), axis=-1)[0][seen].reshape(-1, unknowns)
         innovation = (points_m - markers)[seen].reshape(-1, 1)
@@ -177,25 +173,23 @@ def _evidence(observed: Array, subject: Subject, database: Database, looked: Cal
 
 
 def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
-    """Return the covariance of a body's change under the likeliest deviations.
+    """Return the covariance of a body's change under the likeliest deviations, and their evidence.
 
-    With the logarithm of how much likelier these are than the smallest.
-
-    The likelihood of the take is taken over all bodies (type II maximum likelihood; MacKay 1992, "Bayesian
-    interpolation").
+    The evidence is the log likelihood ratio against the smallest deviations. The likelihood of the take is integrated
+    over all bodies (type II maximum likelihood; MacKay 1992, "Bayesian interpolation").
     """
     best: Array = np.zeros_like(information)
     most, least = -np.inf, 0.0
-    for part_scale in _PART_SCALES:
-        for offset_scale in _OFFSET_SCALES:
+    for part_scale in SETTINGS.part_scales:
+        for offset_scale in SETTINGS.offset_scales:
             factor = _factor(
-                len(vector), part_scale * SIZE_SIGMA, part_scale * PART_SIGMA, offset_scale * OFFSET_SIGMA_M
+                len(vector), part_scale * SIGMAS.size, part_scale * SIGMAS.part, offset_scale * SIGMAS.offset_m
             )
-            # in units of the deviations, so that the narrowest ones are no matter of rounding
+            # in units of the deviations: small ones stay well conditioned
             inner = np.eye(len(vector)) + factor.T @ information @ factor
             explained = np.linalg.solve(inner, factor.T @ vector)
             evidence = 0.5 * (vector @ factor @ explained - np.linalg.slogdet(inner)[1])
-            if (part_scale, offset_scale) == (_PART_SCALES[0], _OFFSET_SCALES[0]):
+            if (part_scale, offset_scale) == (SETTINGS.part_scales[0], SETTINGS.offset_scales[0]):
                 least = evidence
             if evidence > most:
                 best, most = factor @ np.linalg.solve(inner, factor.T), evidence
@@ -203,15 +197,15 @@ def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
 
 
 def _trusted_covariance(information: Array) -> Array:
-    """Return the covariance of a body's change that its errors keep to.
+    """Return a calibrated covariance of a body's change.
 
-    Wider than that of `_posterior`: how far bodies are off is known as little as how far this one is, and a body that
-    seems right, because the likeliest deviations are small, would be sure of it by these.
+    It is wider than that of `_posterior`, whose likeliest deviations are uncertain: small ones would make a body that
+    seems right look certain.
     """
     unknowns = len(information)
-    factor = _factor(unknowns, SIZE_SIGMA, _TRUSTED_PART_SIGMA, _TRUSTED_OFFSET_SIGMA_M)
+    factor = _factor(unknowns, SIGMAS.size, SETTINGS.trusted_part_sigma, SETTINGS.trusted_offset_sigma_m)
     covariance: Array = factor @ np.linalg.solve(np.eye(unknowns) + factor.T @ information @ factor, factor.T)
-    covariance[: len(PARTS), : len(PARTS)] += _COMMON_SIGMA**2
+    covariance[: len(PARTS), : len(PARTS)] += SETTINGS.common_sigma**2
     return covariance
 
 

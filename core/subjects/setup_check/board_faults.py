@@ -7,20 +7,19 @@ import numpy as np
 from ...vision.calibration.calibration_board import Board, BoardView
 from .finding import Fault, Finding
 
-_SMALLEST_SQUARE_PX = 12.0  # corners of smaller squares disturb each other, and show little of the lens
-_NEAREST = 75.0  # per cent of the pictures: some may be farther away
+_SMALLEST_SQUARE_PX = 12.0  # smaller squares disturb each other's corners and show little of the lens
 
 
 def board_faults(board: Board, views: Mapping[str, Sequence[BoardView]]) -> list[Finding]:
     """Return findings on the size of the board in each camera's pictures.
 
     Args:
-        views: per camera the board as found in its pictures.
+        views: Detections of the board by each camera.
     """
     findings = []
     for camera, seen in views.items():
         sizes = [square_px(board, view) for view in seen]
-        size = float(np.percentile(sizes, _NEAREST)) if sizes else float("nan")
+        size = float(np.percentile(sizes, 75.0)) if sizes else float("nan")
         if size < _SMALLEST_SQUARE_PX:
             text = f"the board is too small in {camera}'s pictures: its squares are {int(size)} pixels wide"
             text += f", {_SMALLEST_SQUARE_PX:.0f} are needed; hold it nearer, or print a larger one"

@@ -1,9 +1,10 @@
-"""The whole check: pictures of a performer, and of the empty room, to findings."""
+"""The whole check, from pictures of the empty room and of a performer to findings."""
 
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from ...body.standard_skeleton import DEFAULT_HEIGHT_M
 from ...errors import CaptureError
 from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
@@ -21,8 +22,6 @@ from .spots import SpotRecorder
 from .worn_faults import find_t_poses, missing_fault, scale_fault
 
 _FEWEST_MOMENTS = 10
-_USUAL_HEIGHT_M = 1.75
-_LOWEST_CAMERA_M = 0.05
 
 
 def check_setup(
@@ -32,18 +31,18 @@ def check_setup(
     marker_set: MarkerSet,
     height_m: float | None = None,
 ) -> list[Finding]:
-    """Return the faults to mend first, none if all is well.
+    """Return the faults to fix first, none if all is well.
 
-    Faults that hide others come first: what follows from them is not judged before they are mended.
+    Faults that hide others come first; consequences are not judged before their cause is fixed.
 
     Args:
-        rig: calibrated cameras; with a floor at y = 0 the performer's place is judged.
-        backgrounds: of the empty room, one per camera.
-        moments: a performer with the markers, who stands in a T pose for two seconds, then walks about for as long.
-        height_m: of the performer, if known: it shows a wrong scale more surely.
+        rig: Calibrated cameras; the performer's place is judged if the floor is y = 0.
+        backgrounds: Background of each camera.
+        moments: Images of a performer with the markers: two seconds of T pose, then walking for as long.
+        height_m: Height of the performer if known; it shows a wrong scale more reliably.
 
     Raises:
-        CaptureError: too few images, or of another size than the calibration's.
+        CaptureError: There are too few images, or their size is not the calibration's.
     """
     pipeline = MarkerPipeline(rig)
     pipeline.set_backgrounds(backgrounds)
@@ -66,9 +65,9 @@ def check_setup(
     if found := scale_fault(poses, height_m):
         return found
     points_m = np.concatenate([frame.points_m for frame in frames])
-    has_floor = rig.cameras[0].centre_m[1] > _LOWEST_CAMERA_M  # without one the first camera is the origin
+    has_floor = rig.cameras[0].centre_m[1] > 0.05  # without a floor the first camera is the origin
     if len(points_m) and has_floor:
-        found = place_fault(rig, np.median(points_m, axis=0), height_m or _USUAL_HEIGHT_M)
+        found = place_fault(rig, np.median(points_m, axis=0), height_m or DEFAULT_HEIGHT_M)
     return found or missing_fault(rig, poses, marker_set)
 
 
@@ -78,13 +77,11 @@ def check_pictures(
     moments: Iterable[ImageSet],
     ignored: Sequence[Place] = (),
 ) -> list[Finding]:
-    """Return the faults that pictures show of cameras without a calibration.
-
-    Otherwise as `check_setup`.
+    """Return the faults that pictures of cameras without a calibration show; see `check_setup`.
 
     Args:
-        names: of the cameras.
-        ignored: places where nothing counts as a marker (see `CameraRig.ignored`).
+        names: Names of the cameras.
+        ignored: Places where blobs are ignored (see `CameraRig.ignored`).
     """
     rows = np.array(ignored, dtype=np.float64).reshape(-1, 3)
     detectors = [
@@ -103,13 +100,13 @@ def _picture_faults(
     moments: Iterable[ImageSet],
     detect: Callable[[ImageSet], Sequence[FloatArray]],
 ) -> list[Finding]:
-    """Return faults of single cameras; `detect` gives each camera's blobs of a moment."""
+    """Return faults of single cameras; `detect` returns each camera's blobs of a moment."""
     titles = [camera_title(index, names) for index in range(len(names))]
     if found := [finding for pair in zip(titles, backgrounds, strict=True) for finding in room_faults(*pair)]:
         return found
     recorders = [SpotRecorder(background.mean.max(axis=2)) for background in backgrounds]
     count = 0
-    for count, moment in enumerate(moments, 1):  # noqa: B007 - the last is how many there were
+    for count, moment in enumerate(moments, 1):  # noqa: B007 - used after the loop
         rows = zip(recorders, moment.times_s, moment.images, detect(moment), strict=True)
         for recorder, time_s, image, blobs in rows:
             recorder.add(time_s, image, blobs)

@@ -1,4 +1,4 @@
-"""Findings of the check, in plain words."""
+"""Findings of the check in plain words."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -23,7 +23,7 @@ class Fault(StrEnum):
     MARKER_MISSING = "marker missing"
 
 
-# Faults that one camera's pictures show, calibrated or not.
+# faults that pictures of one camera show, calibrated or not
 PICTURE_FAULTS = frozenset({Fault.DARK, Fault.BRIGHT, Fault.BLURRED, Fault.SHUTTER, Fault.REFLECTION})
 
 
@@ -32,9 +32,9 @@ class Finding:
     """A fault, its place and advice.
 
     Args:
-        where: camera, "" where all are meant.
-        text: fact and advice as a sentence.
-        places: in images, to be ringed.
+        where: Camera, or "" for all.
+        text: Fact and advice as a sentence.
+        places: Places in images to draw rings around.
     """
 
     fault: Fault

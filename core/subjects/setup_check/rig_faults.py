@@ -1,4 +1,4 @@
-"""Faults of the cameras' places, and of the performer's."""
+"""Faults of the places of cameras and performer."""
 
 from collections.abc import Sequence
 
@@ -13,15 +13,15 @@ from ...vision.common_space import CommonSpace, common_space
 from ...vision.matching.camera_swap import EXCHANGED
 from .finding import Fault, Finding
 
-# A turn that moves markers almost along each other's lines shows little; other errors stay when the cameras are moved.
-_CLEAR_PX, _CLEAR_FACTOR = 0.4, 6.0
-_NOTED = 0.2  # share of the moments with a note of exchanged cameras from which it is so
+# A turn almost along the epipolar lines adds little error, but a correction removes nearly all of it: a bump is clear
+# from this error in pixels, and this ratio of the errors before and after the correction.
+_CLEAR = (0.4, 6.0)
 
 
 def exchange_fault(frames: Sequence[MarkerFrame]) -> list[Finding]:
     """Return a finding if the cameras' images are exchanged."""
     noted = sum(EXCHANGED in frame.notes for frame in frames)
-    if noted < _NOTED * len(frames):
+    if noted < 0.2 * len(frames):
         return []
     return [Finding(Fault.EXCHANGED, "", f"{EXCHANGED}: swap their device numbers or files, or calibrate again")]
 
@@ -32,7 +32,7 @@ def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
         found = refine_rig(rig, [frame.blobs for frame in frames])
     except CalibrationError:
         return []  # too few markers to tell
-    clear = found.before_px > max(_CLEAR_PX, _CLEAR_FACTOR * found.after_px)
+    clear = found.before_px > max(_CLEAR[0], _CLEAR[1] * found.after_px)
     if not (found.bumped or clear):
         return []
     text = f"a camera was moved since the calibration: markers miss each other by {found.before_px:.1f} pixels"
@@ -40,11 +40,11 @@ def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
 
 
 def place_fault(rig: CameraRig, torso_m: Array, height_m: float) -> list[Finding]:
-    """Return a finding if the cameras do not show the performer whole, or too small.
+    """Return a finding if the cameras cut the performer off, or show the markers too small.
 
     Args:
-        rig: its world has the floor at y = 0.
-        torso_m: (3,) middle of the torso.
+        rig: Cameras in a world with the floor at y = 0.
+        torso_m: Middle (3,) of the torso.
     """
     space = common_space(rig, height_m)
     nearest, farthest = _depths_m(space, rig, float(torso_m[0]))
@@ -61,7 +61,7 @@ def place_fault(rig: CameraRig, torso_m: Array, height_m: float) -> list[Finding
 
 
 def _depths_m(space: CommonSpace, rig: CameraRig, x_m: float) -> tuple[float | None, float]:
-    """Return least and greatest seen distance from the cameras, beside a place."""
+    """Return the least and the greatest visible distance from the cameras at the nearest visible x."""
     columns = np.flatnonzero(space.seen.any(axis=0))
     if not len(columns):
         return None, 0.0
@@ -72,6 +72,6 @@ def _depths_m(space: CommonSpace, rig: CameraRig, x_m: float) -> tuple[float | N
 
 
 def _depth_m(rig: CameraRig, point_m: Array) -> float:
-    """Return the distance on the floor from the cameras' middle."""
+    """Return the horizontal distance from the middle of the cameras."""
     middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     return float(np.hypot(*(point_m - middle)[[0, 2]]))

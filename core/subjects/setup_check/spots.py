@@ -8,25 +8,22 @@ import numpy as np
 from ...geometry.arrays import Array, FloatArray, Image, IntArray
 from ...vision.matching.image_tracks import BlobLinker
 
-FEWEST_SPOTS = 3  # of an image, below which it shows no markers
-_MARGIN_PX = 7
-_LEAST_PEAK = 20.0  # grey levels above the surroundings: a fainter spot has no measurable edge
-_BRIGHTEST = 6  # pixels: fewer may be faults of the sensor
-_REGION = 0.2  # of the peak: connected pixels above it are the spot
+_FEWEST_SPOTS = 3  # spots of an image that shows markers
+_LEAST_PEAK = 20.0  # grey levels above the surroundings of a spot with a measurable edge
 
 
 @dataclass(frozen=True)
 class Spots:
-    """Spots that one camera shows over several images.
+    """Spots in the images of one camera.
 
     Args:
-        images: (N,) index of the image.
-        pixels: (N, 2) centres.
-        brightness: (N,) brightest channel, grey levels.
-        radius_px: (N,) radii.
-        edge_px: (N,) contrast over steepest slope: about 2 for a sharp spot; NaN where it cannot be measured.
-        spread_px2: (N, 2, 2) second moments of the light about the centre.
-        velocity_px_s: (N, 2), NaN where the spot is not in the images before and after.
+        images: Index (N,) of the image.
+        pixels: Centres (N, 2).
+        brightness: Grey levels (N,) of the brightest channel.
+        radius_px: Radii (N,).
+        edge_px: Widths (N,) of edges, contrast over steepest slope: about 2 for a sharp spot; NaN if not measurable.
+        spread_px2: Second moments (N, 2, 2) of the light about the centre.
+        velocity_px_s: Velocities (N, 2), NaN where the spot is missing in the image before or after.
     """
 
     images: IntArray
@@ -39,7 +36,7 @@ class Spots:
 
     @property
     def speed_px_s(self) -> Array:
-        """(N,) speeds."""
+        """Speeds (N,)."""
         return np.asarray(np.linalg.norm(self.velocity_px_s, axis=1))
 
 
@@ -47,7 +44,7 @@ class SpotRecorder:
     """Measures the spots of one camera, image by image.
 
     Args:
-        level: (height, width) brightest channel of the empty room, grey levels.
+        level: Grey levels (height, width) of the empty room's brightest channel.
     """
 
     def __init__(self, level: FloatArray) -> None:
@@ -58,14 +55,14 @@ class SpotRecorder:
         self._tracks: list[IntArray] = []
         self._shapes: list[tuple[float, Array]] = []
         self.images = 0
-        # of images with hardly any spots, how far their brightest pixels are above the empty room
+        # grey levels of the brightest pixels above the empty room, for images with hardly any spots
         self.rises: list[float] = []
 
     def add(self, time_s: float, image: Image, blobs: FloatArray) -> None:
-        """Take the next image and its blobs (n, 5), as `Detector.detect` gives them."""
-        if len(blobs) < FEWEST_SPOTS:
+        """Add the next image and its blobs (n, 5) of `Detector.detect`."""
+        if len(blobs) < _FEWEST_SPOTS:
             rise = (image.max(axis=2) - self._level).ravel()
-            self.rises.append(float(np.partition(rise, -_BRIGHTEST)[-_BRIGHTEST]))
+            self.rises.append(float(np.partition(rise, -6)[-6]))  # brighter pixels may be faults of the sensor
         self.images += 1
         self._times_s.append(time_s)
         self._blobs.append(blobs)
@@ -84,10 +81,10 @@ class SpotRecorder:
 
 
 def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
-    """Return edge width and second moments of a blob."""
+    """Return edge width and second moments of a blob, NaN if they cannot be measured."""
     unknown = float("nan"), np.full((2, 2), np.nan)
     x, y = round(float(row[0])), round(float(row[1]))
-    reach = round(2.0 * float(row[2])) + _MARGIN_PX
+    reach = round(2.0 * float(row[2])) + 7
     left, top = max(x - reach, 0), max(y - reach, 0)
     patch = image[top : y + reach + 1, left : x + reach + 1].max(axis=2).astype(np.float32)
     light = patch - np.median(patch)
@@ -97,7 +94,7 @@ def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
     peak = float(light[max(line - 1, 0) : line + 2, max(column - 1, 0) : column + 2].max())
     if peak < _LEAST_PEAK:
         return unknown
-    _, parts = cv2.connectedComponents((light > _REGION * peak).astype(np.uint8))
+    _, parts = cv2.connectedComponents((light > 0.2 * peak).astype(np.uint8))
     inside = parts == parts[line, column]
     if parts[line, column] == 0:
         return unknown
@@ -109,7 +106,7 @@ def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
 
 
 def _velocities(ids: IntArray, numbers: IntArray, pixels: Array, times_s: Array) -> Array:
-    """Return velocities (N, 2) by the images before and after, NaN without these."""
+    """Return velocities (N, 2) from the images before and after, NaN if the spot is missing there."""
     place = {
         (track, number): row for row, (track, number) in enumerate(zip(ids.tolist(), numbers.tolist(), strict=True))
     }

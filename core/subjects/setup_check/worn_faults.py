@@ -1,4 +1,4 @@
-"""Faults shown by a performer in a T pose: a missing marker, a wrong scale."""
+"""Faults that a performer in a T pose shows: a missing marker, a wrong scale."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,14 +16,23 @@ from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
 from .finding import Fault, Finding
 
-_SIZES = (1.0, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0)  # of the world that are tried
-_LIKE_POSE_M = 0.05  # RMS distance from a T pose
-_LOOKED_AT = 16  # moments
-_FEWEST_MARKERS = 4
-_FEWEST_MOMENTS = 3
-_NEVER = 0.2  # share of the moments up to which a marker counts as missing
-_NEAR_PX = 25.0  # of where it is expected: a blob there may be the marker
-_KNOWN_SCALE, _UNKNOWN_SCALE = 0.10, 0.22  # greatest deviation of bodies of known and of unknown height
+
+@dataclass(frozen=True)
+class TPoseSettings:
+    """Settings of the faults that a T pose shows."""
+
+    sizes: tuple[float, ...] = (1.0, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0)  # tried scales of the world
+    like_pose_m: float = 0.05  # RMS distance from a T pose
+    searched: int = 16  # moments
+    fewest_markers: int = 4
+    fewest_moments: int = 3
+    never: float = 0.2  # largest share of the moments that show a missing marker
+    near_px: float = 25.0  # distance of a blob that may be an expected marker
+    known_scale: float = 0.10  # largest deviation of the scale if the height is known,
+    unknown_scale: float = 0.22  # and if it is not
+
+
+SETTINGS = TPoseSettings()
 
 
 @dataclass(frozen=True)
@@ -31,9 +40,9 @@ class TPose:
     """A performer recognised in a T pose.
 
     Args:
-        size: of the world, 1 where the performer has the height.
-        labelled: (M,) markers that were found as points.
-        markers_m: (M, 3) where the markers are expected in the world.
+        size: Scale of the world, 1 if it is right.
+        labelled: Mask (M,) of the markers found as points.
+        markers_m: Expected positions (M, 3) of the markers in world axes.
     """
 
     size: float
@@ -48,13 +57,13 @@ def find_t_poses(
     skeleton = default_skeleton(height_m or DEFAULT_HEIGHT_M)
     joints = marker_set.joint_indices(skeleton)
     template = marker_positions(skeleton, joints, marker_set.offsets_m, t_pose(skeleton), np.zeros(3))
-    chosen = frames[:: max(len(frames) // _LOOKED_AT, 1)]
+    chosen = frames[:: max(len(frames) // SETTINGS.searched, 1)]
     best: list[tuple[MarkerFrame, TPose]] = []
-    for size in _SIZES:
+    for size in SETTINGS.sizes:
         found = [(frame, pose) for frame in chosen if (pose := _recognise(frame.points_m, template, size)) is not None]
         if _count(found) > _count(best):
             best = found
-        if sum(int(pose.labelled.sum()) >= len(template) - 1 for _, pose in best) >= _FEWEST_MOMENTS:
+        if sum(int(pose.labelled.sum()) >= len(template) - 1 for _, pose in best) >= SETTINGS.fewest_moments:
             break
     return best
 
@@ -64,10 +73,10 @@ def _count(poses: Sequence[tuple[MarkerFrame, TPose]]) -> int:
 
 
 def _recognise(points_m: Array, template_m: Array, size: float) -> TPose | None:
-    """Return the T pose of points in a world of this size, None for another pose."""
+    """Return the T pose that points show in a world of a size, None for another pose."""
     labels = label_by_template(points_m / size, template_m)
     known = np.flatnonzero(labels >= 0)
-    if len(known) < _FEWEST_MARKERS:
+    if len(known) < SETTINGS.fewest_markers:
         return None
     source, target = template_m[labels[known]], points_m[known]
     turn, _ = kabsch(source, target)
@@ -76,17 +85,17 @@ def _recognise(points_m: Array, template_m: Array, size: float) -> TPose | None:
     shift = target.mean(axis=0) - scale * turn @ source.mean(axis=0)
     expected = scale * template_m @ turn.T + shift
     rms_m = float(np.sqrt(np.mean(np.sum((target - expected[labels[known]]) ** 2, axis=1))))
-    if rms_m > _LIKE_POSE_M * scale:
+    if rms_m > SETTINGS.like_pose_m * scale:
         return None
     return TPose(scale, np.isin(np.arange(len(template_m)), labels), expected)
 
 
 def scale_fault(poses: Sequence[tuple[MarkerFrame, TPose]], height_m: float | None) -> list[Finding]:
     """Return a finding if the world is too large or too small for the performer."""
-    if len(poses) < _FEWEST_MOMENTS:
+    if len(poses) < SETTINGS.fewest_moments:
         return []
     size = float(np.median([pose.size for _, pose in poses]))
-    most = 1.0 + (_UNKNOWN_SCALE if height_m is None else _KNOWN_SCALE)
+    most = 1.0 + (SETTINGS.unknown_scale if height_m is None else SETTINGS.known_scale)
     if 1.0 / most <= size <= most:
         return []
     seems, what = size * (height_m or DEFAULT_HEIGHT_M), "larger" if size < 1.0 else "smaller"
@@ -96,11 +105,11 @@ def scale_fault(poses: Sequence[tuple[MarkerFrame, TPose]], height_m: float | No
 
 
 def missing_fault(rig: CameraRig, poses: Sequence[tuple[MarkerFrame, TPose]], marker_set: MarkerSet) -> list[Finding]:
-    """Return a finding if markers of the set are seen by no camera."""
-    if len(poses) < _FEWEST_MOMENTS:
+    """Return a finding if no camera sees some markers of the set."""
+    if len(poses) < SETTINGS.fewest_moments:
         return []
     seen = np.mean([pose.labelled | _has_blob(rig, frame, pose) for frame, pose in poses], axis=0)
-    missing = [text for text, share in zip(marker_set.texts, seen, strict=True) if share <= _NEVER]
+    missing = [text for text, share in zip(marker_set.texts, seen, strict=True) if share <= SETTINGS.never]
     if not missing:
         return []
     worn = "a marker is" if len(missing) == 1 else f"{len(missing)} markers are"
@@ -109,12 +118,12 @@ def missing_fault(rig: CameraRig, poses: Sequence[tuple[MarkerFrame, TPose]], ma
 
 
 def _has_blob(rig: CameraRig, frame: MarkerFrame, pose: TPose) -> Mask:
-    """Return (M,) markers with a blob of no point near their expected place."""
+    """Return a mask (M,) of the markers with an unused blob near their expected place."""
     found = np.zeros(len(pose.markers_m), dtype=bool)
     for camera, view in enumerate(rig.cameras):
         free = np.setdiff1d(np.arange(len(frame.blobs[camera])), frame.point_blobs[:, camera])
         if len(free):
             expected = view.project(pose.markers_m)
             distance = np.linalg.norm(expected[:, None] - frame.blobs[camera][free, :2], axis=2).min(axis=1)
-            found |= distance < _NEAR_PX
+            found |= distance < SETTINGS.near_px
     return found

@@ -110,5 +110,5 @@ def test_the_command_measures_marker_takes_and_recorded_ones(sword, tmp_path, ca
         np.testing.assert_allclose(mine, true, atol=0.002)
     line = ["calibrate", "prop", str(tmp_path / "waved.take.npz"), "--frames", "0:20", "--markers", "TIP,BLADE"]
     assert main([*line, "--out", str(tmp_path / "no.toml")]) == 1
-    assert "2 markers place nothing" in capsys.readouterr().err
+    assert "2 markers do not define a pose" in capsys.readouterr().err
     assert not (tmp_path / "no.toml").exists()
