@@ -25,7 +25,7 @@ class Box:
 FURNITURE = tuple(Box(**row) for row in TABLES["furniture"])
 MOVED_OBJECT = Box((-1.95, 0.0, -1.9), (-1.5, 0.62, -1.5), (96, 70, 130))
 _ROOM = Box((-3.4, 0.0, -2.6), (3.4, 2.8, 6.0), (81.0, 84.0, 82.0))
-_FLOOR, _CEILING = (50.0, 65.0, 81.0), (150.0, 150.0, 150.0)
+_CEILING = (150.0, 150.0, 150.0)
 _LIGHT = (0.64, 0.89, 0.72)  # brightness of the faces across x, y, z
 
 
@@ -93,12 +93,20 @@ def _faces(origin: Array, rays: Array, box: Box) -> tuple[tuple[Array, IntArray]
 def _walls(points: Array, axis: IntArray) -> Array:
     """Return colours (N, 3) of walls, floor of planks, and ceiling at points on them."""
     x, y, z = points.T
-    seam = np.abs(x / 0.16 - np.round(x / 0.16)) < 0.03
-    floor = np.array(_FLOOR) * np.where(seam, 0.75, 1.0)[:, None]
-    level = np.where((y < 1.0)[:, None], floor, np.array(_CEILING))
+    level = np.where((y < 1.0)[:, None], _floor(x, z), np.array(_CEILING))
     colour = np.where((axis == 1)[:, None], level, np.array(_ROOM.colour) * (1.0 + 0.06 * y)[:, None])
     # corners are darker: less of the room's light reaches them
     corner = np.minimum(np.minimum(x - _ROOM.low[0], _ROOM.high[0] - x), z - _ROOM.low[2])
     edge = np.where(axis == 1, corner, np.minimum(y, _ROOM.high[1] - y) + 0.15)
     shaded: Array = colour * (0.74 + 0.26 * np.clip(edge / 0.9, 0.0, 1.0))[:, None]
     return shaded
+
+
+def _floor(x: Array, z: Array) -> Array:
+    """Return colours (N, 3) of planks of random tones."""
+    plank = np.floor(x / 0.16)
+    along = z / 1.6 + 0.37 * plank
+    noise = np.sin(plank * 12.9898 + np.floor(along) * 78.233) * 43758.5453
+    tone = 0.78 + 0.10 * (noise - np.floor(noise)) + 0.03 * np.sin(60.0 * x + 4.0 * np.sin(5.0 * z))
+    seam = (np.abs(x / 0.16 - plank - 0.5) > 0.475) | (np.abs(along - np.floor(along) - 0.5) > 0.495)
+    return np.asarray(np.array([64.0, 84.0, 104.0]) * np.where(seam, 0.62, tone)[:, None])
