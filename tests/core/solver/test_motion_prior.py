@@ -192,19 +192,19 @@ def test_damaged_prior_files_are_refused(database, network_file, tmp_path):
     )  # fmt: skip
     for changes in others:
         write_network(damaged, database.mean_rotations, **changes)
-        with pytest.raises(FormatError, match="is no motion prior"):
+        with pytest.raises(FormatError, match="is not a motion prior"):
             open_network(damaged)
     generator = np.random.default_rng(1)
     for content in (b"", b"no archive", whole[:1000], whole[: len(whole) // 2], whole[:-30]):
         damaged.write_bytes(content)
-        with pytest.raises(FormatError, match="is no motion prior"):
+        with pytest.raises(FormatError, match="is not a motion prior"):
             open_network(damaged)
     for _ in range(40):
         changed = bytearray(whole)
         for place in generator.integers(len(whole), size=20):
             changed[place] ^= 255
         damaged.write_bytes(changed)
-        with pytest.raises(FormatError, match="is no motion prior"):
+        with pytest.raises(FormatError, match="is not a motion prior"):
             open_network(damaged)
 
 
