@@ -34,3 +34,9 @@ def save_hero(path: Path) -> None:
         side = {"l": "Left", "r": "Right"}.get(bone.name[0], "") if bone.name[1:] in MIXAMO else ""
         bone.name = "mixamorig:" + side + MIXAMO.get(bone.name if not side else bone.name[1:], bone.name)
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
+
+
+def open_hero(path: Path) -> bpy.types.Object:
+    """Open that .blend; return Hero."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    return bpy.data.objects["Hero"]

@@ -1,5 +1,6 @@
 """Further targets: objects that follow props, live and from takes, in the hand of the character."""
 
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,49 +18,49 @@ from perfanim.core.simulate.studio.simulated_source import open_simulated
 from perfanim.core.system.assets import MOTION
 from played import curves_of, key_times
 from props import held_poses
-from ticking import tick_until
+from ticking import stop_and_keep, tick_poses
 
 POSES = 30
 # what test_prop_tracking allows, seen from farther off: 0.1 pixel is less than the simulated cameras' noise makes
 PLACE_M, TURN_DEG = 0.01, 3.0
 
 
-def test_the_list_says_what_is_wrong(part: Any, shown: Any, tmp_path: Path) -> None:
-    targets, scene = part("settings.target_settings"), bpy.context.scene
-    assert targets.problem(scene) == ""
-    first = shown.entries.add()
-    assert targets.title(first) == "sword"
-    assert targets.problem(scene) == ""
-    second = shown.entries.add()
-    assert "two props have the same name" in targets.problem(scene)
+def test_the_list_says_what_is_wrong(part: Any, targets: Any, tmp_path: Path) -> None:
+    module, scene = part("settings.target_settings"), bpy.context.scene
+    assert module.problem(scene) == ""
+    first = targets.entries.add()
+    assert module.title(first) == "sword"
+    assert module.problem(scene) == ""
+    second = targets.entries.add()
+    assert "two props have the same name" in module.problem(scene)
     second.definition = str(tmp_path / "gone.toml")
-    assert "gone.toml" in targets.problem(scene)
+    assert "gone.toml" in module.problem(scene)
     second.definition = str(tmp_path / "line.toml")
     (tmp_path / "line.toml").write_text(
         'kind = "perfanim prop"\nversion = 1\nname = "stick"\n'
         + "".join(f'[[marker]]\nname = "{i}"\nposition_m = [0, {0.1 * i**2}, 0]\n' for i in range(3))
     )
-    assert "on a line" in targets.problem(scene)
-    shown.entries.remove(1)
+    assert "on a line" in module.problem(scene)
+    targets.entries.remove(1)
     parent, child = (bpy.data.objects.new(name, None) for name in ("Parent", "Child"))
     child.parent = parent
     first.object = child
-    assert "Child: is moved by its parent" in targets.problem(scene)
+    assert "Child: is moved by its parent" in module.problem(scene)
 
 
-def test_buttons_add_and_remove(part: Any, shown: Any) -> None:
+def test_buttons_add_and_remove(part: Any, targets: Any) -> None:
     running = part("jobs.activity")
     assert not bpy.ops.perfanim.remove_target.poll()
     assert not bpy.ops.perfanim.measure_target.poll()
     assert running.current() is None
     for _ in range(2):
         bpy.ops.perfanim.add_target()
-    assert (len(shown.entries), shown.active) == (2, 1)
+    assert (len(targets.entries), targets.active) == (2, 1)
     bpy.ops.perfanim.remove_target()
-    assert (len(shown.entries), shown.active) == (1, 0)
+    assert (len(targets.entries), targets.active) == (1, 0)
 
 
-def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path: Path) -> None:
+def test_a_prop_is_measured_from_the_chosen_take(part: Any, targets: Any, tmp_path: Path) -> None:
     """Lying still before the cameras: what another system's take, or a capture, shows of it."""
     sword, generator = load_prop("sword"), np.random.default_rng(0)
     still = sword.positions_m + np.array([0.0, 1.0, 0.0]) + generator.normal(scale=0.001, size=(30, 5, 3))
@@ -73,7 +74,7 @@ def test_a_prop_is_measured_from_the_chosen_take(part: Any, shown: Any, tmp_path
     told = run_job(part, operator, played)
     listed.entries.clear()
     assert told.startswith("My Sword: 5 markers, rigid to ")
-    assert part("settings.target_settings").title(shown.entries[0]) == "My Sword"
+    assert part("settings.target_settings").title(targets.entries[0]) == "My Sword"
     assert part("settings.target_settings").problem(bpy.context.scene) == ""
 
 
@@ -91,27 +92,24 @@ def check_placed(target: Any, wanted: Matrix) -> None:
     assert np.degrees(min(turned, 2 * np.pi - turned)) < TURN_DEG
 
 
-def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, shown: Any, tmp_path: Path) -> None:
-    live, scene = part("capture.live_capture"), bpy.context.scene
+def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(
+    part: Any, chosen: Any, targets: Any, new_capture: Any, tmp_path: Path
+) -> None:
+    scene = bpy.context.scene
     build_database([str(MOTION / "kendo-01-proud.bvh")], tmp_path / "kendo.pfdb", BuildSettings(fps=30.0))
-    scene.perfanim.database = str(tmp_path / "kendo.pfdb")
+    chosen.database = str(tmp_path / "kendo.pfdb")
     scene.render.fps, scene.frame_current = 60, 5
-    scene.perfanim.behaviour = "kendo"
-    shown.entries.add()
+    chosen.behaviour = "kendo"
+    targets.entries.add()
     source = open_simulated({"behaviour": "kendo", "height_m": 1.75, "seconds": 60.0, "prop": "sword"})
     turns, places = held_poses(load_prop("sword"), source.motion)
-    capture = live.LiveCapture(None, [])
-    try:
-        tick_until(capture, lambda: capture.run is not None and len(capture.run.poses) >= POSES)
-        character, sword = scene.perfanim.armature, shown.entries[0].object
+    with closing(new_capture()) as capture:
+        tick_poses(capture, POSES)
+        character, sword = chosen.armature, targets.entries[0].object
         assert sword.name == "sword"
         newest = capture.run.poses[-1]
         check_placed(sword, expected_matrix(part, character, turns[newest.number], places[newest.number]))
-        capture.stop()
-        tick_until(capture, lambda: capture.done)
-        text = capture.keep(bpy.context)
-    finally:
-        capture.close()
+        text = stop_and_keep(capture)
     poses = capture.run.poses
     found = [pose for pose in poses if pose.props[0].found]
     assert len(found) >= POSES - 10  # a few frames until it is sure
@@ -120,9 +118,9 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
     assert action.name == "Capture sword"
     times = key_times(curves_of(sword))
     np.testing.assert_allclose(times, [5 + 60 * (pose.time_s - poses[0].time_s) for pose in found], atol=1e-3)
-    chosen = found[len(found) // 2]
-    scene.frame_set(round(5 + 60 * (chosen.time_s - poses[0].time_s)))
-    check_placed(sword, expected_matrix(part, character, turns[chosen.number], places[chosen.number]))
+    middle = found[len(found) // 2]
+    scene.frame_set(round(5 + 60 * (middle.time_s - poses[0].time_s)))
+    check_placed(sword, expected_matrix(part, character, turns[middle.number], places[middle.number]))
     # the take has it too, and is put on another object, of a character that stands elsewhere and is twice as large
     take = read_take_file(part("take_library").listed()[0].path)
     assert [solved.pose.props[0].seen for solved in take.poses] == [pose.props[0].seen for pose in poses]
@@ -130,34 +128,34 @@ def test_a_sword_is_in_the_characters_hand_live_and_in_the_action(part: Any, sho
     cube = bpy.data.objects.new("Cube", None)
     scene.collection.objects.link(cube)
     save_prop(load_prop("sword"), tmp_path / "same.toml")
-    shown.entries[0].definition, shown.entries[0].object = str(tmp_path / "same.toml"), cube
+    targets.entries[0].definition, targets.entries[0].object = str(tmp_path / "same.toml"), cube
     scene.frame_set(5)
     bpy.ops.perfanim.play_take(path=str(take.path))
-    scene.frame_set(round(5 + 60 * (chosen.time_s - poses[0].time_s)))
+    scene.frame_set(round(5 + 60 * (middle.time_s - poses[0].time_s)))
     bpy.context.view_layer.update()
-    wanted = expected_matrix(part, character, turns[chosen.number], places[chosen.number])
+    wanted = expected_matrix(part, character, turns[middle.number], places[middle.number])
     assert (cube.matrix_world.translation - wanted.translation).length < 2 * PLACE_M
     assert tuple(cube.scale) == (1.0, 1.0, 1.0)
 
 
-def test_an_objects_own_action_is_given_back_when_nothing_is_kept(part: Any, shown: Any) -> None:
-    prop, character = load_prop("sword"), part("operators.character_operators")
-    skeleton = character.performer_skeleton(bpy.context.scene.perfanim)
-    armature = bpy.data.objects[part("capture.performer_targets").add_character(bpy.context, skeleton)]
-    entry = shown.entries.add()
-    entry.object = cube = bpy.data.objects.new("Cube", None)
+def test_an_objects_own_action_is_given_back_when_nothing_is_kept(
+    part: Any, targets: Any, skeleton: Any, armature: Any
+) -> None:
+    targets.entries.add().object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
     room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").plan_for(armature, skeleton))
     held = part("capture.scene_driver").SuspendedActions()
-    following = part("capture.scene_driver").PropDriver([prop], held)
-    following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.zeros(3))], room)
+    following = part("capture.scene_driver").PropDriver([load_prop("sword")], held)
+
+    def follow(place_m: tuple[float, ...], *seen: Any) -> None:
+        following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.array(place_m), *seen)], room)
+
+    follow((0.0, 0.0, 0.0))
     assert cube.animation_data.action is old  # not seen yet: it is left alone
-    following.apply(bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.array([0.0, 1.0, 0.5]), 0.001, 5)], room)
+    follow((0.0, 1.0, 0.5), 0.001, 5)
     assert cube.animation_data.action is None
     assert (cube.location - armature.location - Vector((0.0, -0.5, 1.0))).length < 1e-5
     held.give_back()
     assert cube.animation_data.action is old
     bpy.data.objects.remove(cube)
-    following.apply(
-        bpy.context, [PropPose(np.array([1.0, 0, 0, 0]), np.zeros(3), 0.001, 5)], room
-    )  # deleted meanwhile: no error
+    follow((0.0, 0.0, 0.0), 0.001, 5)  # deleted meanwhile: no error

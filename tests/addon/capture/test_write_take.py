@@ -1,6 +1,7 @@
 """The end of a capture and Put on Character write the same keyframes for the same take."""
 
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.system.assets import MOTION
 from played import curves_of
-from ticking import tick_until
+from ticking import stop_and_keep, tick_until
 
 
 def keys_of(armature: Any) -> dict[tuple[str, int], np.ndarray]:
@@ -29,23 +30,17 @@ def key_types_of(armature: Any) -> list[str]:
 
 
 def test_put_on_character_writes_the_keys_of_the_capture(
-    part: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    part: Any, chosen: Any, new_capture: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene, chosen = bpy.context.scene, bpy.context.scene.perfanim
+    scene = bpy.context.scene
     build_database([str(MOTION / "walking-01-neutral.bvh")], tmp_path / "walk.pfdb", BuildSettings(fps=30.0))
     chosen.database, chosen.behaviour = str(tmp_path / "walk.pfdb"), "walking"
     # a countdown: the filters have run for a second before the first recorded pose
     chosen.smoothing_ms, chosen.feet, chosen.record_countdown_s, chosen.record_length_s = 80.0, "auto", 1, 0.5
     scene.perfanim_result.start = "FIRST"
-    capture = part("capture.live_capture").LiveCapture(None, [])
-    try:
+    with closing(new_capture()) as capture:
         tick_until(capture, lambda: capture.recording is None and capture.run is not None)
-        capture.stop()
-        while not capture.done:
-            capture.tick(bpy.context)
-        text = capture.keep(bpy.context)
-    finally:
-        capture.close()
+        text = stop_and_keep(capture)
     assert "frames recorded in Capture" in text
     armature = chosen.armature
     live = keys_of(armature)

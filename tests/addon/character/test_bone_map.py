@@ -1,20 +1,14 @@
 """The bone map in the add-on."""
 
-import sys
-from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import bpy
 import numpy as np
 import pytest
 
 
-def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_blend: Path, addon: ModuleType) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
-    states = sys.modules[f"{addon.__name__}.perfanim_addon.settings.readiness"]
-    chosen.armature = hero
-    kept = hero.perfanim_character
+def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(part: Any, chosen: Any, hero: Any) -> None:
+    states, kept = part("settings.readiness"), hero.perfanim_character
     assert kept.origin == "names"
     entry = kept.joints["lhand"]
     assert (entry.bone, entry.state) == ("mixamorig:LeftHand", "mapped")
@@ -34,9 +28,8 @@ def test_the_map_is_found_when_an_armature_is_chosen_and_can_be_edited(mixamo_bl
     assert hero.perfanim_character.joints["lhand"].state == "mapped"
 
 
-def test_use_active_finds_the_armature_of_what_an_importer_leaves_active(mixamo_blend: Path, addon: ModuleType) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero, chosen, layer = bpy.data.objects["Hero"], bpy.context.scene.perfanim, bpy.context.view_layer
+def test_use_active_finds_the_armature_of_what_an_importer_leaves_active(chosen: Any, hero: Any) -> None:
+    layer = bpy.context.view_layer
     group, part = (bpy.data.objects.new(name, None) for name in ("Group", "Part"))
     for empty in (group, part):
         bpy.context.scene.collection.objects.link(empty)
@@ -52,10 +45,7 @@ def test_use_active_finds_the_armature_of_what_an_importer_leaves_active(mixamo_
         bpy.ops.perfanim.use_active_armature()
 
 
-def test_bone_maps_are_kept_and_loaded(mixamo_blend: Path, addon: ModuleType) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
-    chosen.armature = hero
+def test_bone_maps_are_kept_and_loaded(chosen: Any, hero: Any) -> None:
     kept = hero.perfanim_character
     kept.joints["head"].bone = "mixamorig:Neck1"
     assert bpy.ops.perfanim.save_bone_map(name="Long neck") == {"FINISHED"}
@@ -66,14 +56,9 @@ def test_bone_maps_are_kept_and_loaded(mixamo_blend: Path, addon: ModuleType) ->
     kept.joints.clear()
     chosen.armature = hero  # what the user has kept for a rig comes before what is found
     assert (kept.origin, kept.joints["head"].bone) == ("Long_neck", "mixamorig:Neck1")
-    place = sys.modules[f"{addon.__name__}.perfanim_addon.preferences.paths"]
-    (place.user_folder("bone_maps") / "Long_neck.toml").unlink()
 
 
-def test_the_active_bone_is_picked(mixamo_blend: Path, addon: ModuleType) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
-    chosen.armature = hero
+def test_the_active_bone_is_picked(chosen: Any, hero: Any) -> None:
     kept = hero.perfanim_character
     kept.active = list(kept.joints.keys()).index("head")
     hero.data.bones.active = hero.data.bones["mixamorig:Neck"]
@@ -81,18 +66,15 @@ def test_the_active_bone_is_picked(mixamo_blend: Path, addon: ModuleType) -> Non
     assert kept.joints["head"].bone == "mixamorig:Neck"
 
 
-def test_the_t_pose_shows_whether_limbs_are_mapped_right(mixamo_blend: Path, addon: ModuleType) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    armature_object = bpy.data.objects["Hero"]
-    bpy.context.scene.perfanim.armature = armature_object
-    bones = {entry.name: entry.bone for entry in armature_object.perfanim_character.joints}
+def test_the_t_pose_shows_whether_limbs_are_mapped_right(chosen: Any, hero: Any) -> None:
+    bones = {entry.name: entry.bone for entry in hero.perfanim_character.joints}
 
     def way(start: str, end: str) -> np.ndarray:
-        posed = armature_object.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones
-        heads = [np.array(armature_object.matrix_world @ posed[bones[joint]].head) for joint in (start, end)]
+        posed = hero.evaluated_get(bpy.context.evaluated_depsgraph_get()).pose.bones
+        heads = [np.array(hero.matrix_world @ posed[bones[joint]].head) for joint in (start, end)]
         return (heads[1] - heads[0]) / np.linalg.norm(heads[1] - heads[0])
 
-    for bone in armature_object.pose.bones:  # somehow
+    for bone in hero.pose.bones:  # somehow
         bone.rotation_mode = "QUATERNION"
         bone.rotation_quaternion = (0.9, 0.3, -0.2, 0.2)
     assert bpy.ops.perfanim.show_t_pose() == {"FINISHED"}

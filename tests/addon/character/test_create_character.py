@@ -21,6 +21,26 @@ def empty_scene():
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
+@pytest.fixture
+def name(empty_scene) -> str:
+    """A new character of the standard skeleton."""
+    return create_character.create_character(bpy.context, SKELETON)
+
+
+@pytest.fixture
+def driver(name) -> ArmatureDriver:
+    return ArmatureDriver(name, SKELETON)
+
+
+def check_driven(driver: ArmatureDriver, name: str, seed: int, skeleton: Skeleton = SKELETON) -> np.ndarray:
+    """Check that the bones stand where forward kinematics puts the joints; return where it puts their tips."""
+    rotations, root = random_pose(seed)
+    driver.apply(rotations, root)
+    expected, world = forward_kinematics(skeleton, rotations, root)
+    assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
+    return expected + rot.rotate(world, skeleton.tips_m)
+
+
 def uneven_skeleton(seed: int) -> Skeleton:
     return scaled(default_skeleton(1.62), np.random.default_rng(seed).uniform(0.85, 1.2, size=29))
 
@@ -65,11 +85,7 @@ def test_bones_stand_where_forward_kinematics_puts_the_joints(skeleton):
     name = create_character.create_character(bpy.context, skeleton)
     driver = ArmatureDriver(name, skeleton)
     for seed in range(5):
-        rotations, root = random_pose(seed)
-        driver.apply(rotations, root)
-        expected, world = forward_kinematics(skeleton, rotations, root)
-        assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
-        tips = expected + rot.rotate(world, skeleton.tips_m)
+        tips = check_driven(driver, name, seed, skeleton)
         tails = points_from_blender([evaluated(name).pose.bones[joint].tail for joint in JOINT_NAMES])
         assert np.max(np.linalg.norm(tails - tips, axis=1)) < 1e-4
 
@@ -96,9 +112,7 @@ def test_bones_without_length_survive():
     assert create_character.joints_without_bone(bpy.data.objects[name]) == []
 
 
-def test_knees_and_elbows_bend_the_right_way():
-    name = create_character.create_character(bpy.context, SKELETON)
-    driver = ArmatureDriver(name, SKELETON)
+def test_knees_and_elbows_bend_the_right_way(name, driver):
     standing = create_character.standing_root_m(SKELETON)
     driver.apply(turned(ltibia=(80.0, 0.0, 0.0), rradius=(0.0, 80.0, 0.0)), standing)
     heads = posed_heads(name)
@@ -123,18 +137,13 @@ def point_up(bones):
 
 
 @pytest.mark.parametrize("change", [roll, point_up])
-def test_bones_as_importers_leave_them_are_driven_alike(change):
+def test_bones_as_importers_leave_them_are_driven_alike(name, change):
     # importers give bones rolls and tails of their own choice; joints must still stand where they belong
-    name = create_character.create_character(bpy.context, SKELETON)
     edit_bones(name, change)
-    rotations, root = random_pose(4)
-    ArmatureDriver(name, SKELETON).apply(rotations, root)
-    expected, _ = forward_kinematics(SKELETON, rotations, root)
-    assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
+    check_driven(ArmatureDriver(name, SKELETON), name, 4)
 
 
-def test_the_object_places_and_scales_the_performance():
-    name = create_character.create_character(bpy.context, SKELETON)
+def test_the_object_places_and_scales_the_performance(name):
     obj = bpy.data.objects[name]
     obj.location = (1.0, 2.0, 3.0)
     obj.rotation_euler = (0.0, 0.0, np.radians(90.0))
@@ -147,21 +156,16 @@ def test_the_object_places_and_scales_the_performance():
     assert np.max(np.abs(posed_heads(name) - points_from_blender(placed))) < 2e-4
 
 
-def test_a_rig_in_centimetres_with_y_up_is_driven_alike():
+def test_a_rig_in_centimetres_with_y_up_is_driven_alike(name):
     # as FBX files come in: the object turns and shrinks what the armature has
-    name = create_character.create_character(bpy.context, SKELETON)
     obj = bpy.data.objects[name]
     obj.data.transform(Matrix(axes.BLENDER_FROM_WORLD.T.tolist()).to_4x4() @ Matrix.Scale(100.0, 4))
     obj.matrix_world = Matrix(axes.BLENDER_FROM_WORLD.tolist()).to_4x4() @ Matrix.Scale(0.01, 4)
-    rotations, root = random_pose(7)
-    ArmatureDriver(name, SKELETON).apply(rotations, root)
-    expected, _ = forward_kinematics(SKELETON, rotations, root)
-    assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
+    check_driven(ArmatureDriver(name, SKELETON), name, 7)
 
 
-def test_a_rig_that_rests_in_an_a_pose_takes_the_same_poses():
+def test_a_rig_that_rests_in_an_a_pose_takes_the_same_poses(name):
     lowered = turned(lhumerus=(0.0, 0.0, -45.0), rhumerus=(0.0, 0.0, 45.0), lfemur=(0.0, 0.0, -18.0))
-    name = create_character.create_character(bpy.context, SKELETON)
     ArmatureDriver(name, SKELETON).apply(lowered, create_character.standing_root_m(SKELETON))
     bpy.context.view_layer.objects.active = bpy.data.objects[name]
     bpy.ops.object.mode_set(mode="POSE")
@@ -175,8 +179,7 @@ def test_a_rig_that_rests_in_an_a_pose_takes_the_same_poses():
     assert np.max(difference[legs_and_arms]) < 1e-3
 
 
-def test_euler_bones_are_switched_and_other_bones_left_alone():
-    name = create_character.create_character(bpy.context, SKELETON)
+def test_euler_bones_are_switched_and_other_bones_left_alone(name):
 
     def add_prop(bones):
         prop = bones.new("sword")
@@ -189,16 +192,12 @@ def test_euler_bones_are_switched_and_other_bones_left_alone():
     driver = ArmatureDriver(name, SKELETON)
     for bone in bones:
         bone.rotation_mode = "XYZ"
-    rotations, root = random_pose(9)
-    driver.apply(rotations, root)
-    expected, _ = forward_kinematics(SKELETON, rotations, root)
-    assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
+    check_driven(driver, name, 9)
     assert bones["sword"].rotation_mode == "XYZ"
     assert tuple(bones["sword"].rotation_quaternion) == (0.5, 0.5, 0.5, 0.5)
 
 
-def test_a_character_that_lacks_bones_follows_with_the_others():
-    name = create_character.create_character(bpy.context, SKELETON)
+def test_a_character_that_lacks_bones_follows_with_the_others(name):
     edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in ("lthumb", "rtoes")])
     assert create_character.joints_without_bone(bpy.data.objects[name]) == ["rtoes", "lthumb"]
     driver = ArmatureDriver(name, SKELETON)
@@ -212,18 +211,14 @@ def test_a_character_that_lacks_bones_follows_with_the_others():
     assert np.max(np.linalg.norm(heads - axes.points_to_blender(expected[joints]), axis=1)) < 2e-3
 
 
-def test_a_character_without_legs_is_refused():
-    name = create_character.create_character(bpy.context, SKELETON)
-    driver = ArmatureDriver(name, SKELETON)
+def test_a_character_without_legs_is_refused(name, driver):
     legs = ("femur", "tibia", "foot", "toes")
     edit_bones(name, lambda bones: [bones.remove(bones[joint]) for joint in JOINT_NAMES if joint[1:] in legs])
     with pytest.raises(CharacterError, match="neither names nor shape reveal lfemur, rfemur"):
         driver.apply(*random_pose(10))
 
 
-def test_a_lost_or_wrong_object_is_a_clear_error():
-    name = create_character.create_character(bpy.context, SKELETON)
-    driver = ArmatureDriver(name, SKELETON)
+def test_a_lost_or_wrong_object_is_a_clear_error(name, driver):
     with pytest.raises(CharacterError, match="is a mesh, not an armature"):
         ArmatureDriver(f"{name} body", SKELETON)
     bpy.data.objects.remove(bpy.data.objects[name])
@@ -231,28 +226,18 @@ def test_a_lost_or_wrong_object_is_a_clear_error():
         driver.apply(*random_pose(11))
 
 
-def test_the_driver_survives_a_file_load(tmp_path):
-    name = create_character.create_character(bpy.context, SKELETON)
-    driver = ArmatureDriver(name, SKELETON)
+def test_the_driver_survives_a_file_load(name, driver, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
-    rotations, root = random_pose(12)
-    driver.apply(rotations, root)
-    expected, _ = forward_kinematics(SKELETON, rotations, root)
-    assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
+    check_driven(driver, name, 12)
 
 
-def test_the_driver_survives_undo():
-    name = create_character.create_character(bpy.context, SKELETON)
-    driver = ArmatureDriver(name, SKELETON)
+def test_the_driver_survives_undo(name, driver):
     bpy.ops.ed.undo_push(message="before")
     driver.apply(*random_pose(13))
     bpy.ops.ed.undo_push(message="after")
     bpy.ops.ed.undo()
-    rotations, root = random_pose(14)
-    driver.apply(rotations, root)
-    expected, _ = forward_kinematics(SKELETON, rotations, root)
-    assert np.max(np.linalg.norm(posed_heads(name) - expected, axis=1)) < 1e-4
+    check_driven(driver, name, 14)
 
 
 @pytest.mark.parametrize("skeleton", [SKELETON, default_skeleton(1.2), uneven_skeleton(3)])
@@ -285,9 +270,7 @@ def test_faces_look_outward_and_sides_mirror_each_other():
         assert np.min(np.linalg.norm(body.vertices_m - point, axis=1)) < 0.012
 
 
-def test_the_body_moves_with_the_bones():
-    name = create_character.create_character(bpy.context, SKELETON)
-    driver = ArmatureDriver(name, SKELETON)
+def test_the_body_moves_with_the_bones(name, driver):
     standing = create_character.standing_root_m(SKELETON)
     weights = fitted_body(SKELETON, SKELETON.rest_positions_m + standing).weights
     rest = body_points(name)
@@ -301,8 +284,7 @@ def test_the_body_moves_with_the_bones():
     assert np.max(np.linalg.norm(body_points(name) - expected, axis=1)) < 3e-3
 
 
-def test_deep_bends_tear_nothing():
-    name = create_character.create_character(bpy.context, SKELETON)
+def test_deep_bends_tear_nothing(name):
     rest = body_points(name)
     faces = np.array([face.vertices for face in bpy.data.objects[f"{name} body"].data.polygons])
     squat = turned(

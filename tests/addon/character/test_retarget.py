@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from heroes import at_24_fps, clip
+from heroes import at_24_fps, clip, open_hero
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import scaled
@@ -73,7 +73,7 @@ def test_characters_of_others_move_like_the_performer(shared_dir: Path, tmp_path
 
 
 def test_fbx_characters_are_read(mixamo_blend: Path, tmp_path: Path) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
+    open_hero(mixamo_blend)
     bpy.ops.export_scene.fbx(filepath=str(tmp_path / "hero.fbx"), add_leaf_bones=False)
     motion = clip("boxing-01-neutral", 16)
     done = retarget_file(motion, tmp_path / "hero.fbx", tmp_path / "out.blend")
@@ -112,23 +112,9 @@ def test_a_generated_control_rig_is_driven_by_its_controls(tmp_path: Path) -> No
 def test_the_command_line_writes_a_file(mixamo_blend: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.blend"
     write_bvh(clip("walking-01-neutral", 20), tmp_path / "walk.bvh")
-    command = [sys.executable, "-m", "perfanim.core.cli.main", "retarget", str(tmp_path / "walk.bvh")]
-    done = subprocess.run(
-        [
-            *command,
-            "--to",
-            str(mixamo_blend),
-            "--out",
-            str(out),
-            "--root-motion",
-            "object",
-            "--json",
-            *("--render", str(out.with_suffix(".png"))),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-m", "perfanim.core.cli.main", "retarget", tmp_path / "walk.bvh", "--to", mixamo_blend]
+    command += ["--out", out, "--root-motion", "object", "--json", "--render", out.with_suffix(".png")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["frames"] == 20

@@ -1,13 +1,12 @@
 """Characters as the scene has them: scaled, constrained, linked, animated before; live poses and recorded ones."""
 
-import sys
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import bpy
 import numpy as np
 import pytest
-from heroes import clip
+from heroes import clip, open_hero
 from mathutils import Matrix
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError
@@ -20,20 +19,15 @@ from retargeted import played
 
 
 @pytest.mark.parametrize("root_motion", list(RootMotion))
-def test_live_poses_are_the_recorded_ones(mixamo_blend: Path, addon: ModuleType, root_motion: RootMotion) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero = bpy.data.objects["Hero"]
+def test_live_poses_are_the_recorded_ones(part: Any, chosen: Any, hero: Any, root_motion: RootMotion) -> None:
     hero.location, hero.rotation_euler, hero.scale = (1.0, 2.0, 0.5), (0.0, 0.0, 0.7), (2.0, 2.0, 2.0)
-    chosen = bpy.context.scene.perfanim
-    chosen.armature = hero
     hero.perfanim_character.root_motion = root_motion.name
     motion = clip("boxing-01-neutral", 8)
-    actions = sys.modules[f"{addon.__name__}.perfanim_addon.animation.actions"]
-    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.capture.armature_driver"]
-    actions.write_action("Hero", np.arange(1.0, 9.0), motion.rotations, motion.root_positions_m, motion.skeleton)
+    poses = motion.rotations, motion.root_positions_m, motion.skeleton
+    part("animation.actions").write_action("Hero", np.arange(1.0, 9.0), *poses)
     recorded = played(hero, 8, [bone.name for bone in hero.pose.bones])
     hero.animation_data.action = None
-    driver = drivers.ArmatureDriver("Hero", motion.skeleton)
+    driver = part("capture.armature_driver").ArmatureDriver("Hero", motion.skeleton)
     for frame in range(8):
         driver.apply(motion.rotations[frame], motion.root_positions_m[frame])
         bpy.context.view_layer.update()
@@ -62,15 +56,11 @@ def stood(hero: bpy.types.Object, own: tuple, above: tuple) -> None:
     ],
 )
 def test_a_character_that_the_scene_shows_distorted_is_refused_with_what_to_do(
-    mixamo_blend: Path, addon: ModuleType, own: tuple, above: tuple, said: str
+    part: Any, chosen: Any, hero: Any, own: tuple, above: tuple, said: str
 ) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero, chosen = bpy.data.objects["Hero"], bpy.context.scene.perfanim
-    states = sys.modules[f"{addon.__name__}.perfanim_addon.settings.readiness"]
-    chosen.armature = hero
     hero.perfanim_character.joints["head"].bone = "mixamorig:Neck1"  # by hand
     stood(hero, own, above)
-    assert said in states.character(chosen).problem
+    assert said in part("settings.readiness").character(chosen).problem
     chosen.armature = hero
     assert hero.perfanim_character.joints["head"].bone == "mixamorig:Neck1"
     for name in ("Hero", create_character.create_character(bpy.context, default_skeleton())):
@@ -84,13 +74,11 @@ def test_a_character_that_the_scene_shows_distorted_is_refused_with_what_to_do(
 @pytest.mark.parametrize("root_motion", list(RootMotion))
 @pytest.mark.parametrize("own", [(1.5, 1.5, 1.5), (-1.5, 1.5, -1.5)])
 def test_joints_are_where_the_scene_s_scale_puts_them(
-    mixamo_blend: Path, addon: ModuleType, own: tuple, root_motion: RootMotion
+    part: Any, hero: Any, own: tuple, root_motion: RootMotion
 ) -> None:
     """As on the character without scale and place, brought into the scene as a whole; two negative scales turn it."""
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero, motion = bpy.data.objects["Hero"], clip("boxing-01-neutral", 8)
+    motion, drivers = clip("boxing-01-neutral", 8), part("capture.armature_driver")
     hero.perfanim_character.root_motion = root_motion.name
-    drivers = sys.modules[f"{addon.__name__}.perfanim_addon.capture.armature_driver"]
 
     def joints() -> np.ndarray:
         drivers.ArmatureDriver("Hero", motion.skeleton).apply(motion.rotations[7], motion.root_positions_m[7])
@@ -110,16 +98,14 @@ def test_lengths_and_joints_that_an_earlier_animation_has_left_are_brought_to_re
     motion, shown = clip("boxing-01-neutral", 2), []
     for left in (False, True):
         for live in (False, True):
-            bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-            hero = bpy.data.objects["Hero"]
+            hero = open_hero(mixamo_blend)
             for name in ("LeftUpLeg", "RightForeArm", "Hips", "Spine1") if left else ():
                 bone = hero.pose.bones[f"mixamorig:{name}"]
                 bone.scale, bone.location = (1.0, 1.1, 0.9), (0.02, 0.01, -0.03)
             if live:
                 ArmatureDriver("Hero", motion.skeleton).apply(motion.rotations[1], motion.root_positions_m[1])
             else:
-                poses = (motion.rotations, motion.root_positions_m, motion.skeleton)
-                write_action("Hero", [1.0, 2.0], *poses)
+                write_action("Hero", [1.0, 2.0], motion.rotations, motion.root_positions_m, motion.skeleton)
                 bpy.context.scene.frame_set(2)
             bpy.context.view_layer.update()
             shown.append([np.array(bone.matrix) for bone in hero.pose.bones])
@@ -127,50 +113,47 @@ def test_lengths_and_joints_that_an_earlier_animation_has_left_are_brought_to_re
         assert np.allclose(shown[0], other, atol=1e-5)
 
 
+def hold(hero: Any, bone: str, kind: str) -> Any:
+    """Constrain a bone to an empty; return the constraint."""
+    constraint = hero.pose.bones[f"mixamorig:{bone}"].constraints.new(kind)
+    constraint.target = bpy.data.objects.new("holder", None)
+    bpy.context.scene.collection.objects.link(constraint.target)
+    return constraint
+
+
 def test_inverse_kinematics_does_not_pull_against_the_motion(mixamo_blend: Path) -> None:
-    motion = clip("boxing-01-neutral", 8)
-    shown = []
+    motion, shown = clip("boxing-01-neutral", 8), []
     for with_ik in (False, True):
-        bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-        hero = bpy.data.objects["Hero"]
+        hero = open_hero(mixamo_blend)
         if with_ik:
-            holder = bpy.data.objects.new("holder", None)
-            bpy.context.scene.collection.objects.link(holder)
-            constraint = hero.pose.bones["mixamorig:LeftForeArm"].constraints.new("IK")
-            constraint.target, constraint.chain_count = holder, 2
+            hold(hero, "LeftForeArm", "IK").chain_count = 2
         ArmatureDriver("Hero", motion.skeleton).apply(motion.rotations[5], motion.root_positions_m[5])
         bpy.context.view_layer.update()
         shown.append([np.array(bone.matrix) for bone in hero.pose.bones])
     assert np.allclose(shown[0], shown[1], atol=1e-5)
 
 
-def test_a_held_bone_is_told(mixamo_blend: Path) -> None:
-    bpy.ops.wm.open_mainfile(filepath=str(mixamo_blend))
-    hero = bpy.data.objects["Hero"]
-    holder = bpy.data.objects.new("holder", None)
-    bpy.context.scene.collection.objects.link(holder)
-    constraint = hero.pose.bones["mixamorig:LeftHand"].constraints.new("COPY_ROTATION")
-    constraint.target = holder
+def test_a_held_bone_is_told(hero: Any) -> None:
+    hold(hero, "LeftHand", "COPY_ROTATION")
     with pytest.raises(CharacterError, match="constraints hold the bone 'mixamorig:LeftHand'"):
         ArmatureDriver("Hero", default_skeleton())
 
 
-def test_a_linked_rig_is_driven_through_its_override(mixamo_blend: Path, addon: ModuleType, tmp_path: Path) -> None:
+def test_a_linked_rig_is_driven_through_its_override(part: Any, mixamo_blend: Path, tmp_path: Path) -> None:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with bpy.data.libraries.load(str(mixamo_blend), link=True) as (_, wanted):
         wanted.objects = ["Hero"]
     linked = bpy.data.objects["Hero"]
     bpy.context.scene.collection.objects.link(linked)
-    chosen = bpy.context.scene.perfanim
+    chosen, states = bpy.context.scene.perfanim, part("settings.readiness")
     chosen.armature = linked
-    states = sys.modules[f"{addon.__name__}.perfanim_addon.settings.readiness"]
     assert "make a library override" in states.character(chosen).problem
     own = linked.override_hierarchy_create(bpy.context.scene, bpy.context.view_layer, do_fully_editable=True)
     chosen.armature = own
     assert states.character(chosen).ready
     motion = clip("boxing-01-neutral", 4)
-    actions = sys.modules[f"{addon.__name__}.perfanim_addon.animation.actions"]
-    actions.write_action(own.name, np.arange(1.0, 5.0), motion.rotations, motion.root_positions_m, motion.skeleton)
+    poses = motion.rotations, motion.root_positions_m, motion.skeleton
+    part("animation.actions").write_action(own.name, np.arange(1.0, 5.0), *poses)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     again = bpy.context.scene.perfanim.armature
