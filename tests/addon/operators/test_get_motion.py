@@ -7,10 +7,11 @@ from typing import Any
 
 import bpy
 import pytest
-from clicked import PATIENCE_S, run_job
+from clicked import run_job
 from file_site import motion_archive, serving
 from perfanim.core.database.store import open_database
 from perfanim.perfanim_addon.jobs.job import Job, command
+from ticking import PATIENCE_S
 
 
 def asked(part: Any, **chosen: Any) -> tuple[Any, SimpleNamespace]:

@@ -45,7 +45,7 @@ def test_the_other_one_comes_in_every_sidebar_when_a_message_comes(panels: Any, 
 def test_a_notice_of_a_running_capture_is_seen(
     panels: Any, activity: Any, part: Callable[[str], Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    capture = part("capture.live_capture").LiveCapture(None, [])
+    capture = part("capture.live_capture").LiveCapture(None)
     monkeypatch.setattr(activity, "current", lambda: capture)
     sidebar = Sidebar(panels, 1)
     starting = sidebar.draw()

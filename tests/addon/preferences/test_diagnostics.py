@@ -101,8 +101,9 @@ def self_test(addon: ModuleType, extension: str) -> Any:
 
 def test_the_self_test_captures_the_simulated_performer(self_test: Any, tmp_path: Path) -> None:
     database = str(tmp_path / "some.pfdb")
-    prepare = ["database", "build", *map(str, MOTION.glob("transition-*.bvh")), "--out", database]
-    test = self_test.SelfTest(database, prepare, None)
+    build = ["database", "build", *map(str, MOTION.glob("transition-*.bvh")), "--out", database]
+    first = self_test.Job("Building", self_test.PANEL, self_test.command(build), None)
+    test = self_test.SelfTest(database, first, None)
     run(test)
     libraries, cameras, capture = test.lines
     assert f"numpy {np.__version__}" in libraries
@@ -114,7 +115,7 @@ def test_the_self_test_captures_the_simulated_performer(self_test: Any, tmp_path
 
 def test_the_self_test_tells_what_does_not_work(self_test: Any, tmp_path: Path) -> None:
     (tmp_path / "bad.pfdb").write_bytes(b"no database")
-    test = self_test.SelfTest(str(tmp_path / "bad.pfdb"), [], None)
+    test = self_test.SelfTest(str(tmp_path / "bad.pfdb"), None, None)
     with pytest.raises(self_test.CaptureError, match=r"bad\.pfdb"):
         run(test)
     assert len(test.lines) == 2, "what works is told"

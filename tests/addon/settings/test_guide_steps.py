@@ -261,7 +261,7 @@ def test_damaged_places_of_a_foreign_scene_are_none(part: Any, chosen: Any, text
 
 def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any, chosen: Any) -> None:
     live = part("capture.live_capture")
-    capture = live.LiveCapture(None, [])
+    capture = live.LiveCapture(None)
     assert live.judge_capture(capture) == ""  # nothing was captured
     pose = SimpleNamespace(
         observed_m=np.zeros((2, 3)), single_cameras=np.full(2, -1), marker_rms_m=0.001, confidence=0.9,

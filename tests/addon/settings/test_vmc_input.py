@@ -54,7 +54,7 @@ def test_trackers_move_the_character_and_a_sender_that_pauses_is_told(part: Any,
     chosen.marker_set = "boxing"
     bpy.context.scene.perfanim_receiving.port = free_port()
     assert part("settings.readiness").first_missing_step(chosen) == ""
-    capture, limit_s = part("capture.live_capture").LiveCapture(None, []), time.monotonic() + PATIENCE_S
+    capture, limit_s = part("capture.live_capture").LiveCapture(None), time.monotonic() + PATIENCE_S
     sent: list[int] = []
 
     def go_on(condition: Any, frames: Any = ()) -> None:
