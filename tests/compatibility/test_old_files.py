@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perfanim.core.body.pose_notes import PoseNote
 from perfanim.core.body.scene_pose import PerformerPose, PropPose
 from perfanim.core.body.skeleton import Skeleton, forward_kinematics
 from perfanim.core.cli.batch.plan import read_plan
@@ -251,6 +252,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
 def _check(found: Any, expected: Any, where: str) -> None:
     """Compare with what JSON keeps: numbers to rounding, tuples and arrays as lists, NaN as null."""
     found = found.tolist() if isinstance(found, np.ndarray | np.generic) else found
+    found = found.text if isinstance(found, PoseNote) else found
     if isinstance(expected, dict):
         assert set(found) == set(expected), where
         for key, value in expected.items():

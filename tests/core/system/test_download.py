@@ -88,7 +88,7 @@ def test_a_file_cut_a_hundred_times_has_the_same_bytes(server: Server, tmp_path:
 
 
 def test_what_came_is_kept_for_the_next_start(server: Server, tmp_path: Path) -> None:
-    with pytest.raises(DownloadError, match=r"was cut .* goes on where it stopped"):
+    with pytest.raises(DownloadError, match=r"was cut .* resumes where it stopped"):
         got(server, lambda handler, number: send(handler, 100_000 if number == 0 else 0), tmp_path / "a.zip")
     assert not (tmp_path / "a.zip").exists()
     asked = len(server.ranges)
