@@ -11,10 +11,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from enum import Enum
+from numbers import Real
 from types import NoneType, UnionType
 from typing import Annotated, Any, Generic, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
-
-import numpy as np
 
 from ..errors import PerfanimError, SettingsError, shorten
 
@@ -23,7 +22,6 @@ Shape: TypeAlias = tuple[int | None, ...]
 _T = TypeVar("_T")
 _VERSION = 1  # of all files with a kind
 _LARGEST = 1e300  # whole numbers have no end
-_NUMBERS = (int, float, np.int64, np.float64)  # bool, a subclass of int, is no number
 _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
@@ -120,9 +118,9 @@ class Key:
         elif origin is tuple:
             self._shape = (*self._shape, None if parts[-1] is ... else len(parts))
             self._add(parts[0])
-        elif origin is np.ndarray:
+        elif getattr(origin, "__name__", "") == "ndarray":
             self._array, self._shape = get_args(parts[1])[0], self.about.shape
-            self.holds = (float if issubclass(self._array, np.floating) else int,)
+            self.holds = (float if "float" in self._array.__name__ else int,)
         elif origin in (Mapping, dict) and parts[1] is not Any:
             self._is_named = True
             self._add(parts[1])
@@ -194,7 +192,10 @@ class Key:
             if not self.about.or_shape:
                 raise
             made = self._listed(value, self.about.or_shape, where)
-        made = made if self._array is None else np.array(made, dtype=self._array)
+        if self._array is not None:
+            import numpy as np  # not above: the preferences work where NumPy is broken
+
+            made = np.array(made, dtype=self._array)
         return made if self._via is None else self._via.read(made, where)
 
     def _listed(self, value: Any, shape: Shape, where: str) -> Any:
@@ -236,7 +237,7 @@ class Key:
             elif kind is bool:
                 fits = isinstance(value, bool)
             else:
-                fits = type(value) in _NUMBERS and abs(value) <= _LARGEST  # nor NaN
+                fits = _is_number(value) and abs(value) <= _LARGEST  # nor NaN
                 fits = fits and about.least <= value <= about.most and value > about.above
                 fits = fits and (kind is float or type(value) is int or (len(self.holds) == 1 and value == int(value)))
             if fits:
@@ -311,12 +312,16 @@ class Schema(Generic[_T]):
         return [*lines, *(kind if self.kind else []), *_rows(self.cls, ""), ""]
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and value is not True and value is not False  # bool is a Real
+
+
 def table_of(value: Any) -> dict[str, Any]:
     """Return a dataclass as a table; optional values that equal their defaults are left out."""
     table = {}
     for key in keys_of(type(value)):
         own = getattr(value, key.field)
-        is_default = not own.size if isinstance(own, np.ndarray) else own == key.default
+        is_default = not own.size if hasattr(own, "size") else own == key.default
         if own is not None and not (key.optional and is_default):
             table[key.name] = key.form(own)
     return table
@@ -357,7 +362,7 @@ def plain(value: Any) -> Any:
         return table_of(value)
     if isinstance(value, Enum):
         return value.value
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # of NumPy
         return value.tolist()
     if isinstance(value, Mapping):
         return {name: plain(item) for name, item in value.items()}
