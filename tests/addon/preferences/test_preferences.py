@@ -115,6 +115,7 @@ def test_motion_is_imported_by_as_many_processes_as_the_preferences_say(
     operator = part("operators.database_operators").PERFANIM_OT_build_database
     played = SimpleNamespace(files=[], directory="", filepath=str(tmp_path), mirror=False, cull=False)
     played.build_options = partial(operator.build_options, played)
+    played.chosen_files = partial(operator.chosen_files, played)
     assert "--workers" not in operator.arguments(played, bpy.context)
     preferences.workers = 3
     assert operator.arguments(played, bpy.context)[-2:] == ["--workers", "3"]

@@ -71,7 +71,7 @@ def of(kind: MessageKind, messages: list[Message]) -> list[Message]:
 def test_every_frame_of_a_source_that_ends_is_solved_and_kept(request_files: dict[str, Any], tmp_path: Path) -> None:
     path, packets = tmp_path / "walk.perftake", []
     with Receiver(0) as receiver:
-        asked = {"take": str(path), "character": "Xbot", "vmc": ["127.0.0.1", receiver.port]}
+        asked = {"take": str(path), "character": "Xbot", "vmc": {"host": "127.0.0.1", "port": receiver.port}}
         client = WorkerClient({**request(request_files), **asked})
 
         def received(_: list[Message]) -> bool:
