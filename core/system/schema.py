@@ -342,6 +342,10 @@ _known_keys: dict[Any, Sequence[Key]] = {}
 
 
 def _read(cls: type[_T], table: Table, where: str) -> _T:
+    """Return what a table describes; a dataclass with `is_closed` refuses unknown keys."""
+    unknown = sorted(set(table) - {key.name for key in keys_of(cls)}) if getattr(cls, "is_closed", False) else ()
+    if unknown:
+        raise _MisfitError(where, f"unknown setting {shorten(unknown[0], 40)}")
     values = {}
     for key in keys_of(cls):
         value = table.get(key.name)

@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -30,11 +31,17 @@ from ticking import tick_poses
 
 
 @pytest.fixture
-def takes(part: Any) -> Any:
-    """The library, empty."""
-    library = takes
-    library.forget()
-    return library
+def takes(part: Any) -> Iterator[Any]:
+    """The library, empty before and after."""
+    library = part("take_library")
+
+    def clear() -> None:
+        shutil.rmtree(library.folder())
+        library.forget()
+
+    clear()
+    yield library
+    clear()
 
 
 def write_take(folder: Path, name: str, frames: int = 30, poses: int = 30, orphaned: bool = False) -> Path:

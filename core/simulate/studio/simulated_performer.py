@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from ...errors import SettingsError
 from ...system.schema import About, Schema
@@ -14,6 +14,7 @@ _BODY_M = About("body height; by default the shipped performer's", "m", 0.5, 3.0
 class Partner:
     """A further simulated performer; what is left out is as the first one's."""
 
+    is_closed: ClassVar[bool] = True
     behaviour: Annotated[str, About('"demo" or a behaviour')] = ""
     mirrored: Annotated[bool | None, About("whether left and right are exchanged; by default unlike the first")] = None
     height_m: Annotated[float | None, _BODY_M] = None
@@ -27,6 +28,7 @@ class SimulatedPerformer:
     Partners stand to the right of the first performer, as the cameras see it; without any the first is in the middle.
     """
 
+    is_closed: ClassVar[bool] = True
     kind: Annotated[str, About("kind of source", choices=("simulated",), optional=False)] = "simulated"
     behaviour: Annotated[str, About('"demo", or a behaviour or its beginning')] = "demo"
     seconds: Annotated[float | None, About("duration of the behaviour; by default as shipped", "s")] = None
