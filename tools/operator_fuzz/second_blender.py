@@ -32,7 +32,7 @@ def main(folder: Path, seed: str) -> None:
     elif kind == "empty":
         library.remove(trash)
     elif takes and kind == "play":
-        library.mark_played(chance.choice(takes))
+        library.mark_played(chance.choice(takes), "Character")
     library.forget()
     left = {path.name for path in library.folder().glob("*.perftake")}
     sys.stdout.write(f"second Blender: {kind}, {len(left)} takes\n")
