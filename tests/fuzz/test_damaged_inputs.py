@@ -47,10 +47,10 @@ def not_for_ever():
     signal.alarm(0)
 
 
-def examples(count: int) -> settings:
+def examples(count: int, repeat: bool = not INPUTS) -> settings:
     return settings(
         max_examples=count,
-        derandomize=not INPUTS,
+        derandomize=repeat,
         database=None,
         deadline=None,
         suppress_health_check=list(HealthCheck),
@@ -133,7 +133,7 @@ def test_each_kind_of_fault_is_noticed(read, fault):
 def test_damage_reaches_large_inputs_and_shrinks():
     sizes = []
 
-    @examples(150)
+    @examples(150, repeat=True)
     @given(damaged_text(b"a = 1\nb\tc\td\n"))
     def measure(data: bytes) -> None:
         sizes.append(len(data))
@@ -146,7 +146,7 @@ def test_damage_reaches_large_inputs_and_shrinks():
 def test_damage_of_takes_reaches_facts_and_keeps_the_place_of_the_end_mark(doors, tmp_path):
     refused = with_end = 0
 
-    @examples(250)
+    @examples(250, repeat=True)
     @given(damaged_take(doors["recorded take"].corpus[0]))
     def read(data: bytes) -> None:
         nonlocal refused, with_end
