@@ -1,7 +1,7 @@
 """Solving of takes, as commands and scripts ask for it."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from ..body.foot_lock import FEET, floor_of, hold_feet
 from ..body.motion import Motion
-from ..body.scene_pose import doubtful_stretches
 from ..body.skeleton import marker_positions
 from ..database.store import Database, check_file, identity
 from ..errors import DatabaseError, SubjectError, TakeError
@@ -198,7 +197,8 @@ def solve_recording(
         "warnings": [*take.problems, *([f"{named} has changed since the take was recorded"] if has_changed else [])],
         "complete": take.complete,
     }
-    return _finished(solved, request, floor_of(rig), report | refined | _recorded_figures(solved, setup))
+    finished = _finished(solved, request, floor_of(rig), report | refined)
+    return replace(finished, report=finished.report | _recorded_figures(finished, setup))
 
 
 def _opened(database: Database | Path | str, cache: SessionCache) -> Database:
@@ -271,7 +271,6 @@ def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
         "relabelled": [
             {"start_s": times_s[start], "stop_s": times_s[stop - 1]} for start, stop in runs(solved.relabelled)
         ],
-        "doubtful": [asdict(stretch) for stretch in doubtful_stretches(solved.poses_of())],
     }
     poses = solved.recorded_poses()
     if setup.props:
@@ -279,7 +278,11 @@ def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
         figures["props"] = {prop.name: sum(row) / len(poses) for prop, row in zip(setup.props, found, strict=True)}
     if setup.performers[1:]:
         figures["performers"] = [
-            {"name": subject.name, "confidence": float(np.mean([pose.performers[index].confidence for pose in poses]))}
+            {
+                "name": subject.name,
+                "confidence": float(np.mean([pose.performers[index].confidence for pose in poses])),
+                "verdict": solved.verdict_of(index).text,
+            }
             for index, subject in enumerate(setup.performers[1:], 1)
         ]
     return figures

@@ -128,12 +128,15 @@ class DoubtfulStretch:
         start_s, stop_s: since the first pose.
         reason: most frequent note of its poses, for a part the most frequent about it; "" without any.
         part: of the body; "" for the whole pose.
+        first, last: frames, counted from 0, the last one included.
     """
 
     start_s: float
     stop_s: float
     reason: str
-    part: str = ""
+    part: str
+    first: int
+    last: int
 
 
 def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
@@ -150,5 +153,5 @@ def _stretches(poses: Sequence[PerformerPose], doubtful: Sequence[bool], part: s
         notes = Counter(note for pose in poses[start:stop] for note in pose.notes if not part or note.part == part)
         reason = next((note.text for note, count in notes.most_common(1) if count >= _REASON * (stop - start)), "")
         begin_s, end_s = (poses[at].time_s - poses[0].time_s for at in (start, stop - 1))
-        found.append(DoubtfulStretch(begin_s, end_s, reason, part))
+        found.append(DoubtfulStretch(begin_s, end_s, reason, part, start, stop - 1))
     return found

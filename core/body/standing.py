@@ -1,4 +1,4 @@
-"""Size of a standing body: girth, and height of the root above the soles."""
+"""Size of a standing body: girth, stature, and height of the root above the soles."""
 
 import numpy as np
 
@@ -7,6 +7,7 @@ from .skeleton import Skeleton
 from .standard_skeleton import default_skeleton
 
 SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of the default skeleton
+_STATURE_M = 1.72  # of the default skeleton: 1.63 from the soles to the end of the head's bone, the skull is above it
 
 _SPINE = ("lowerback", "upperback", "thorax", "lowerneck", "upperneck")
 _LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
@@ -15,6 +16,11 @@ _LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
 def girth_scale(skeleton: Skeleton) -> float:
     """Return the size of a body's girths relative to the default skeleton's."""
     return _height_m(skeleton) / _height_m(default_skeleton())
+
+
+def stature_m(skeleton: Skeleton) -> float:
+    """Return how tall a body is, from the soles to the top of the head."""
+    return girth_scale(skeleton) * _STATURE_M
 
 
 def standing_root_m(skeleton: Skeleton) -> Array:

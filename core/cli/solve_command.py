@@ -102,6 +102,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "fps": solved.motion.fps if is_take else args.rate or solved.motion.fps,
         "expected_joint_errors_deg": solved.joint_errors_deg(),
         **solved.report,
+        **solved.verdict_facts(),
     }
     for performer, out in zip(report.get("performers", []), solved.motion_paths(args.out)[1:], strict=True):
         performer |= {} if is_take else {"out": str(out)}

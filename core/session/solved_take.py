@@ -1,14 +1,16 @@
 """A solved take: its poses and motions, and the files that it becomes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..body.foot_lock import floor_of
 from ..body.motion import Motion
-from ..body.scene_pose import PerformerPose, ScenePose
+from ..body.scene_pose import DoubtfulStretch, PerformerPose, ScenePose, doubtful_stretches
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
 from ..formats.markers.marker_files import is_recorded
@@ -25,6 +27,7 @@ from ..retarget.joint_naming import OWN
 from ..solver.settings import SolveSettings
 from ..system.outputs import check_no_input
 from .capture_setup import CaptureSetup
+from .verdict import Reason, TakeVerdict, judge
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,8 @@ class SolvedTake:
         frames: Marker frames, each with the time at which it arrived, s.
         recording: Recorded take that was solved again; None for a marker take.
         report: Warnings and figures of this solve, by their names in the `solve` command's JSON object.
+        findings: Reasons against the first performer's motion that the take's markers give.
+        faults: Stretches with labels that are still wrong, of the first performer.
     """
 
     poses: tuple[ScenePose, ...]
@@ -50,11 +55,38 @@ class SolvedTake:
     frames: Sequence[tuple[float, MarkerFrame]] = ()
     recording: TakeFile | None = None
     report: dict[str, Any] = field(default_factory=dict)
+    findings: tuple[Reason, ...] = ()
+    faults: tuple[DoubtfulStretch, ...] = ()
 
     @property
     def motion(self) -> Motion:
         """Motion of the only, or the first, performer."""
         return self.motions[0]
+
+    @cached_property
+    def verdict(self) -> TakeVerdict:
+        """Verdict on the only, or the first, performer's motion."""
+        return self.verdict_of(0)
+
+    def verdict_of(self, performer: int) -> TakeVerdict:
+        """Return the verdict on the motion of one performer, counted from 0."""
+        rig = self.setup.rig if self.setup else None
+        shown = self.recorded_poses()
+        return judge(
+            self.motions[performer],
+            self.poses_of(performer),
+            self.setup.performers[performer].marker_set if self.setup else None,
+            duration_s=shown[-1].time_s - shown[0].time_s,
+            has_floor=rig is None or floor_of(rig) is not None,
+            reasons=() if performer else self.findings,
+            stretches=() if performer else self.faults,
+        )
+
+    def verdict_facts(self) -> dict[str, Any]:
+        """Return the verdict's entries of the `solve` command's JSON object, with stretches of little confidence."""
+        facts = self.verdict.facts()
+        facts["doubtful"] += [asdict(stretch) for stretch in doubtful_stretches(self.poses_of())]
+        return facts
 
     def poses_of(self, performer: int = 0) -> list[PerformerPose]:
         """Return the poses of one performer, counted from 0."""

@@ -13,7 +13,7 @@ from ...retarget.joint_naming import OWN
 from ...session.solved_take import SolvedTake
 from .content_hash import file_digest
 from .plan import ALSO, TakePlan
-from .quality import quality_figures, why_bad, why_doubtful
+from .quality import quality_figures, why_doubtful
 from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed_record, record_path, unwritten_record
 from .thumbnail_strip import write_strip
 
@@ -58,15 +58,16 @@ class TakePipeline:
             return self._record(BAD, [self._reason(error)], is_kept=not error.where.startswith(str(self._work)))
         figures = quality_figures(solved)
         self._keep("picture", f"{self._take.name}.jpg", lambda path: write_strip(solved, path))
-        wrong = why_bad(figures)
-        if wrong:
+        verdict = solved.verdict
+        reasons = [reason.text for reason in verdict.reasons]
+        if verdict.is_useless:
             self._outputs = {kind: name for kind, name in self._outputs.items() if kind not in ("motion", *ALSO)}
-            return self._record(BAD, [wrong], figures)
+            return self._record(BAD, reasons[:1], figures)
         try:
             self._retarget()
         except PerfanimError as error:
             return self._record(BAD, [self._reason(error)], figures, is_kept=False)
-        doubts = [*self._doubts, *why_doubtful(figures)]
+        doubts = [*self._doubts, *reasons, *why_doubtful(figures)]
         return self._record(DOUBTFUL if doubts else GOOD, doubts, figures)
 
     def _solve(self) -> SolvedTake:

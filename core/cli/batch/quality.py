@@ -1,15 +1,14 @@
 """Quality of a solved take where the truth is unknown."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...body.motion import Motion
-from ...body.scene_pose import PerformerPose
 from ...body.skeleton import forward_kinematics
-from ...geometry.arrays import Mask, runs
+from ...geometry.arrays import runs
+from ...session.verdict import is_unsolved
 
 if TYPE_CHECKING:
     from ...session.solved_take import SolvedTake
@@ -18,8 +17,6 @@ _DIGITS = 4  # of figures in files: their last bits may differ from machine to m
 _TOES = ("ltoes", "rtoes")
 _FLOOR_PERCENTILE = 2.0  # of a toe's heights: a toe stands at most times, and a few frames may lie too low
 _NEAR_FLOOR_M = 0.025
-
-WRONG_MM = 100.0  # median marker error from which a body was not found: as far as that labels are wrong (`Session`)
 
 
 @dataclass(frozen=True)
@@ -76,11 +73,6 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
     return {name: _round(value) for name, value in figures.items()}
 
 
-def is_unsolved(poses: Sequence[PerformerPose]) -> Mask:
-    """Return (F,) whether a frame only repeats the last pose, or waits in the T pose."""
-    return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
-
-
 def foot_skate_cm_s(motion: Motion) -> float:
     """Return how fast the toes slide over the floor, cm/s.
 
@@ -101,21 +93,8 @@ def foot_skate_cm_s(motion: Motion) -> float:
     return 100.0 * float(np.mean((speed * (2.0 - 2.0 ** (height / _NEAR_FLOOR_M)))[near]))
 
 
-def why_bad(figures: dict[str, float | int | None]) -> str:
-    """Return why a solved take is of no use, "" when it is."""
-    if figures["unsolved"] == 1.0:
-        return "no frame shows the markers of the torso"
-    median = figures["marker_median_mm"]
-    if median is not None and median >= WRONG_MM:
-        return (
-            f"no body fits the markers: the solved ones are {median:.0f} mm off; "
-            "check their names, the unit and the subject"
-        )
-    return ""
-
-
 def why_doubtful(figures: dict[str, float | int | None]) -> list[str]:
-    """Return the reasons to look at a solved take."""
+    """Return the reasons to look at a solved take, besides its verdict."""
     reasons = []
     for limit in LIMITS:
         value = figures[limit.figure]

@@ -9,8 +9,8 @@ from ...body.skeleton import forward_kinematics
 from ...errors import FormatError
 from ...geometry.arrays import Image
 from ...session.solved_take import SolvedTake
+from ...session.verdict import is_unsolved
 from ...simulate.preview import CharacterPainter, floor_image, preview_camera
-from .quality import is_unsolved
 
 _POSES = 6
 _CELL = (96, 124)  # pixels, width and height

@@ -49,7 +49,9 @@ def test_a_performer_named_later_is_found_in_what_was_recorded(recorded, partner
     out = tmp_path / "walk.bvh"
     told = run(capsys, "solve", recorded, "--performer", partner, "--feet", "auto", "--out", out)
     beside = tmp_path / f"walk.{subject.name}.bvh"
-    assert told["performers"] == [{"name": subject.name, "confidence": pytest.approx(0.9, abs=0.1), "out": str(beside)}]
+    sure = pytest.approx(0.9, abs=0.1)
+    row = {"name": subject.name, "confidence": sure, "verdict": "good", "out": str(beside)}
+    assert told["performers"] == [row]
     first, second = read_motion(out), read_motion(beside)
     aside_m = second.root_positions_m[:, 0] - first.root_positions_m[:, 0]
     assert np.all(aside_m > 1.0)

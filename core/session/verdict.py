@@ -1,0 +1,284 @@
+"""Verdict on a solved take: whether somebody who looks at the motion would accept it, or the reasons why not."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import Enum, auto
+from typing import Any
+
+import numpy as np
+
+from ..body.body_parts import PART_JOINTS
+from ..body.motion import Motion
+from ..body.scene_pose import DoubtfulStretch, PerformerPose
+from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.standard_skeleton import default_skeleton
+from ..body.standing import girth_scale, stature_m
+from ..geometry.arrays import Array, Mask, runs
+from ..markers.marker_set import MarkerSet
+
+GOOD = "good"
+
+_FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
+_LONG_BONES = {"femur": "thigh", "tibia": "shank", "humerus": "upper arm", "radius": "forearm"}
+
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """Limits of a good motion. They are met by all CMU and Bandai takes, crawls, cartwheels and ladders."""
+
+    samples: int = 600  # most frames that posture and floor are judged by
+    unsolved: float = 0.2  # share of frames without a pose of their own
+    wrong_m: float = 0.1  # median distance of markers and body over the take, from which no body was found
+    limb_m: float = 0.08  # the same of one limb's markers: a hand's width
+    stretch_m: float = 0.12  # median distance of a limb's markers in one frame, from which the frame is doubtful
+    stretch_s: float = 0.2  # shortest doubtful stretch
+    shortest_m: float = 0.6  # stature of a small child
+    tallest_m: float = 2.4
+    bone_factor: float = 2.0  # a limb's bone relative to the rest of the body and to usual proportions
+    upright: float = 0.5  # cosine of the trunk's or the thighs' lean, reached while a body sits, crawls or stands
+    upright_share: float = 0.1  # share of the take that a body is upright at least
+    hover_m: float = 0.3  # height of the lower foot's joint above the floor
+    hover_share: float = 0.1  # share of the take that a foot is lower than that at least
+    sink_m: float = 0.15  # depth of the lower foot below the floor in most frames
+    duration_s: float = 0.02  # difference from the source's duration
+    duration_share: float = 0.01  # the same, share of the duration
+
+
+class ReasonKind(Enum):
+    """Check that a solved take fails, the gravest first."""
+
+    UNSOLVED = auto()
+    MARKERS = auto()  # no body fits the markers
+    SIZE = auto()
+    UPRIGHT = auto()
+    FLOOR = auto()
+    LIMB = auto()  # a limb is away from its markers
+    DURATION = auto()
+    STRETCH = auto()  # part of the take is in doubt
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why a motion is not good, in a sentence."""
+
+    kind: ReasonKind
+    text: str
+
+
+@dataclass(frozen=True)
+class LimbDistance:
+    """How far a part of the body is from the markers that it carries.
+
+    Args:
+        limb: One of `body_parts.PARTS`.
+        markers: Its markers that were located at least once.
+        distance_m: Median distance of located and solved markers.
+        distance_95_m: Distance that 95 % of them are within.
+    """
+
+    limb: str
+    markers: int
+    distance_m: float
+    distance_95_m: float
+
+
+@dataclass(frozen=True)
+class TakeVerdict:
+    """Verdict on one performer's motion.
+
+    Args:
+        reasons: Why the motion is not good, the gravest first; empty for a good one.
+        limbs: Distances of the parts that carry markers.
+        stretches: Where the motion is in doubt, in time order.
+    """
+
+    reasons: tuple[Reason, ...]
+    limbs: tuple[LimbDistance, ...]
+    stretches: tuple[DoubtfulStretch, ...]
+
+    @property
+    def is_good(self) -> bool:
+        """Whether the motion passes every check."""
+        return not self.reasons
+
+    @property
+    def is_useless(self) -> bool:
+        """Whether no body was found."""
+        return any(reason.kind in (ReasonKind.UNSOLVED, ReasonKind.MARKERS) for reason in self.reasons)
+
+    @property
+    def text(self) -> str:
+        """The first reason, or "good"."""
+        return self.reasons[0].text if self.reasons else GOOD
+
+    def facts(self) -> dict[str, Any]:
+        """Return the verdict as the `solve` command's JSON object shows it."""
+        limbs = [
+            {
+                "limb": each.limb,
+                "markers": each.markers,
+                "distance_mm": 1e3 * each.distance_m,
+                "distance_95_mm": 1e3 * each.distance_95_m,
+            }
+            for each in self.limbs
+        ]
+        return {"verdict": self.text, "limbs": limbs, "doubtful": [asdict(stretch) for stretch in self.stretches]}
+
+
+_S = VerdictSettings()
+
+
+def judge(
+    motion: Motion,
+    poses: Sequence[PerformerPose],
+    marker_set: MarkerSet | None,
+    *,
+    duration_s: float,
+    has_floor: bool = True,
+    reasons: Sequence[Reason] = (),
+    stretches: Sequence[DoubtfulStretch] = (),
+) -> TakeVerdict:
+    """Return the verdict on a performer's motion.
+
+    Args:
+        motion: Solved motion, y up.
+        poses: Solved poses that the motion was made of, with markers as they were used.
+        marker_set: Markers that were used; None where they are unknown.
+        duration_s: Time from the first to the last frame of the source that the motion shows.
+        has_floor: Whether y = 0 is the floor.
+        reasons: Findings about the markers from before the solve.
+        stretches: Doubtful stretches that were found before the solve, with labels that are still wrong.
+    """
+    distances_m = _marker_distances(poses)
+    parts = _parts_of(marker_set, motion.skeleton) if marker_set is not None else {}
+    limbs = tuple(_limb_distances(distances_m, parts))
+    doubtful = sorted((*stretches, *_far_stretches(distances_m, parts, poses)), key=lambda stretch: stretch.start_s)
+    found = [*reasons, *_fit_reasons(poses, distances_m, limbs)]
+    found += _size_reasons(motion.skeleton)
+    found += _posture_reasons(motion, has_floor)
+    found += _duration_reasons(motion, duration_s)
+    found += [Reason(ReasonKind.STRETCH, _stretch_text(stretch)) for stretch in doubtful[:1]]
+    return TakeVerdict(tuple(sorted(found, key=lambda reason: reason.kind.value)), limbs, tuple(doubtful))
+
+
+def is_unsolved(poses: Sequence[PerformerPose]) -> Mask:
+    """Return (F,) whether a frame only repeats the last pose, or waits in the T pose."""
+    return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
+
+
+def _marker_distances(poses: Sequence[PerformerPose]) -> Array:
+    """Return the distances (F, M) of located and solved markers, NaN where one was not located."""
+    apart = np.array([pose.observed_m for pose in poses]) - np.array([pose.markers_m for pose in poses])
+    return np.asarray(np.linalg.norm(apart, axis=-1))
+
+
+def _parts_of(marker_set: MarkerSet, skeleton: Skeleton) -> dict[str, list[int]]:
+    """Return the markers of each part of the body that carries some; the hips' are the torso's."""
+    joints = marker_set.joint_indices(skeleton).tolist()
+    joints = [PART_JOINTS["torso"][0] if joint == 0 else joint for joint in joints]
+    parts = {part: [i for i, joint in enumerate(joints) if joint in own] for part, own in PART_JOINTS.items()}
+    return {part: markers for part, markers in parts.items() if markers}
+
+
+def _limb_distances(distances_m: Array, parts: dict[str, list[int]]) -> list[LimbDistance]:
+    found = []
+    for part, markers in parts.items():
+        own = distances_m[:, markers]
+        known = own[np.isfinite(own)]
+        if len(known):
+            located = int(np.isfinite(own).any(axis=0).sum())
+            found.append(LimbDistance(part, located, float(np.median(known)), float(np.percentile(known, 95.0))))
+    return found
+
+
+def _far_stretches(
+    distances_m: Array, parts: dict[str, list[int]], poses: Sequence[PerformerPose]
+) -> list[DoubtfulStretch]:
+    """Return where a part of the body is away from its markers."""
+    times_s = np.array([pose.time_s for pose in poses]) - poses[0].time_s
+    found = []
+    for part, markers in parts.items():
+        seen = np.isfinite(distances_m[:, markers]).any(axis=1)
+        off_m = np.zeros(len(distances_m))
+        off_m[seen] = np.nanmedian(distances_m[seen][:, markers], axis=1)
+        for start, stop in runs(off_m > _S.stretch_m):
+            if times_s[stop - 1] - times_s[start] >= _S.stretch_s:
+                reason = f"{part} is {1e3 * np.median(off_m[start:stop]):.0f} mm from its markers"
+                found.append(
+                    DoubtfulStretch(float(times_s[start]), float(times_s[stop - 1]), reason, part, start, stop - 1)
+                )
+    return found
+
+
+def _stretch_text(stretch: DoubtfulStretch) -> str:
+    return f"{stretch.reason}, {stretch.start_s:.2f} to {stretch.stop_s:.2f} s"
+
+
+def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbDistance]) -> list[Reason]:
+    """Return what is wrong with the way from markers to body."""
+    unsolved = float(np.mean(is_unsolved(poses)))
+    if unsolved == 1.0:
+        return [Reason(ReasonKind.UNSOLVED, "no frame shows the markers of the torso")]
+    if unsolved > _S.unsolved:
+        return [Reason(ReasonKind.UNSOLVED, f"{unsolved:.0%} of the frames show too little of the body")]
+    known = distances_m[np.isfinite(distances_m)]
+    if len(known) and np.median(known) >= _S.wrong_m:
+        text = (
+            f"no body fits the markers: the solved ones are {1e3 * np.median(known):.0f} mm off; "
+            "check their names, the unit and the subject"
+        )
+        return [Reason(ReasonKind.MARKERS, text)]
+    far = [limb for limb in limbs if limb.distance_m > _S.limb_m]
+    return [Reason(ReasonKind.LIMB, f"{limb.limb} is {1e3 * limb.distance_m:.0f} mm from its markers") for limb in far]
+
+
+def _size_reasons(skeleton: Skeleton) -> list[Reason]:
+    """Return what is not human about the bones."""
+    scale, usual = girth_scale(skeleton), default_skeleton()
+    height_m = stature_m(skeleton)
+    if not _S.shortest_m <= height_m <= _S.tallest_m:
+        return [Reason(ReasonKind.SIZE, f"the body is {height_m:.2g} m tall")]
+    for bone, text in _LONG_BONES.items():
+        for side, side_text in (("l", "left"), ("r", "right")):
+            length_m = float(np.linalg.norm(skeleton.tips_m[skeleton.index(side + bone)]))
+            expected_m = scale * float(np.linalg.norm(usual.tips_m[usual.index(side + bone)]))
+            if not 1.0 / _S.bone_factor <= length_m / expected_m <= _S.bone_factor:
+                words = f"the {side_text} {text} is {100.0 * length_m:.0f} cm long on a body {height_m:.2f} m tall"
+                return [Reason(ReasonKind.SIZE, words)]
+    return []
+
+
+def _posture_reasons(motion: Motion, has_floor: bool) -> list[Reason]:
+    """Return what is wrong with the way the body stands in the world."""
+    step = max(1, motion.frames // _S.samples)
+    skeleton, index = motion.skeleton, motion.skeleton.index
+    positions = forward_kinematics(skeleton, motion.rotations[::step], motion.root_positions_m[::step])[0]
+    hips, knees = (positions[:, [index(side + bone) for side in "lr"]] for bone in ("femur", "tibia"))
+    trunk = _rise(positions[:, 0], positions[:, index("upperneck")])
+    upright = np.maximum(trunk, _rise(knees, hips).mean(axis=1))
+    if np.percentile(upright, 100.0 * (1.0 - _S.upright_share)) < _S.upright:
+        text = "upside down" if np.median(trunk) < -_S.upright else "lying down"
+        advice = "check which axis of the take points up"
+        return [Reason(ReasonKind.UPRIGHT, f"the body is {text} for the whole take; {advice}")]
+    if not has_floor:
+        return []
+    lower = positions[:, [index(name) for name in _FEET], 1].min(axis=1)
+    lowest, usual = (float(np.percentile(lower, 100.0 * share)) for share in (_S.hover_share, 0.5))
+    if lowest > _S.hover_m or usual < -_S.sink_m:
+        place = f"{lowest:.2f} m above" if lowest > _S.hover_m else f"{-usual:.2f} m below"
+        return [Reason(ReasonKind.FLOOR, f"the feet are {place} the floor (y = 0)")]
+    return []
+
+
+def _rise(starts: Array, ends: Array) -> Array:
+    """Return the cosines between upwards and the ways (..., 3) from starts to ends."""
+    way = ends - starts
+    return np.asarray(way[..., 1] / np.maximum(np.linalg.norm(way, axis=-1), 1e-9))
+
+
+def _duration_reasons(motion: Motion, duration_s: float) -> list[Reason]:
+    most_s = max(_S.duration_s, _S.duration_share * duration_s) + 0.5 / motion.fps
+    if abs(motion.duration_s - duration_s) <= most_s:
+        return []
+    text = f"the motion lasts {motion.duration_s:.2f} s, its take {duration_s:.2f} s"
+    return [Reason(ReasonKind.DURATION, text)]
