@@ -24,6 +24,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import DatabaseError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, FloatArray
+from ..system.file_content import check_kind
 from ..system.files import atomic_path, is_file, open_foreign, reading
 from .cells import SETTINGS, build_cells
 from .header_facts import FASTEST, SLOWEST, ArrayPlace, Clip, Header, read_header
@@ -263,6 +264,7 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
     stream.seek(0)
     preamble = stream.read(_PREAMBLE.size)
     if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
+        check_kind(preamble, str(path), "motion database", DatabaseError)
         raise DatabaseError("is not a motion database", where=str(path), advice=REBUILD)
     _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
     if version not in _VERSIONS:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FormatError, PerfanimError
+from ..system.file_content import check_kind
 from ..system.files import atomic_path, is_over_budget, open_foreign, reading
 
 _ENTRY = b"PK\x01\x02"  # marks each member in a zip archive's list
@@ -32,6 +33,7 @@ def read_arrays(
         PerfanimError: Of `kind`, with `what`: it is not such a file, damaged, or declares far more than it contains.
     """
     with open_foreign(path, kind) as file, reading(path, kind, what=what):
+        check_kind(file.read(4096), str(path), "NumPy file", kind, "archive (zip)")
         size = file.seek(0, 2)
         excess = kind("declares far more than it holds", where=str(path), advice="export it again")
 

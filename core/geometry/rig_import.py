@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import CalibrationError
+from ..system.file_content import check_kind
 from ..system.files import reading
 from .arrays import Array
 
@@ -48,12 +49,16 @@ def qualisys_rows(raw: bytes, where: str) -> list[dict[str, Any]]:
     Raises:
         CalibrationError: It is not a complete calibration.
     """
+    check_kind(raw, where, "calibration", CalibrationError, "XML file")
     if len(raw) > 10_000_000 or b"<!ENTITY" in raw:
         raise CalibrationError("is not a Qualisys calibration", where=where, advice="export it again")
     with reading(where, CalibrationError, "export it again", "is not valid XML"):
         root = ElementTree.fromstring(raw)  # noqa: S314 - entities, which can expand without limit, are refused above
     cameras = root.findall("cameras/camera")
-    if root.tag != "calibration" or not cameras:
+    if root.tag != "calibration":
+        advice = "export it again as one of anipose, caliscope or Qualisys"
+        raise CalibrationError(f"is XML of another program (<{root.tag[:40]}>)", where=where, advice=advice)
+    if not cameras:
         raise CalibrationError("is XML that holds no cameras", where=where, advice="export it again")
     return [_qualisys_row(camera, where) for camera in cameras if camera.get("active", "1") != "0"]
 

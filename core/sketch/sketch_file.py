@@ -18,6 +18,7 @@ from ..errors import FormatError
 from ..formats.markers.reader_parts import numbers_of
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
+from ..system.file_content import decode_text
 from ..system.files import read_bytes
 from .key_curves import curve_positions
 
@@ -129,7 +130,7 @@ def read_sketch(path: Path | str) -> Sketch:
         FormatError: The file is not a sketch, or damaged; names file and line.
     """
     where = str(path)
-    text = read_bytes(path).decode("utf-8-sig", errors="replace")
+    text = decode_text(read_bytes(path), where, "sketch")
     if "\x00" in text:
         raise FormatError("is not a text file", where=where)
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]

@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 import tomli_w
 
 from ..errors import FormatError, PerfanimError, shorten
+from .file_content import decode_text
 from .lock import is_locked
 from .outputs import LOCK_ENDING, is_claimed, writer_lock
 from .schema import Table, plain
@@ -205,7 +206,7 @@ def read_toml(path: Path | str) -> dict[str, Any]:
         FormatError: The file is missing, malformed, too large or too deep, or a number is not finite.
     """
     with reading(path, what="is not valid TOML"):
-        text = read_bytes(path, 4 << 20).decode("utf-8")
+        text = decode_text(read_bytes(path, 4 << 20), str(path), "TOML file")
         _check_toml_text(text)
         tables = tomllib.loads(text)
         for key, value in tables.items():

@@ -26,7 +26,8 @@ from ...core.geometry.arrays import Array
 from ...core.retarget.bone_map import BoneMap, MatchState, checked_map, identity_bone_map
 from ...core.retarget.bone_map_files import load_bone_map
 from ...core.retarget.retargeter import RetargetPlan, RootMotion
-from ...core.system.files import atomic_path, is_file
+from ...core.system.file_content import check_kind
+from ...core.system.files import atomic_path, is_file, read_bytes
 from ..animation.actions import scene_frames, write_with_plan
 from ..blender_versions import detach_action
 from ..character.armature_reading import read_armature_rest
@@ -36,6 +37,7 @@ from .export_animation import ENDINGS, Form, write_played
 from .stage import add_stage, floor_below, render, set_up_rendering, write_scene
 
 _GLTF = (".glb", ".gltf", ".vrm")
+_KINDS = dict.fromkeys(_GLTF, "glTF file") | {".blend": "Blender file", ".fbx": "FBX file"}
 
 
 @dataclass(frozen=True)
@@ -182,6 +184,7 @@ def _run(character: Path, read: Callable[[], object]) -> None:
     try:
         read()
     except Exception as error:  # importers raise anything on damaged files
+        check_kind(read_bytes(character), str(character), _KINDS[character.suffix.lower()])
         line = (str(error).strip().splitlines() or ["unknown error"])[-1]
         raise FormatError(f"cannot be read ({line})", where=str(character), advice="export it again") from error
 

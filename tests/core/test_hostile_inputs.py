@@ -168,7 +168,10 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     ],
     "a.xyz": [("x", "is not a marker take")],
     "a.take.npz": [("junk", "is not a marker take")],
-    "a.pfdb": [("HIERARCHY\n" * 50, "is not a motion database")],
+    "a.pfdb": [
+        ("junk\n" * 50, "is not a motion database"),
+        ("HIERARCHY\n" * 50, "is a BVH file, no motion database"),
+    ],
     "a.perftake": [
         ("", "is empty"),
         ("no take at all, but some words", "is not a recorded take"),
@@ -232,7 +235,8 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
     ],
     "rig.txt": [
         ("<calibration><cameras><camera", "not valid XML"),
-        ("<html><body/></html>", "holds no cameras"),
+        ("<html><body/></html>", "is a web page, no calibration"),
+        ("<rig/>", r"is XML of another program \(<rig>\)"),
         ("<calibration><cameras/></calibration>", "holds no cameras"),
         ('<calibration><cameras><camera serial="A1"/></cameras></calibration>', "camera A1: <fov_video> is incomplete"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><calibration/>', "not a Qualisys calibration"),

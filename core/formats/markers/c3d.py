@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
+from ...system.file_content import check_kind
 from ...system.files import read_bytes, reading
 from .reader_parts import make_take, metres_of
 
@@ -86,6 +87,7 @@ def declared_frames(path: Path | str) -> int:
 
 class _C3dParser:
     def __init__(self, data: bytes, where: str) -> None:
+        check_kind(data, where, "C3D file")
         if len(data) < 2 * _BLOCK or data[1] != _KEY:
             is_cut = data[1:2] == bytes([_KEY])
             what = "is cut off within its header" if is_cut else "is not a C3D file"
@@ -115,8 +117,13 @@ class _C3dParser:
         return make_take(self.where, layout.fps, names, positions, numbers, times)
 
     def header_frames(self) -> int:
+        """Return the frame count; counts that do not fit the header are in parameters of several programs."""
         frames = max(self._word(5) - self._word(4) + 1, 0)
-        return frames if frames < 0xFFFF else 0
+        if frames < 0xFFFF:
+            return frames
+        parameters = self.parameters()
+        first, last = (_long(parameters, ("TRIAL", f"ACTUAL_{end}_FIELD")) for end in ("START", "END"))
+        return (last - first + 1 if last >= first > 0 else 0) or _long(parameters, ("POINT", "LONG_FRAMES"))
 
     def _names(self, parameters: Parameters, count: int) -> list[str]:
         labels: list[str] = []
@@ -222,6 +229,14 @@ class _C3dParser:
 def _point(parameters: Parameters, name: str, default: Any) -> Any:
     """Return the first value of a parameter of the group POINT."""
     return next(iter(parameters.get(("POINT", name), ())), default)
+
+
+def _long(parameters: Parameters, name: tuple[str, str]) -> int:
+    """Return a parameter of two 16-bit words, the low one first, or of one real number; 0 without it."""
+    values = parameters.get(name, [])
+    if len(values) == 2 and all(isinstance(value, int) for value in values):
+        return (values[0] & 0xFFFF) | (values[1] & 0xFFFF) << 16
+    return int(values[0]) if len(values) == 1 and 0 < values[0] < 1e9 else 0
 
 
 def _from_dec(words: NDArray[np.uint16]) -> Array:

@@ -7,7 +7,7 @@ then one row per frame in metres, blank where a marker is missing.
 import csv
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +15,28 @@ import numpy as np
 from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
+from ...system.file_content import decode_text
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import make_take, metres_of, numbers_of, table_of
+from .reader_parts import frame_count, make_take, metres_of, numbers_of, separator_of, table_of
 
 _BLANK: list[str] = []  # shared by all blank lines, to save memory
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
+_NUMBER = re.compile(r"frame", re.IGNORECASE)
+_CLOCK = re.compile(
+    r"time(?P<stamp>_?stamps?)?[ _]*[\[(]?(?P<unit>s|ms|us|µs|ns|(milli|micro|nano)?seconds)?[\])]?", re.IGNORECASE
+)
+_SECONDS = {
+    "": 1.0,
+    "s": 1.0,
+    "ms": 1e-3,
+    "milli": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "micro": 1e-6,
+    "ns": 1e-9,
+    "nano": 1e-9,
+}
+_STEPS_S = (1e-3, 1.0)  # of frames whose times have no unit
 # Motive's kinds of columns, measured before modelled ones
 _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 
@@ -27,16 +44,31 @@ _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 def read_csv(path: Path | str) -> MarkerTake:
     """Return the take of a CSV file in metres, see the module for the layouts; FormatError names file and line."""
     where = str(path)
-    text = read_bytes(path).decode("utf-8-sig", errors="replace")
+    text = decode_text(read_bytes(path), where, "table of markers")
     if "\x00" in text:
         raise FormatError("is not a text file", where=where)
+    separator = _separator(text)
     try:
-        rows = [row or _BLANK for row in csv.reader(io.StringIO(text, newline=None))]
+        rows = [row or _BLANK for row in csv.reader(io.StringIO(text, newline=None), delimiter=separator)]
     except csv.Error as error:
         raise FormatError(f"is not CSV ({error})", where=where) from error
     if rows and rows[0] and rows[0][0].strip() == "Format Version":
         return _motive(rows, where)
     return _plain(rows, where)
+
+
+def declared_frames(path: Path | str) -> int:
+    """Return the frame count in the header of a Motive export, 0 for other tables."""
+    text = decode_text(read_bytes(path), str(path), "table of markers")
+    first = next(csv.reader(text.splitlines()[:1], delimiter=_separator(text)), [])
+    found = dict(zip(first[::2], first[1::2], strict=False)).get("Total Exported Frames", "")
+    return frame_count(float(found)) if found.isdecimal() else 0
+
+
+def _separator(text: str) -> str:
+    """Return the sign between the fields, by the first line that is not blank or a comment."""
+    first = next((line for line in text.splitlines() if line.strip() and line[:1] != "#"), "")
+    return separator_of(first) or ","
 
 
 def _motive(rows: list[list[str]], where: str) -> MarkerTake:
@@ -55,7 +87,7 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
         i for i in range(len(axes) - 2)
         if axes[i : i + 3] == ["X", "Y", "Z"] and kinds[i : i + 1] == [kind] and measures[i : i + 1] == ["position"]
     ]  # fmt: skip
-    table = _table(rows, head + 1, len(axes), where)
+    table = _table(rows, head + 1, len(axes), where, range(len(axes)))
     positions = table[:, np.array(starts, dtype=np.int64)[:, None] + np.arange(3)]
     positions *= metres_of(facts.get("Length Units", "Meters"), where)
     rate = facts.get("Export Frame Rate") or facts.get("Capture Frame Rate") or "nan"
@@ -78,9 +110,11 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
             "is not a marker take", where=f"{where}, line {head + 1}",
             advice="columns must be frame,time_s,NAME_x,NAME_y,NAME_z,... in metres",
         )  # fmt: skip
-    table = _table(rows, head + 1, len(header), where)
-    frames, *clocks = (_column(table, header, key) for key in ("frame", "time_s", "time"))
-    times = next((column for column in clocks if column is not None), None)
+    number, clock = (_first_place(pattern, header) for pattern in (_NUMBER, _CLOCK))
+    used = {number, clock, *(start + axis for start in names for axis in range(3))}
+    table = _table(rows, head + 1, len(header), where, used)
+    frames = None if number is None else table[:, number]
+    times = None if clock is None else _seconds(table[:, clock], header[clock])
     stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", "\n".join(comments))
     fps = numbers_of([stated[1]], where)[0] if stated else float("nan")
     if not fps > 0.0 and times is None:
@@ -89,10 +123,24 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
     return make_take(where, fps, list(names.values()), positions, frames, times)
 
 
-def _column(table: Array, header: list[str], key: str) -> Array | None:
-    """Return the column with a name, in any case; None without it."""
-    at = next((index for index, cell in enumerate(header) if cell.lower() == key), None)
-    return None if at is None else table[:, at]
+def _first_place(pattern: re.Pattern[str], header: list[str]) -> int | None:
+    """Return the first column with such a name, None without one."""
+    return next((place for place, cell in enumerate(header) if pattern.fullmatch(cell)), None)
+
+
+def _seconds(times: Array, name: str) -> Array:
+    """Return a column of times in seconds, by the unit in its name.
+
+    A column named "timestamp" alone is in the unit that makes its steps 1 ms to 1 s long.
+    """
+    match = _CLOCK.fullmatch(name)
+    unit = (match["unit"] or "").lower() if match else ""
+    factor = _SECONDS.get(unit[:-7] if unit.endswith("seconds") else unit, 1.0)
+    if match and match["stamp"] and not unit:
+        steps = np.diff(times[np.isfinite(times)])
+        step = float(np.median(steps)) if len(steps) else 0.0
+        factor = next((each for each in _SECONDS.values() if _STEPS_S[0] <= step * each < _STEPS_S[1]), 1.0)
+    return times if factor == 1.0 else (times - times[0]) * factor
 
 
 def _name_of(cells: list[str]) -> str:
@@ -103,18 +151,21 @@ def _name_of(cells: list[str]) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def _table(rows: list[list[str]], start: int, width: int, where: str) -> Array:
+def _table(rows: list[list[str]], start: int, width: int, where: str, used: Container[int | None]) -> Array:
+    """Return the numbers (F, width) of the columns in use, NaN in others, which may hold text."""
     size = sum(len(cell) + 1 for row in rows for cell in row)
-    return table_of(_fields(rows, start, width, where), len(rows), width, size, where)
+    return table_of(_fields(rows, start, width, where, used), len(rows), width, size, where)
 
 
-def _fields(rows: list[list[str]], start: int, width: int, where: str) -> Iterator[tuple[list[str], str]]:
+def _fields(
+    rows: list[list[str]], start: int, width: int, where: str, used: Container[int | None]
+) -> Iterator[tuple[list[str], str]]:
     for number, row in enumerate(rows[start:], start=start + 1):
         if not any(cell.strip() for cell in row) or row[0].startswith("#"):
             continue
         if len(row) > width and any(cell.strip() for cell in row[width:]):
             raise FormatError(f"has more than {width} fields", where=f"{where}, line {number}")
-        yield row, f"{where}, line {number}"
+        yield [cell if place in used else "" for place, cell in enumerate(row)], f"{where}, line {number}"
 
 
 def write_csv(take: MarkerTake, path: Path | str) -> None:

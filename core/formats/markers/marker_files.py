@@ -6,7 +6,7 @@ from pathlib import Path
 from ...errors import FormatError
 from ...markers.marker_take import MarkerTake, load_take, save_take
 from ..take_file.take_reader import ENDING
-from . import c3d, qualisys_tsv, trc
+from . import c3d, csv_take, qualisys_tsv, trc
 from .c3d import read_c3d
 from .c3d_write import write_c3d
 from .csv_take import read_csv, write_csv
@@ -23,7 +23,12 @@ _READERS: dict[str, Callable[[Path], MarkerTake]] = {
     ".take.npz": load_take,
     ENDING: read_recorded_take,
 }
-_COUNTERS = {".c3d": c3d.declared_frames, ".trc": trc.declared_frames, ".tsv": qualisys_tsv.declared_frames}
+_COUNTERS = {
+    ".c3d": c3d.declared_frames,
+    ".trc": trc.declared_frames,
+    ".csv": csv_take.declared_frames,
+    ".tsv": qualisys_tsv.declared_frames,
+}
 READABLE = tuple(_READERS)
 WRITABLE = (".take.npz", ".c3d", ".csv", ".trc")
 

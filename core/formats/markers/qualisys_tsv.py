@@ -8,6 +8,7 @@ from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
 from .reader_parts import frame_count, lines_of, make_take, numbers_of, table_of
 
+_KIND = "export of Qualisys"
 _METRES = 0.001  # per unit, which the file does not name
 _HEADER_LINES = 50  # more than any header has, including events
 _AHEAD = 2  # optional columns before the positions: frame and time
@@ -23,7 +24,7 @@ def read_tsv(path: Path | str) -> MarkerTake:
         FormatError: The file is of another kind, damaged, or without markers; names file and line.
     """
     where, data = str(path), read_bytes(path)
-    lines = lines_of(data)
+    lines = lines_of(data, where, _KIND)
     header, first = _header(lines, where)
     names = [name.strip() for name in header["MARKER_NAMES"]]
     while names and not names[-1]:
@@ -41,7 +42,7 @@ def read_tsv(path: Path | str) -> MarkerTake:
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in the header; errors as in `read_tsv`."""
-    header, _ = _header(lines_of(read_bytes(path)), str(path))
+    header, _ = _header(lines_of(read_bytes(path), str(path), _KIND), str(path))
     return frame_count(_value(header, "NO_OF_FRAMES", str(path)))
 
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array
 from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
+from ...system.file_content import decode_text
 from ...system.files import is_over_budget
 from ..unique_names import unique_names
 
@@ -22,9 +24,15 @@ LENGTHS: dict[str, float] = {
 }  # fmt: skip
 
 
-def lines_of(data: bytes) -> list[str]:
-    """Return the lines of a text file of any system."""
-    return re.split("\r\n|\r|\n", data.decode("utf-8-sig", errors="replace"))
+def lines_of(data: bytes, where: str, expected: str) -> list[str]:
+    """Return the lines of a text file of any system; FormatError if it is something else than `expected`."""
+    return re.split("\r\n|\r|\n", decode_text(data, where, expected))
+
+
+def separator_of(line: str) -> str | None:
+    """Return the sign that separates the fields of a line: tab, semicolon or comma; None for blanks."""
+    found = max("\t;,", key=line.count)  # a tie goes to the first
+    return found if found in line else None
 
 
 def frame_count(declared: float) -> int:
@@ -65,11 +73,18 @@ def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, 
 
 
 def numbers_of(fields: Sequence[str], where: str) -> list[float]:
-    """Return the numbers of text fields, NaN for blank fields and "nan"."""
+    """Return the numbers of text fields, NaN for blank fields and "nan"; commas are decimal in a row without points."""
     try:
-        return [float(field) if field and not field.isspace() else np.nan for field in fields]
+        return _numbers(fields)
     except ValueError as error:
+        if any("," in field for field in fields) and not any("." in field for field in fields):
+            with suppress(ValueError):
+                return _numbers([field.replace(",", ".") for field in fields])
         raise FormatError(f"has a field that is not a number ({error})", where=where) from None
+
+
+def _numbers(fields: Sequence[str]) -> list[float]:
+    return [float(field) if field and not field.isspace() else np.nan for field in fields]
 
 
 def make_take(

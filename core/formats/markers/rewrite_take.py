@@ -11,14 +11,15 @@ from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
 from .c3d import Layout, layout_of
 from .marker_files import check_ending, read_take, write_take
-from .trc import rewrite_trc
+from .trc import is_rewritable, rewrite_trc
 
 
 def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> list[str]:
     """Write a changed take; return notes about content that the new file lost.
 
     In the file's own format everything else stays byte for byte: analog samples, events, parameters, points without a
-    name. New positions in a C3D file have no cameras and the residual 0, like interpolated points.
+    name. New positions in a C3D file have no cameras and the residual 0, like interpolated points. TRC files with
+    unusual separators, decimal commas or encodings are written anew.
 
     Args:
         take: Result of `read_take` with other positions.
@@ -33,6 +34,9 @@ def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> li
         write_take(take, target)
         return _lost(Path(source))
     data, before = read_bytes(source), read_take(source).positions_m
+    if kind == ".trc" and not is_rewritable(data):
+        write_take(take, target)
+        return []
     changed = np.isfinite(take.positions_m).all(axis=-1) & ~(take.positions_m == before).all(axis=-1)
     if kind == ".c3d":
         content = _c3d(data, str(source), take.positions_m, changed, ~np.isfinite(before[..., 0]))

@@ -1,7 +1,7 @@
 """TRC marker trajectories (Motion Analysis, OpenSim)."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,42 +10,51 @@ from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import frame_count, lines_of, make_take, metres_of, table_of
+from .reader_parts import frame_count, lines_of, make_take, metres_of, separator_of, table_of
+
+_KIND = "TRC file"
 
 
 def read_trc(path: Path | str) -> MarkerTake:
     """Return the take of a TRC file in metres.
 
     Blank fields, every spelling of NaN and points at the very origin are missing positions; rows may end early. Points
-    without a name are ignored. If the data rate is zero, the times give it.
+    without a name are ignored. If the data rate is zero, the times give it. Semicolons, commas or blanks can stand for
+    the tabs, and tabs can be doubled.
 
     Raises:
         FormatError: The file is not TRC, is damaged, or has no markers; names file and line.
     """
     where, data = str(path), read_bytes(path)
-    lines = lines_of(data)
-    if not lines[0].lower().startswith("pathfiletype"):
-        raise FormatError("is not a TRC file (it does not begin with PathFileType)", where=where)
+    lines = lines_of(data, where, _KIND)
+    header = _header(lines, where)
     if len(lines) < 5:
         raise FormatError("ends within its header", where=f"{where}, line {len(lines)}", advice="the file is cut off")
-    header = _header(lines, where)
-    names = _names(lines[3], header, where)
+    separator = separator_of(lines[1])
+    names = _names(lines[3].split(separator), header, where)
     width = 2 + 3 * len(names)
-    rows = table_of(_rows(lines, width, where), len(lines), width, len(data), where)
+    fields = _fields_without_separators(lines, header, where) if separator is None else _fields(lines, separator)
+    rows = table_of(_rows(fields, width, where), len(lines), width, len(data), where)
     positions = rows[:, 2:].reshape(len(rows), len(names), 3) * metres_of(header.get("units", "mm"), where)
     return make_take(where, _number(header.get("datarate", "")), names, positions, rows[:, 0], rows[:, 1])
 
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in a TRC header, 0 if it is left open; errors as in `read_trc`."""
-    return frame_count(_number(_header(lines_of(read_bytes(path)), str(path)).get("numframes", "")))
+    where = str(path)
+    return frame_count(_number(_header(lines_of(read_bytes(path), where, _KIND), where).get("numframes", "")))
 
 
 def _header(lines: list[str], where: str) -> dict[str, str]:
+    if not lines[0].lower().startswith("pathfiletype"):
+        raise FormatError("is not a TRC file (it does not begin with PathFileType)", where=where)
     if len(lines) < 3:
         raise FormatError("ends within its header", where=where)
-    keys, values = lines[1].split("\t"), lines[2].split("\t")
-    header = {k.strip().lower(): v.strip() for k, v in zip(keys, values, strict=False)}
+    keys, values = ([field.strip() for field in line.split(separator_of(lines[1]))] for line in lines[1:3])
+    # spreadsheets and some programs double tabs in one of these lines
+    if any(values[len(keys) :]) or ("" in keys and any(keys[len(values) :])):
+        keys, values = ([field for field in fields if field] for fields in (keys, values))
+    header = {k.lower(): v for k, v in zip(keys, values, strict=False)}
     if "units" not in header and "datarate" not in header:
         raise FormatError("has no header values", where=f"{where}, line 3")
     return header
@@ -53,14 +62,15 @@ def _header(lines: list[str], where: str) -> dict[str, str]:
 
 def _number(text: str) -> float:
     try:
-        return float(text)
+        return float(text.replace(",", "."))
     except ValueError:
         return float("nan")
 
 
-def _names(line: str, header: dict[str, str], where: str) -> list[str]:
+def _names(fields: list[str], header: dict[str, str], where: str) -> list[str]:
     # some writers shift the names by a column against the data, so only their order counts
-    names = [field.strip() for field in line.split("\t")[2:] if field.strip()]
+    names = [field.strip() for field in fields[2:] if field.strip()]
+    names = names[1:] if names[:1] == ["Time"] and not fields[1].strip() else names
     declared = _number(header.get("nummarkers", ""))
     if not names:
         advice = "name the points in the program that wrote it"
@@ -70,14 +80,37 @@ def _names(line: str, header: dict[str, str], where: str) -> list[str]:
     return names
 
 
-def _rows(lines: list[str], width: int, where: str) -> Iterator[tuple[list[str], str]]:
+def _fields(lines: list[str], separator: str) -> Iterator[list[str]]:
+    """Yield the fields of all lines after the header; separators that are doubled throughout count once."""
+    step = 0
+    for line in lines[5:]:
+        fields = line.split(separator)
+        if step == 0 and fields[0].strip():
+            step = 2 if any(map(str.strip, fields[2:])) and not any(map(str.strip, fields[1::2])) else 1
+        yield fields[:: max(step, 1)]
+
+
+def _fields_without_separators(lines: list[str], header: dict[str, str], where: str) -> Iterator[list[str]]:
+    """Yield the words of all lines after the header, which must hold every value."""
+    markers = _number(header.get("nummarkers", ""))
     for number, line in enumerate(lines[5:], start=6):
-        fields = line.split("\t")
+        fields = line.split() or [""]
+        if fields[0] and len(fields) != 2 + 3 * markers:
+            advice = "export it with tabs: between blanks nothing tells which value is missing"
+            what = f"has {len(fields)} of {2 + 3 * markers:g} values"
+            raise FormatError(what, where=f"{where}, line {number}", advice=advice)
+        yield fields
+
+
+def _rows(table: Iterable[list[str]], width: int, where: str) -> Iterator[tuple[list[str], str]]:
+    for number, fields in enumerate(table, start=6):
         if not fields[0].strip():
             continue
         place = f"{where}, line {number}"
         # Vicon and BTK put points without a name after the named ones; these are ignored
-        beyond = len(line.rstrip().split("\t")) - width
+        beyond = len(fields) - width
+        while beyond > 0 and not fields[width + beyond - 1].strip():
+            beyond -= 1
         if beyond > 0 and beyond % 3:
             raise FormatError(f"has fields beyond its {width}", where=place)
         yield fields, place
@@ -100,6 +133,14 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
         lines.append(f"{number}\t{time:.6f}\t{fields}")
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", errors="backslashreplace")
+
+
+def is_rewritable(data: bytes) -> bool:
+    """Return whether a TRC file has single tabs, decimal points and a byte a letter, as `rewrite_trc` expects."""
+    lines = data.replace(b"\r", b"\n").split(b"\n")
+    rows = [line.split(b"\t") for line in lines if line[:1].isdigit()]
+    doubled = bool(rows) and not any(map(bytes.strip, rows[-1][1::2]))
+    return b"\x00" not in data and len(rows[-1:] and rows[-1]) > 1 and not doubled and b"," not in b"".join(rows[-1])
 
 
 def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: Mask) -> bytes:

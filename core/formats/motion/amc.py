@@ -16,6 +16,7 @@ from ...body.motion import Motion
 from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, Mask
+from ...system.file_content import utf8_text, with_decimal_points
 from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
 from .numbers import angle_jumps, check_pose_bytes, parse_numbers
 
@@ -46,6 +47,7 @@ class AmcValues:
 
 def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
     """Return the numbers in the bytes of an AMC file; FormatError names file and line."""
+    content = with_decimal_points(utf8_text(content, where, "AMC motion"))
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     start = _first_frame(content, where)

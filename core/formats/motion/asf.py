@@ -15,6 +15,7 @@ from ...body.standard_skeleton import JOINT_NAMES
 from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array
+from ...system.file_content import decode_text, with_decimal_points
 from ...system.files import read_bytes, reading
 
 _METRES_PER_INCH = 0.0254
@@ -89,7 +90,7 @@ Line = tuple[int, list[str]]
 class _Parser:
     def __init__(self, content: bytes, where: str) -> None:
         self.where = where
-        text = content.decode("utf-8", errors="replace")
+        text = with_decimal_points(decode_text(content, where, "ASF skeleton").encode()).decode()
         if "\x00" in text or ":bonedata" not in text:
             raise FormatError("is not an ASF skeleton (no :bonedata section)", where=where)
         self.lines = text.splitlines()

@@ -16,6 +16,7 @@ from ...body.source_motion import SourceMotion
 from ...errors import FormatError
 from ...geometry import rotations as rot
 from ...geometry.arrays import Array, IntArray, Mask
+from ...system.file_content import decode_text, utf8_text, with_decimal_points
 from ...system.files import atomic_path, read_bytes
 from .bvh_hierarchy import BvhHierarchy, read_hierarchy
 from .numbers import angle_jumps, check_pose_bytes, parse_numbers
@@ -54,7 +55,7 @@ def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") ->
 
 def _split(data: bytes, where: str) -> tuple[str, bytes, int]:
     """Return hierarchy text, motion bytes and the line number of the MOTION line."""
-    data = data.removeprefix(b"\xef\xbb\xbf")
+    data = utf8_text(data, where, "BVH file")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"\x00" in data[:4096] or not data[:4096].lstrip().upper().startswith(b"HIERARCHY"):
@@ -64,7 +65,8 @@ def _split(data: bytes, where: str) -> tuple[str, bytes, int]:
         lines = data.count(b"\n") + 1
         raise FormatError("has no MOTION section", where=f"{where}, line {lines}", advice="the file is cut off")
     line = data.count(b"\n", 0, match.start()) + 1
-    return data[: match.start()].decode("utf-8", errors="replace"), data[match.end() :], line
+    header, motion = (with_decimal_points(part) for part in (data[: match.start()], data[match.end() :]))
+    return decode_text(header, where, "BVH file"), motion, line
 
 
 def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array, float, list[str]]:

@@ -13,6 +13,7 @@ from io import FileIO
 from typing import BinaryIO
 
 from ...errors import TakeError
+from ...system.file_content import check_kind
 
 VERSION = 1
 
@@ -126,6 +127,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
     """
     if data[:PREAMBLE_BYTES] == preamble():
         return []
+    check_kind(data, where, "recorded take", TakeError)
     if len(data) < PREAMBLE_BYTES:
         if not data or not preamble().startswith(data):
             raise TakeError("is not a recorded take" if data else "is empty", where=where, advice="check the file")

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
+from ...system.file_content import check_kind
 from ...system.files import atomic_path, is_file, is_folder, read_bytes, reading
 from .image_header import check_image_size, image_size
 
@@ -101,6 +102,7 @@ def read_image(path: Path) -> Image:
     """Return a BGR image; refuse small files that declare very many pixels."""
     with reading(path, CaptureError, "export it again", "is not a readable image"):
         data = read_bytes(path, 128 << 20, CaptureError)  # cv2.imread cannot open every path on Windows
+        check_kind(data, str(path), "picture", CaptureError)
         check_image_size(image_size(data), len(data), str(path))
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
         if image is None:

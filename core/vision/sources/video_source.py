@@ -12,6 +12,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
+from ...system.file_content import check_kind
 from ...system.files import is_file, open_foreign, reading
 from .addresses import is_address
 from .camera_watch import is_repeated
@@ -192,6 +193,7 @@ def _check_container(path: str) -> None:
         head = file.read(1024)
     is_transport = any(len(head) > 2 * step and set(head[at::step]) == {0x47} for at, step in _TRANSPORT)
     if not is_transport and not _CONTAINER.match(head):
+        check_kind(head, path, "film", CaptureError)
         raise CaptureError(
             "cannot be opened as a video (it does not begin like one)",
             where=path,

@@ -176,7 +176,7 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
         read_bytes(tmp_path / "none")
     with pytest.raises(FormatError, match="cannot be read"):
         read_bytes(tmp_path)
-    for content in (b"a = ", b"\xff\xfe", b"[a]\n[a]"):
+    for content in (b"a = ", b"\xff\xfea\x00", b"\xffa", b"[a]\n[a]"):
         (tmp_path / "a.toml").write_bytes(content)
         with pytest.raises(FormatError, match=r"a\.toml: is not valid TOML"):
             read_toml(tmp_path / "a.toml")

@@ -44,6 +44,85 @@ def test_trc_rate_zero_is_taken_from_the_times(tmp_path: Path) -> None:
     assert read_take(tmp_path / "a.trc").fps == 100.0
 
 
+DOUBLED = TRC.replace("100\t100\t3\t2\tcm\t100", "100\t\t100\t\t3\t\t2\t\tcm\t100")
+WHOLE = TRC.replace("30\t\t\t\n", "30\t4\t5\t6\n").replace("NaN\tnan\tNAN", "4\t5\t6").replace("2.1e1", "21")
+
+
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        DOUBLED,
+        DOUBLED.replace("Rate\t", "Rate\t\t"),
+        TRC.replace("\t", "\t\t"),
+        TRC.replace("\t", ";"),
+        TRC.replace("\t", ","),
+        TRC.replace("2.1e1", "21").replace(".", ","),
+        TRC.replace("2.1e1", "21").replace(".", ",").replace("\t", ";"),
+    ],
+    ids=["values doubled", "header doubled", "doubled", "semicolons", "commas", "decimal commas", "semicolons, commas"],
+)
+def test_trc_of_spreadsheets_is_read(tmp_path: Path, text: str, ending: str) -> None:
+    for name, each in (("a.trc", TRC), ("b.trc", text.replace("\n", ending))):
+        (tmp_path / name).write_bytes(each.encode())
+    right, take = read_take(tmp_path / "a.trc"), read_take(tmp_path / "b.trc")
+    assert (take.names, take.fps) == (right.names, right.fps)
+    np.testing.assert_array_equal(take.positions_m, right.positions_m)
+    np.testing.assert_array_equal(take.times_s, right.times_s)
+    assert declared_frames(tmp_path / "b.trc") == 3
+
+
+def test_trc_with_blanks_for_tabs_must_hold_every_value(tmp_path: Path) -> None:
+    (tmp_path / "a.trc").write_text(WHOLE)
+    (tmp_path / "b.trc").write_text(WHOLE.replace("\t", "  "))
+    np.testing.assert_array_equal(read_take(tmp_path / "b.trc").positions_m, read_take(tmp_path / "a.trc").positions_m)
+    (tmp_path / "c.trc").write_text(TRC.replace("\t", " "))
+    with pytest.raises(FormatError, match=r"c.trc, line 7: has 5 of 8 values; export it with tabs"):
+        read_take(tmp_path / "c.trc")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le"])
+@pytest.mark.parametrize("ending", [".trc", ".csv", ".tsv"])
+def test_takes_in_other_encodings_are_read(tmp_path: Path, ending: str, encoding: str) -> None:
+    text = {".trc": TRC, ".csv": MOTIVE, ".tsv": QUALISYS + "1\t2\t3\t4\t5\t6\n"}[ending]
+    (tmp_path / f"a{ending}").write_text(text)
+    (tmp_path / f"b{ending}").write_bytes(text.encode(encoding))
+    right, take = (read_take(tmp_path / f"{name}{ending}") for name in "ab")
+    assert take.names == right.names
+    np.testing.assert_array_equal(take.positions_m, right.positions_m)
+    assert declared_frames(tmp_path / f"b{ending}") == declared_frames(tmp_path / f"a{ending}")
+
+
+def test_thousands_are_not_taken_for_decimals(tmp_path: Path) -> None:
+    (tmp_path / "a.trc").write_text(TRC.replace("\t20\t30", "\t1,234\t30.5"))
+    with pytest.raises(FormatError, match="line 7: has a field that is not a number"):
+        read_take(tmp_path / "a.trc")
+
+
+def test_motive_export_that_was_cut_off_declares_its_frames(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(MOTIVE.replace("Export Frame Rate,60", "Total Exported Frames,500"))
+    assert declared_frames(tmp_path / "a.csv") == 500
+
+
+@pytest.mark.parametrize(
+    ("clock", "times"),
+    [
+        ("timestamp", (0, 40_000_000, 80_000_000)),
+        ("timestamp_ns", (0, 40_000_000, 80_000_000)),
+        ("Time (ms)", (100, 140, 180)),
+        ("timestamps", (7.0, 7.04, 7.08)),
+    ],
+)
+def test_columns_of_text_are_passed_over_and_times_have_units(
+    tmp_path: Path, clock: str, times: tuple[float, ...]
+) -> None:
+    rows = [f"{time};\"{{'a': 0,5}}\";0,5;1;2" for time in map(str, times)]
+    (tmp_path / "a.csv").write_text("\n".join([f"{clock};by_camera;A_x;A_y;A_z", *rows]).replace("0,5", "0.5"))
+    take = read_take(tmp_path / "a.csv")
+    assert (take.names, take.fps) == (("A",), 25.0)
+    assert take.times_s[-1] - take.times_s[0] == pytest.approx(0.08)
+
+
 def test_motive_export(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(MOTIVE)
     take = read_take(tmp_path / "a.csv")

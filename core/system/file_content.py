@@ -1,0 +1,130 @@
+"""Content of foreign files: what a file really is, and its text in any encoding."""
+
+import re
+
+from ..errors import FormatError, PerfanimError, shorten
+
+_HEAD = 4096  # bytes that show what a file is
+_ASF_GUID = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
+# first bytes of formats, as their standards define them -> the thing's name
+_BEGINNINGS: tuple[tuple[bytes, str], ...] = (
+    (_ASF_GUID, "a film (Windows Media)"),
+    (b"\x1aE\xdf\xa3", "a film (Matroska or WebM)"),
+    (b"\x00\x00\x01\xba", "a film (MPEG)"),
+    (b"OggS", "a film or sound (Ogg)"),
+    (b"FLV\x01", "a film (Flash)"),
+    (b"ID3", "a sound (MP3)"),
+    (b"PK\x03\x04", "an archive (zip)"),
+    (b"PK\x05\x06", "an archive (zip)"),
+    (b"7z\xbc\xaf\x27\x1c", "an archive (7z)"),
+    (b"Rar!\x1a\x07", "an archive (rar)"),
+    (b"\x1f\x8b", "an archive (gzip)"),
+    (b"BZh", "an archive (bzip2)"),
+    (b"\xfd7zXZ\x00", "an archive (xz)"),
+    (b"\x28\xb5\x2f\xfd", "an archive (zstd)"),
+    (b"\x89PNG\r\n", "a picture (PNG)"),
+    (b"\xff\xd8\xff", "a picture (JPEG)"),
+    (b"GIF8", "a picture (GIF)"),
+    (b"II*\x00", "a picture (TIFF)"),
+    (b"MM\x00*", "a picture (TIFF)"),
+    (b"%PDF-", "a document (PDF)"),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "a document of an old office program"),
+    (b"Kaydara FBX Binary", "an FBX file"),
+    (b"glTF", "a binary glTF file"),
+    (b"BLENDER", "a Blender file"),
+    (b"SQLite format 3\x00", "a database (SQLite)"),
+    (b"\x89HDF\r\n", "an HDF5 or MATLAB file"),
+    (b"MATLAB 5.0 MAT-file", "a MATLAB file"),
+    (b"PERFANIM-DB", "a motion database"),
+    (b"version https://git-lfs", "a pointer of Git LFS without the file that it stands for"),
+    (b"pathfiletype", "a TRC file"),
+    (b"hierarchy", "a BVH file"),
+)
+_BOXES = {b"AVI ": "a film (AVI)", b"WAVE": "a sound (WAV)", b"WEBP": "a picture (WebP)"}
+_WIDE_MARKS = ((b"\xff\xfe\x00\x00", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+_ELEMENT = re.compile(rb"<([A-Za-z][\w:.-]*)")
+_COMMENTS = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)
+
+
+def content_kind(data: bytes) -> str:
+    """Return what a file is by its first bytes, as "a web page" or "a film (AVI)"; "" if they show nothing."""
+    head = data[:_HEAD]
+    if head[4:8] in (b"ftyp", b"moov", b"mdat"):
+        return "a picture (HEIF)" if head[8:12] in (b"heic", b"mif1", b"avif") else "a film (MP4 or QuickTime)"
+    if head[:4] == b"RIFF":
+        return _BOXES.get(head[8:12], "")
+    if head[257:262] == b"ustar":
+        return "an archive (tar)"
+    text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    kind = next((kind for start, kind in _BEGINNINGS if head.startswith(start) or text.lower().startswith(start)), "")
+    return kind or _markup(text)
+
+
+def _markup(text: bytes) -> str:
+    """Return the name of a text that begins with markup, "" for other text."""
+    if not text.startswith(b"<"):
+        return ""
+    element = _ELEMENT.search(_COMMENTS.sub(b"", text))
+    name = element[1].decode() if element else ""
+    if name.lower() in ("html", "head", "body") or text[:14].lower() == b"<!doctype html":
+        return "a web page"
+    return f"an XML file (<{shorten(name, 40)}>)" if name else ""
+
+
+def check_kind(
+    data: bytes, where: str, expected: str, kind: type[PerfanimError] = FormatError, container: str = ""
+) -> None:
+    """Raise an error of `kind` for a file whose first bytes show that it is something else.
+
+    Args:
+        expected: What the reader reads, as "TRC file".
+        container: Kind of file that it is packed in, as "archive (zip)".
+    """
+    found = content_kind(data)
+    if found and (container or expected) not in found:
+        raise kind(f"is {found}, no {expected}", where=where, advice="it is the wrong file, or has the wrong ending")
+
+
+def decode_text(data: bytes, where: str, expected: str, kind: type[PerfanimError] = FormatError) -> str:
+    """Return a text: UTF-8, or UTF-16 and UTF-32 by their marks or zeros, else in Windows' Latin letters.
+
+    Args:
+        expected: What the reader reads, as "TRC file".
+
+    Raises:
+        PerfanimError: Of `kind`: the file is of another kind.
+    """
+    check_kind(data, where, expected, kind)
+    encoding = _wide_encoding(data)
+    if encoding:
+        return data.decode(encoding, errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def _wide_encoding(data: bytes) -> str:
+    """Return the encoding of a text of two or four bytes a letter, "" for others."""
+    marked = next((encoding for mark, encoding in _WIDE_MARKS if data.startswith(mark)), "")
+    even, odd = data[:64:2], data[1:64:2]
+    if marked or any(even) == any(odd):
+        return marked
+    return "utf-16-le" if any(even) else "utf-16-be"
+
+
+def utf8_text(data: bytes, where: str, expected: str) -> bytes:
+    """Return a text file's bytes in an extension of ASCII, without a mark; errors as in `decode_text`.
+
+    Long files in such encodings are not decoded, because that takes time.
+    """
+    check_kind(data, where, expected)
+    encoding = _wide_encoding(data)
+    return data.decode(encoding, "replace").encode() if encoding else data.removeprefix(b"\xef\xbb\xbf")
+
+
+def with_decimal_points(text: bytes) -> bytes:
+    """Return a text of numbers with points for its decimal commas; unchanged if it has decimal points, too."""
+    if b"," not in text or re.search(rb"\d\.\d", text):
+        return text
+    return re.sub(rb"(?<=\d),(?=\d)", b".", text)
