@@ -52,6 +52,7 @@ def test_the_examples_run_one_after_another(folder, capsys):
         and ":" not in solve[1].partition(": ")[2]
         and solve[1].endswith(" 0 warnings")
     )
+    assert solve[2:] == ["the motion: good"]
     assert re.fullmatch(r"the last of 30 poses has a confidence of [01]\.\d\d", live[0])
     measures = evaluate(read_motion(folder / "walk.bvh"), read_motion(folder / "truth.bvh"))
     assert measures["frames"] == 30
