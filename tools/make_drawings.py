@@ -17,7 +17,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, IntArray
 from perfanim.core.geometry.camera import Camera, CameraRig
-from perfanim.core.markers.marker_set import MarkerSet, load_marker_set, marker_set_names
+from perfanim.core.markers.marker_set import MarkerSet, PointKind, load_marker_set, marker_set_names
 from perfanim.core.simulate.studio.cones import RoundCones, visible
 from perfanim.core.simulate.studio.limb_outlines import outlines
 from perfanim.core.simulate.studio.performer_body import make_body, with_sticks
@@ -42,7 +42,8 @@ _PLAN_METRE, _BACK_M = 80.0, -3.4  # pixels; z at which the plan ends
 def main(arguments: list[str]) -> int:
     """Write the drawings, or check them; return 1 if one is old, missing or left over."""
     rig = usual_rig()
-    wanted = {f"markers-{name}.svg": draw_marker_set(load_marker_set(name)) for name in marker_set_names()}
+    worn = [each for each in map(load_marker_set, marker_set_names()) if each.points is PointKind.MARKERS]
+    wanted = {f"markers-{each.name}.svg": draw_marker_set(each) for each in worn}
     wanted |= {"cameras-from-above.svg": draw_plan(rig), "cameras-from-the-side.svg": draw_side(rig)}
     if "--check" not in arguments:
         DRAWINGS.mkdir(exist_ok=True)

@@ -109,4 +109,4 @@ def wearing(subject: Subject, marker_set: MarkerSet | None, where: str) -> Subje
         advice = "calibrate the subject with this marker set"
         raise SubjectError(f"no offset is known for {', '.join(unknown)}", where=where, advice=advice)
     worn = tuple(known.get(marker.name, marker) for marker in marker_set.markers)
-    return replace(subject, marker_set=MarkerSet(marker_set.name, worn))
+    return replace(subject, marker_set=replace(marker_set, markers=worn))

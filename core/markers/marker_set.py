@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,13 @@ from ..system.schema import About, Schema, Table
 
 _FARTHEST_M = 10.0  # largest distance of a marker from its joint; bones are not longer
 FEWEST_TORSO = 3  # markers that find the root: three points fix a rigid body
+
+
+class PointKind(Enum):
+    """What the points of a set are."""
+
+    MARKERS = "markers"  # fixed to the body, exact to millimetres
+    KEYPOINTS = "keypoints"  # found in images by a network, near joints, with errors of centimetres that last
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,9 @@ class MarkerSet:
 
     name: Annotated[str, About("name of the set; by default the file's", optional=True)]
     markers: Annotated[tuple[Marker, ...], About("the markers, in order", key="marker")]
+    points: Annotated[
+        PointKind, About("what its points are: markers on the body, or keypoints that a network finds in images")
+    ] = PointKind.MARKERS
 
     def __post_init__(self) -> None:
         names = [marker.name for marker in self.markers]

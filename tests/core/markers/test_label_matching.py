@@ -12,7 +12,7 @@ from perfanim.core.errors import MarkerSetError, TakeError
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.labelling.take_import import import_take
 from perfanim.core.markers.label_matching import load_names, match_best_set, match_labels, rename_labels
-from perfanim.core.markers.marker_set import load_marker_set, marker_set_names
+from perfanim.core.markers.marker_set import PointKind, load_marker_set, marker_set_names
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.session.solve_take import solve_take
@@ -21,6 +21,7 @@ from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.from_motion import frames_of
 
 SUITS = ("cmu-41", "helen-hayes", "optitrack-baseline", "plug-in-gait")
+KEYPOINTS = ("body-25", "halpe-26", "opencap")
 EXACT_M = 0.005  # half the residual that a fitted real suit leaves
 
 
@@ -42,6 +43,31 @@ def test_other_spellings_are_matched():
     assert match.label_of["L.ASIS"] == "L.ASIS"  # its own name before another
     take = MarkerTake("a", 60.0, ("RASI", "x", "VSAC"), np.zeros((2, 3, 3)))
     assert match.rename(take).names == ("R.ASIS", "x", "V.Sacral")
+
+
+@pytest.mark.parametrize(
+    ("labels", "name", "matched"),
+    [
+        # Pose2Sim's HALPE-26 and BODY-25 without the face, and OpenCap's names beside them
+        ("Hip RHip RKnee RAnkle RBigToe RSmallToe RHeel LHip LKnee LAnkle LBigToe LSmallToe LHeel Neck Head Nose "
+         "RShoulder RElbow RWrist LShoulder LElbow LWrist", "halpe-26", 22),
+        ("CHip RHip RKnee RAnkle RBigToe RSmallToe RHeel LHip LKnee LAnkle LBigToe LSmallToe LHeel Neck Nose REye LEye "
+         "REar LEar RShoulder RElbow RWrist LShoulder LElbow LWrist", "body-25", 25),
+        ("Neck RShoulder RElbow RWrist LShoulder LElbow LWrist midHip RHip RKnee RAnkle LHip LKnee LAnkle r.ASIS_study "
+         "L.ASIS_study r.PSIS_study L.PSIS_study r_knee_study L_mknee_study C7_study r_thigh1_study RHJC_study",
+         "opencap", 23),
+        # MediaPipe's landmarks, and FreeMoCap's names for them
+        ("NOSE LEFT_EYE_INNER LEFT_SHOULDER RIGHT_SHOULDER LEFT_ELBOW LEFT_HIP RIGHT_HIP LEFT_FOOT_INDEX MOUTH_LEFT",
+         "blazepose-33", 9),
+        ("body_nose body_left_eye_inner body_left_shoulder body_right_shoulder body_left_hip body_left_foot_index "
+         "body_left_heel left_hand_0000 left_hand_0001 left_hand_0002 right_hand_0000 face_0000", "blazepose-33", 7),
+        ("nose left_eye left_shoulder right_shoulder left_hip right_hip left_wrist", "coco-17", 7),
+    ],
+)  # fmt: skip
+def test_keypoints_are_recognised_by_their_labels(labels, name, matched):
+    match = match_best_set(labels.split(), "take")
+    assert (match.marker_set.name, len(match.label_of)) == (name, matched)
+    assert match.marker_set.points is PointKind.KEYPOINTS
 
 
 def test_unknown_names_are_refused():
@@ -70,7 +96,7 @@ def test_subject_keeps_other_spellings(tmp_path):
     assert load_subject(tmp_path / "anna.toml").marker_set == subject.marker_set
 
 
-@pytest.mark.parametrize("name", SUITS)
+@pytest.mark.parametrize("name", [*SUITS, *KEYPOINTS])
 def test_marker_sets_are_symmetric(name):
     """Left and right markers are each other's mirror images but for those that tell the sides apart."""
     marker_set = load_marker_set(name)
