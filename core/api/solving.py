@@ -132,7 +132,7 @@ def solve_markers(
         "method": settings.method,
         "marker_set": subject.marker_set.name,
         "markers": sum(name in take.names for name in subject.marker_set.names),
-        "warnings": _label_differences(take, subject),
+        "warnings": [*_label_differences(take, subject), *take.notes],
     }
     return _finished(solved, request, None, report | changes | choice)
 

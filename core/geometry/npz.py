@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import FormatError, PerfanimError
 from ..system.file_content import check_kind
-from ..system.files import atomic_path, is_over_budget, open_foreign, reading
+from ..system.files import atomic_path, is_over_budget, open_foreign, read_bytes, reading
 
 _ENTRY = b"PK\x01\x02"  # marks each member in a zip archive's list
 _HEADER = re.compile(
@@ -48,6 +48,15 @@ def read_arrays(
             if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members):
                 raise ValueError("packed in an unknown way")
             return {member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members}
+
+
+def read_array(path: Path | str) -> NDArray[Any]:
+    """Return the array of a .npy file; FormatError if it is none, or damaged."""
+    where = str(path)
+    data = read_bytes(path)
+    check_kind(data[:4096], where, "NumPy array")
+    with reading(where, FormatError, what="is damaged"):
+        return _array(data)
 
 
 def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipFile:

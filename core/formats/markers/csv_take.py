@@ -1,13 +1,17 @@
-"""Marker takes as CSV: exports of OptiTrack's Motive, and a plain table.
+"""Marker takes as CSV: exports of OptiTrack's Motive, FreeMoCap's tables, and a plain table.
 
 Our own table: comment lines with "#", one of them with "fps=..."; a header `frame,time_s,NAME_x,NAME_y,NAME_z,...`;
 then one row per frame in metres, blank where a marker is missing.
+
+FreeMoCap's: the same columns in millimetres, without a rate, or a row per frame and point (`frame,keypoint,x,y,z,...`).
 """
 
 import csv
 import io
 import re
 from collections.abc import Container, Iterator
+from contextlib import suppress
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +20,22 @@ from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
 from ...system.file_content import decode_text
-from ...system.files import atomic_path, read_bytes
-from .reader_parts import frame_count, make_take, metres_of, numbers_of, separator_of, table_of
+from ...system.files import atomic_path, is_over_budget, read_bytes
+from .keypoint_files import are_keypoints, keypoint_take
+from .reader_parts import (
+    SECONDS,
+    frame_count,
+    make_take,
+    metres_of,
+    numbers_of,
+    seconds_by_step,
+    separator_of,
+    table_of,
+)
+
+# FreeMoCap's tables: columns of those with a row per point, models and trajectories that count
+_LONG, _BODY_MODEL, _POSITIONS = frozenset(("frame", "keypoint", "x", "y", "z")), "body", "3d_xyz"
+_BY_CAMERA = "timestamp_by_camera"
 
 _BLANK: list[str] = []  # shared by all blank lines, to save memory
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
@@ -25,18 +43,6 @@ _NUMBER = re.compile(r"frame", re.IGNORECASE)
 _CLOCK = re.compile(
     r"time(?P<stamp>_?stamps?)?[ _]*[\[(]?(?P<unit>s|ms|us|µs|ns|(milli|micro|nano)?seconds)?[\])]?", re.IGNORECASE
 )
-_SECONDS = {
-    "": 1.0,
-    "s": 1.0,
-    "ms": 1e-3,
-    "milli": 1e-3,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "micro": 1e-6,
-    "ns": 1e-9,
-    "nano": 1e-9,
-}
-_STEPS_S = (1e-3, 1.0)  # of frames whose times have no unit
 # Motive's kinds of columns, measured before modelled ones
 _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 
@@ -104,6 +110,8 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
     if head is None:
         raise FormatError("is empty", where=where)
     header = [cell.strip() for cell in rows[head]]
+    if {cell.lower() for cell in header} >= _LONG:
+        return _long(rows, head, header, where)
     names = {i: name for i in range(len(header) - 2) if (name := _name_of(header[i : i + 3]))}
     if not names:
         raise FormatError(
@@ -112,15 +120,70 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
         )  # fmt: skip
     number, clock = (_first_place(pattern, header) for pattern in (_NUMBER, _CLOCK))
     used = {number, clock, *(start + axis for start in names for axis in range(3))}
+    if clock is not None:
+        rows = [
+            [*row[:clock], _date_seconds(row[clock]), *row[clock + 1 :]] if len(row) > clock else row for row in rows
+        ]
     table = _table(rows, head + 1, len(header), where, used)
     frames = None if number is None else table[:, number]
     times = None if clock is None else _seconds(table[:, clock], header[clock])
+    positions = table[:, np.array(list(names))[:, None] + np.arange(3)]
     stated = re.search(r"fps\s*=\s*([0-9.eE+-]+)", "\n".join(comments))
     fps = numbers_of([stated[1]], where)[0] if stated else float("nan")
+    is_timed = fps > 0.0 or (times is not None and bool(np.all(np.isfinite(times))))
+    if (not is_timed or _BY_CAMERA in header) and are_keypoints(list(names.values())):
+        return keypoint_take(where, list(names.values()), positions, fps, frames, times)
     if not fps > 0.0 and times is None:
         raise FormatError("gives neither fps nor times", where=where, advice="add a line '# fps=60' or a column time_s")
-    positions = table[:, np.array(list(names))[:, None] + np.arange(3)]
     return make_take(where, fps, list(names.values()), positions, frames, times)
+
+
+def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> MarkerTake:
+    """Return the take of a table with a row per frame and point; of several models and trajectories the body's."""
+    places = {cell.lower(): place for place, cell in enumerate(header)}
+    used = [places[key] for key in ("frame", "x", "y", "z")]
+    model, trajectory, clock, keypoint = (places.get(key) for key in ("model", "trajectory", "timestamp", "keypoint"))
+    body, size = _BODY_MODEL in {_cell(row, model)[-len(_BODY_MODEL) :] for row in rows[head + 1 :]}, 0
+    numbers, names = [], []
+    stamps: dict[float, str] = {}
+    for number, row in enumerate(rows[head + 1 :], start=head + 2):
+        size += sum(map(len, row))
+        is_other = body and not _cell(row, model).endswith(_BODY_MODEL)
+        if not row or is_other or _cell(row, trajectory) not in ("", _POSITIONS):
+            continue
+        numbers.append(numbers_of([_cell(row, place) for place in used], f"{where}, line {number}"))
+        names.append(_cell(row, keypoint))
+        if clock is not None:
+            stamps.setdefault(numbers[-1][0], _cell(row, clock))
+    if not numbers:
+        raise FormatError("has no frames", where=where)
+    values = np.array(numbers)
+    frames, at = np.unique(values[:, 0], return_inverse=True)
+    labels = list(dict.fromkeys(names))
+    if is_over_budget(24 * len(frames) * len(labels), size) or not np.all(np.isfinite(frames)):
+        raise FormatError("lacks most points of most frames, or numbers of frames", where=where)
+    points = np.full((len(frames), len(labels), 3), np.nan)
+    column = {label: place for place, label in enumerate(labels)}
+    points[at, [column[name] for name in names]] = values[:, 1:]
+    times = None
+    if clock is not None:
+        seconds = numbers_of([_date_seconds(stamps[frame]) for frame in frames], where)
+        times = _seconds(np.array(seconds), "timestamp")
+    return keypoint_take(where, labels, points, float("nan"), frames, times)
+
+
+def _cell(row: list[str], place: int | None) -> str:
+    """Return a field of a row, "" where there is none."""
+    return row[place].strip() if place is not None and place < len(row) else ""
+
+
+def _date_seconds(cell: str) -> str:
+    """Return a date and time of day in seconds, other fields as they are."""
+    if ":" not in cell:
+        return cell
+    with suppress(ValueError):
+        return repr(datetime.fromisoformat(cell.strip()).timestamp())
+    return cell
 
 
 def _first_place(pattern: re.Pattern[str], header: list[str]) -> int | None:
@@ -129,17 +192,12 @@ def _first_place(pattern: re.Pattern[str], header: list[str]) -> int | None:
 
 
 def _seconds(times: Array, name: str) -> Array:
-    """Return a column of times in seconds, by the unit in its name.
-
-    A column named "timestamp" alone is in the unit that makes its steps 1 ms to 1 s long.
-    """
+    """Return a column of times in seconds, by the unit in its name; that of "timestamp" alone is found by the steps."""
     match = _CLOCK.fullmatch(name)
     unit = (match["unit"] or "").lower() if match else ""
-    factor = _SECONDS.get(unit[:-7] if unit.endswith("seconds") else unit, 1.0)
     if match and match["stamp"] and not unit:
-        steps = np.diff(times[np.isfinite(times)])
-        step = float(np.median(steps)) if len(steps) else 0.0
-        factor = next((each for each in _SECONDS.values() if _STEPS_S[0] <= step * each < _STEPS_S[1]), 1.0)
+        return seconds_by_step(times)
+    factor = SECONDS.get(unit[:-7] if unit.endswith("seconds") else unit, 1.0)
     return times if factor == 1.0 else (times - times[0]) * factor
 
 

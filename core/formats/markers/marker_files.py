@@ -10,6 +10,7 @@ from . import c3d, csv_take, qualisys_tsv, trc
 from .c3d import read_c3d
 from .c3d_write import write_c3d
 from .csv_take import read_csv, write_csv
+from .keypoint_files import read_npy
 from .qualisys_tsv import read_tsv
 from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
@@ -20,6 +21,7 @@ _READERS: dict[str, Callable[[Path], MarkerTake]] = {
     ".trc": read_trc,
     ".csv": read_csv,
     ".tsv": read_tsv,
+    ".npy": read_npy,
     ".take.npz": load_take,
     ENDING: read_recorded_take,
 }

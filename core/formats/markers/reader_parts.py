@@ -35,6 +35,29 @@ def separator_of(line: str) -> str | None:
     return found if found in line else None
 
 
+# seconds in the units of times, and the steps of frames whose times have none
+SECONDS = {
+    "": 1.0,
+    "s": 1.0,
+    "ms": 1e-3,
+    "milli": 1e-3,
+    "us": 1e-6,
+    "µs": 1e-6,
+    "micro": 1e-6,
+    "ns": 1e-9,
+    "nano": 1e-9,
+}
+_STEPS_S = (1e-3, 1.0)
+
+
+def seconds_by_step(times: Array) -> Array:
+    """Return times (F,) since the first, in seconds: their unit is the one that makes the steps 1 ms to 1 s long."""
+    steps = np.diff(times[np.isfinite(times)])
+    step = float(np.median(steps)) if len(steps) else 0.0
+    factor = next((each for each in SECONDS.values() if _STEPS_S[0] <= step * each < _STEPS_S[1]), 1.0)
+    return np.asarray((times - times[0]) * factor)
+
+
 def frame_count(declared: float) -> int:
     """Return a frame count from a header, 0 if it is not one."""
     return int(declared) if 0.0 < declared < 1e9 else 0

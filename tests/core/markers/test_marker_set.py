@@ -63,7 +63,7 @@ def test_bad_offsets_and_names_are_refused(tmp_path: Path) -> None:
     for value in (np.inf, np.nan, -12.0):
         with pytest.raises(MarkerSetError, match="marker D: offset_m must be three numbers below 10; give metres"):
             MarkerSet("a", (*markers, Marker("D", "root", (0.0, value, 0.0))))
-    with pytest.raises(MarkerSetError, match="no marker set or file 'dancing'; shipped sets: blazepose-33, .*boxing"):
+    with pytest.raises(MarkerSetError, match=r"no marker set or file 'dancing'; shipped sets: blazepose-33, .*boxing"):
         load_marker_set("dancing")
     with pytest.raises(SkeletonError, match="no joint 'tail'"):
         Subject("a", default_skeleton(), MarkerSet("a", (*markers, Marker("D", "tail", (0.0, 0.0, 0.0)))))

@@ -112,6 +112,7 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         ("board points", "board-points.json", ".json", damaged_json, load_board_points),
         ("TRC", "*.trc", ".trc", damaged_text, read_markers),
         ("CSV", "*.csv", ".csv", damaged_text, read_markers),
+        ("array of keypoints", "*.npy", ".npy", damaged_bytes, read_markers),
         ("Qualisys TSV", "*.tsv", ".tsv", damaged_text, read_markers),
         ("C3D", "*.c3d", ".c3d", damaged_bytes, read_markers),
         ("marker take", "*.take.npz", ".take.npz", damaged_zip, read_markers),

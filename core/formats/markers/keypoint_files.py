@@ -1,0 +1,104 @@
+"""Keypoints of markerless tools: what their tables and arrays leave open.
+
+FreeMoCap writes arrays (.npy) and tables of points without a rate and without a unit: its points are in millimetres.
+Points of hands and face and centres of mass, which can be among them, say nothing about the body's joints.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import FormatError, TakeError
+from ...geometry.arrays import Array
+from ...geometry.npz import read_array
+from ...markers.label_matching import match_best_set
+from ...markers.marker_set import PointKind, load_marker_set
+from ...markers.marker_take import MarkerTake
+from .reader_parts import make_take, seconds_by_step
+
+BODY = "body_"  # FreeMoCap's prefix of the names of the body's points
+
+_ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # sets by their number of points
+_HOLISTIC = (543, 553)  # points of MediaPipe's holistic model: those of the body, then hands and face
+_METRES = ((8.0, 1.0), (400.0, 0.01), (np.inf, 0.001))  # metres per unit in which a body's extent is below a number
+_USUAL_FPS = 30.0  # of webcams and phones
+
+
+def are_keypoints(names: Sequence[str]) -> bool:
+    """Return whether names are those of a shipped set of keypoints."""
+    try:
+        return match_best_set(names, "").marker_set.points is PointKind.KEYPOINTS
+    except TakeError:
+        return False
+
+
+def read_npy(path: Path | str) -> MarkerTake:
+    """Return the take of an array (F, J, 3) of keypoints, whose names follow from their number.
+
+    Raises:
+        FormatError: The file is damaged, or its shape is another.
+    """
+    where, points = str(path), read_array(path)
+    count = points.shape[1] if points.ndim == 3 else 0
+    known = _ORDERS.get(33 if count in _HOLISTIC else count)
+    if known is None or points.shape[2] != 3 or points.dtype.kind not in "iuf":
+        sizes = ", ".join(f"{size} ({name})" for size, name in _ORDERS.items())
+        raise FormatError(
+            f"holds an array of the shape {points.shape}, no keypoints", where=where,
+            advice=f"give frames, points and x, y, z; the number of points tells their names: {sizes}",
+        )  # fmt: skip
+    names = load_marker_set(known).names
+    take = keypoint_take(where, names, points[:, : len(names)].astype(np.float64), float("nan"))
+    return replace(take, notes=(*take.notes, f"the points are named as those of {known}, by their number"))
+
+
+def keypoint_take(
+    where: str, names: Sequence[str], points: Array, fps: float,
+    frame_numbers: Array | None = None, times_s: Array | None = None,
+) -> MarkerTake:  # fmt: skip
+    """Return a take of the body's keypoints in metres.
+
+    The unit is that in which the body has the size of one; a rate that is not stated comes from the time stamps in the
+    recording's folder, or is the usual one.
+
+    Args:
+        points: Keypoints (F, J, 3) in a unit that is not stated.
+        fps: Rate; not positive if it is not stated.
+        times_s: Times (F,) of the frames, NaN where they are not known.
+    """
+    if any(name.startswith(BODY) for name in names):
+        kept = [place for place, name in enumerate(names) if name.startswith(BODY)]
+        names, points = [names[place].removeprefix(BODY) for place in kept], points[:, kept]
+    notes: tuple[str, ...] = ()
+    if times_s is None or not np.all(np.isfinite(times_s)):
+        times_s = _recorded_times(Path(where), len(points))
+    if times_s is None and not fps > 0.0:
+        fps = _USUAL_FPS
+        notes = (f"neither a rate nor times are stated: {fps:g} frames a second are assumed",)
+    take = make_take(where, fps, names, points * _metres_per_unit(points, where), frame_numbers, times_s)
+    return replace(take, notes=(*take.notes, *notes))
+
+
+def _metres_per_unit(points: Array, where: str) -> float:
+    """Return the metres per unit of points (F, J, 3), by the median extent of the body."""
+    seen = np.all(np.isfinite(points), axis=-1) & np.any(points != 0.0, axis=-1)
+    whole = points[np.sum(seen, axis=1) > 0.5 * points.shape[1]]
+    if len(whole) == 0:
+        raise FormatError("shows most of the body in no frame", where=where)
+    whole = np.where(
+        np.all(np.isfinite(whole), axis=-1, keepdims=True) & np.any(whole != 0.0, -1, keepdims=True), whole, np.nan
+    )
+    extent = float(np.median(np.max(np.nanmax(whole, axis=1) - np.nanmin(whole, axis=1), axis=-1)))
+    return next(metres for below, metres in _METRES if extent < below)
+
+
+def _recorded_times(path: Path, frames: int) -> Array | None:
+    """Return the times (F,) that FreeMoCap's cameras wrote beside a file, None without them."""
+    for folder in path.absolute().parents[:2]:
+        stamps = [read_array(file) for file in sorted((folder / "synchronized_videos" / "timestamps").glob("*.npy"))]
+        known = [each.astype(np.float64) for each in stamps if each.shape == (frames,) and each.dtype.kind in "iuf"]
+        if known:
+            return seconds_by_step(np.mean(known, axis=0))
+    return None
