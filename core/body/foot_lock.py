@@ -1,9 +1,8 @@
-"""Foot lock: standing feet are found and the legs bent to hold them.
+"""Foot lock: detects standing feet and holds them by inverse kinematics of the legs.
 
-The ball of the foot is held (the toes' joint), as the heel is lifted long before a step ends. The way from the
-pose's ball to the held one is added to the ankle, and hip and knee are turned to reach it in the plane of the leg (a
-chain of two bones in closed form, by the law of cosines); the foot keeps its direction in the room. On release that way
-fades out, so nothing jumps.
+It holds the ball of the foot (the toe joint), because the heel lifts long before a step ends. The ankle moves by the
+offset from the pose's ball to the held one; hip and knee turn within the plane of the leg to reach it, and the foot
+keeps its orientation in the world. After the release the offset fades out, so that nothing jumps.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,18 +20,30 @@ from .skeleton import Skeleton, forward_kinematics
 
 FEET = ("off", "auto", "always")
 
-_SOLE_M = 0.02  # from the lowest joint of a standing foot down to the floor
-_WINDOW_S = 0.06  # over which a speed is taken: one frame's is mostly noise
-_PLANTED_M_S, _LIFTED_M_S = 0.2, 0.4  # a standing foot moves less, one that leaves more
-_PLANTED_M, _LIFTED_M = 0.05, 0.09  # the same of heights above where the ball of a standing foot is
-_REACH_M = 0.05  # a foot that would have to be held further off has moved in truth
-_GLIDE_REACH_M = 0.30  # the same where it is held although it glides
-_LOWER_M = 0.02  # a foot must be lower than the held one by this to take its place
-_FADE_S = 0.12
-_STRETCH = 0.995  # of the leg, up to which it may be straightened: near a straight knee millimetres turn it by degrees
-_KNEE_AXIS = np.array([1.0, 0.0, 0.0])  # of a straight leg: to the performer's left in the rest pose
-_PAUSE_S = 0.25  # after so long without a pose everything starts over
-_LOWEST_PERCENT = 5.0  # of a motion's frames, taken as the floor: single frames are noise
+_KNEE_AXIS = np.array([1.0, 0.0, 0.0])  # hinge of a straight leg: to the performer's left in the rest pose
+
+
+@dataclass(frozen=True)
+class FootLockSettings:
+    """Limits of standing feet; heights are measured from the ball's height when standing."""
+
+    sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
+    speed_window_s: float = 0.06  # time over which speeds are measured: between two frames they are mostly noise
+    planted_m_s: float = 0.2  # a slower foot stands
+    lifted_m_s: float = 0.4  # a faster foot leaves
+    planted_m: float = 0.05  # a lower foot can stand
+    lifted_m: float = 0.09  # a higher foot leaves
+    reach_m: float = 0.05  # largest offset of a held foot: beyond it the foot has really moved
+    glide_reach_m: float = 0.30  # largest offset of a foot that is held although it glides
+    lower_m: float = 0.02  # a foot must be this much lower than the held one to replace it
+    fade_s: float = 0.12  # time constant of the release
+    straightest: float = 0.995  # longest reach, share of the leg's length; millimetres beyond turn the knee by degrees
+    pause_s: float = 0.25  # time without a pose after which the lock restarts
+    floor_memory_s: float = 2.0  # time over which the lowest ball gives an unknown floor
+    floor_percentile: float = 5.0  # percentile of the lower foot's heights taken as the floor of a motion
+
+
+_SETTINGS = FootLockSettings()
 
 
 def floor_of(rig: CameraRig | None) -> float | None:
@@ -43,7 +54,7 @@ def floor_of(rig: CameraRig | None) -> float | None:
 def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
     """Return a motion with its feet held; arguments and errors as of `FootLock`.
 
-    Without a known floor it is taken to be where the lower foot most often stands.
+    An unknown floor is estimated from the lower foot.
     """
     if mode == "off":
         return motion
@@ -51,7 +62,7 @@ def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
         skeleton = motion.skeleton
         balls = [skeleton.index(side + "toes") for side in "lr"]
         heights = forward_kinematics(skeleton, motion.rotations, motion.root_positions_m)[0][:, balls, 1]
-        floor_m = float(np.percentile(heights.min(axis=1), _LOWEST_PERCENT)) - _standing_heights(skeleton)[0]
+        floor_m = float(np.percentile(heights.min(axis=1), _SETTINGS.floor_percentile)) - _standing_heights(skeleton)[0]
     lock = FootLock(motion.skeleton, mode, floor_m)
     frames = zip(motion.rotations, motion.root_positions_m, strict=True)
     held = [lock.step(i / motion.fps, rotations, root) for i, (rotations, root) in enumerate(frames)]
@@ -59,7 +70,7 @@ def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
 
 
 def _within(reach_m: float, start: Array, end: Array) -> Array:
-    """Return the end (3,), or the point so far on the way to it."""
+    """Return the end (3,), or the point at `reach_m` on the way to it."""
     way = end - start
     away_m = float(np.linalg.norm(way))
     return end if away_m <= reach_m else start + way * (reach_m / away_m)
@@ -71,13 +82,13 @@ def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
     found = []
     for side in "lr":
         ankle, ball = heights[skeleton.index(side + "foot")], heights[skeleton.index(side + "toes")]
-        found.append(float(ball - min(ankle, ball)) + _SOLE_M)
+        found.append(float(ball - min(ankle, ball)) + _SETTINGS.sole_m)
     return found[0], found[1]
 
 
 @dataclass
 class _Foot:
-    """One leg's joints, and where its foot is held."""
+    """Joints of one leg, and the place where its foot is held."""
 
     femur: int
     tibia: int
@@ -96,12 +107,13 @@ class FootLock:
     """Holds feet in place.
 
     Args:
-        mode: "off", "auto" (a foot that is low and slow stands until it is lifted or moves off), or "always" (the lower
-            foot stands even if it glides: for performers who never run or jump).
-        floor_m: height of the floor in the world of the poses; None: it is below the lowest ball of the last seconds.
+        mode: "off"; "auto": a low, slow foot is held until it lifts or moves away; "always": the lower foot is held
+            even if it glides, for performers who never run or jump.
+        floor_m: Height of the floor in the world of the poses; None to estimate it from the lowest ball of the last
+            seconds.
 
     Raises:
-        SettingsError: there is no such mode.
+        SettingsError: The mode is unknown.
     """
 
     def __init__(self, skeleton: Skeleton, mode: str, floor_m: float | None = 0.0) -> None:
@@ -123,7 +135,7 @@ class FootLock:
             return rotations
         passed_s = time_s - self._time_s
         self._time_s = time_s
-        if not 0.0 < passed_s < _PAUSE_S:
+        if not 0.0 < passed_s < _SETTINGS.pause_s:
             self._lowest.clear()
             for foot in self._feet:
                 foot.forget()
@@ -133,7 +145,7 @@ class FootLock:
         result = rotations
         carrying = self._carrying(heights) if self.mode == "always" else None
         for foot, height in zip(self._feet, heights, strict=True):
-            glides = foot is carrying and height < _PLANTED_M
+            glides = foot is carrying and height < _SETTINGS.planted_m
             self._hold(foot, time_s, passed_s, positions[foot.toes], height, glides)
             if np.dot(foot.offset_m, foot.offset_m) > 1e-10:
                 result = result.copy() if result is rotations else result
@@ -144,39 +156,40 @@ class FootLock:
         if self._floor_m is not None:
             return self._floor_m
         lowest = min(float(positions[foot.toes, 1]) - foot.stand_m for foot in self._feet)
-        self._lowest = [(t, h) for t, h in self._lowest if time_s - t < 2.0]
+        self._lowest = [(t, h) for t, h in self._lowest if time_s - t < _SETTINGS.floor_memory_s]
         self._lowest.append((time_s, lowest))
         return min(height for _, height in self._lowest)
 
     def _carrying(self, heights: list[float]) -> _Foot:
         """Return the lower foot; a held one remains until the other is clearly lower."""
-        bonus = [_LOWER_M if foot.anchor_m is not None else 0.0 for foot in self._feet]
+        bonus = [_SETTINGS.lower_m if foot.anchor_m is not None else 0.0 for foot in self._feet]
         return self._feet[int(np.argmin(np.subtract(heights, bonus)))]
 
     def _hold(self, foot: _Foot, time_s: float, passed_s: float, ball: Array, height: float, glides: bool) -> None:
         """Plant or release a foot by its ball's motion, and set its offset."""
-        foot.past = [(t, p) for t, p in foot.past if time_s - t <= _WINDOW_S + 1e-6]
+        foot.past = [(t, p) for t, p in foot.past if time_s - t <= _SETTINGS.speed_window_s + 1e-6]
         foot.past.append((time_s, ball))
         (since_s, before) = foot.past[0]
         speed = float(np.linalg.norm(ball - before)) / max(time_s - since_s, 1e-6) if len(foot.past) > 1 else np.inf
         if foot.anchor_m is None:
-            if glides or (speed < _PLANTED_M_S and height < _PLANTED_M):
+            if glides or (speed < _SETTINGS.planted_m_s and height < _SETTINGS.planted_m):
                 foot.anchor_m = ball + foot.offset_m
-        elif height > _LIFTED_M or (speed > _LIFTED_M_S and not glides):
+        elif height > _SETTINGS.lifted_m or (speed > _SETTINGS.lifted_m_s and not glides):
             foot.anchor_m = None
         if foot.anchor_m is not None:
             wanted = foot.anchor_m - ball
             wanted[1] = 0.0
-            if not glides:  # one that begins to leave is let go of little by little
-                leaves = min(max((speed - _PLANTED_M_S) / (_LIFTED_M_S - _PLANTED_M_S), 0.0), 1.0)
-                wanted *= np.exp(-leaves * passed_s / _FADE_S)
-                wanted = _within(_LIFTED_M_S * passed_s, foot.offset_m, wanted)  # the window's speed lags behind
+            if not glides:  # a foot that begins to leave is released gradually
+                slow, fast = _SETTINGS.planted_m_s, _SETTINGS.lifted_m_s
+                leaves = min(max((speed - slow) / (fast - slow), 0.0), 1.0)
+                wanted *= np.exp(-leaves * passed_s / _SETTINGS.fade_s)
+                wanted = _within(_SETTINGS.lifted_m_s * passed_s, foot.offset_m, wanted)  # the measured speed lags
                 foot.anchor_m = ball + wanted
-            if np.linalg.norm(wanted) <= (_GLIDE_REACH_M if glides else _REACH_M):
+            if np.linalg.norm(wanted) <= (_SETTINGS.glide_reach_m if glides else _SETTINGS.reach_m):
                 foot.offset_m = wanted
                 return
             foot.anchor_m = None
-        foot.offset_m = foot.offset_m * np.exp(-passed_s / _FADE_S)
+        foot.offset_m = foot.offset_m * np.exp(-passed_s / _SETTINGS.fade_s)
 
     def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
         """Turn hip, knee and ankle in `rotations`: the ankle moves by its offset."""
@@ -186,7 +199,7 @@ class FootLock:
             (world[foot.femur], world[foot.tibia]),
             ankle - hip + foot.offset_m,
             rot.rotate(world[foot.tibia], _KNEE_AXIS),
-            _STRETCH,
+            _SETTINGS.straightest,
         )
         above = world[self._skeleton.parents[foot.femur]]
         rotations[foot.femur] = rot.multiply(rot.conjugate(above), femur)

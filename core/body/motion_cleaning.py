@@ -1,27 +1,23 @@
 """Defects of recorded motion: detection, repair and removal.
 
 A capture system that confuses markers, or a solver that finds the other of two solutions, makes a joint jump between
-two frames and, mostly, back some frames later. Unlike in a fast motion, the frames before and
-after show nothing of it: a joint that stands still, turns by e between two frames and stands still again has to speed
-up for half of the time between them and to brake for the other half, which takes an acceleration of 4 e / dt^2. So the
-step of every joint is compared with the steps beside it, and is a jump where it differs from both by more than the
-strongest accelerations of athletes allow (`_ANGULAR_ACCELERATION`, `_ROOT_ACCELERATION`), or where the speed itself is
-above theirs. At high rates these limits come below the noise of solved recordings, so there are least steps as well.
+two frames and usually back some frames later. In a fast motion the neighbouring frames move as well; here they do not.
+A joint that is still, turns by e between two frames and is still again needs an acceleration of 4 e / dt^2. So the step
+of each joint is compared with the steps beside it. It is a jump if it differs from both by more than the accelerations
+of athletes allow, or is faster than they are (`CleaningSettings`). At high rates these limits fall below the noise of
+solved recordings, so there are smallest steps as well.
 
 Treatment of each defect:
 
-- A root jump leaves the poses on both sides as they are, but speed and place are wrong at the jump: the clip is cut
-  there, and goes on as another clip.
-- A limb pop (all joints but `_ENDS`) is not repaired: when a marker is confused, the other joints of the limb are
-  wrong as well. Frames between two jumps that lie at most `_LONGEST_POP_S` apart are cut out, and the clip goes on
-  as another; between jumps that lie further apart nobody knows which side is right, so both are kept, as clips of
-  their own.
-- Hands, fingers, thumbs and toes (`_ENDS`) flip far more often, by half a turn, without anything else being wrong:
-  for as short their rotation is interpolated from the frames beside. Longer ones are kept: a pose with a turned thumb
-  is worth more than none.
-- A T pose put before the motion as first frame is cut off.
-- Angles that jump while the rotation does not (the two Euler forms of one rotation) are no defect of the motion: they
-  are kept, and named only because other programs stumble over them.
+- Root jump: the poses on both sides stay, but speed and position are wrong there. The clip is cut into two.
+- Limb pop (all joints but `_ENDS`): the other joints of the limb are wrong as well, so it is not repaired. Frames
+  between two jumps at most `longest_pop_s` apart are cut out, and the rest becomes another clip. If the jumps are
+  further apart, nobody knows which side is right: both stay, as clips of their own.
+- Flip of hands, fingers, thumbs or toes (`_ENDS`): common, by half a turn, without other errors. Short flips are
+  interpolated. Longer ones stay: a pose with a turned thumb is better than none.
+- T pose added as first frame: cut off.
+- Angles that jump while the rotation does not (the two Euler forms of one rotation): kept, as the motion is right.
+  They are only reported, because other programs stumble over them.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,28 +32,42 @@ from .motion import Motion, sliced
 from .skeleton import forward_kinematics
 from .standard_skeleton import JOINT_NAMES
 
-Apart = Callable[[int, int], float]  # of two frames
+Apart = Callable[[int, int], float]  # distance of two frames
 
-# Shoulders and elbows of pitchers reach 130 rad/s and some 5,000 rad/s^2; nothing in everyday motion is near.
-_ANGULAR_SPEED = 130.0
-_ANGULAR_ACCELERATION = 5000.0
-# Above what noise does: a marker that is 3 to 5 cm off turns a bone by so much, the more the shorter it is.
-_LEAST_STEP_DEG = {"foot": 45.0, "wrist": 60.0, "hand": 60.0, "fingers": 60.0, "thumb": 60.0, "toes": 60.0}
-_LEAST_LIMB_STEP_DEG = 30.0
-# The fastest sprinters run 12.5 m/s; landings from jumps load the pelvis with 10 to 20 g.
-_ROOT_SPEED = 13.0
-_ROOT_ACCELERATION = 500.0
-_LEAST_ROOT_STEP_M = 0.05
-_LONGEST_POP_S = 0.25
-_SETTLED = 0.25  # of a jump: when a joint is as near to where it was, it is back
 
+@dataclass(frozen=True)
+class CleaningSettings:
+    """Limits of human motion and of defects.
+
+    Shoulders and elbows of pitchers reach 130 rad/s and 5,000 rad/s^2. The fastest sprinters run 12.5 m/s, and landings
+    load the pelvis with 10 to 20 g. The smallest steps lie above the noise: a marker that is 3 to 5 cm off turns a bone
+    by this much, a short one by more.
+    """
+
+    turn_rad_s: float = 130.0  # fastest turn of a joint
+    turn_rad_s2: float = 5000.0  # largest angular acceleration of a joint
+    limb_step_deg: float = 30.0  # smallest jump of a joint between two frames
+    foot_step_deg: float = 45.0  # the same of the feet
+    end_step_deg: float = 60.0  # the same of hands, fingers, thumbs and toes
+    root_m_s: float = 13.0  # fastest root
+    root_m_s2: float = 500.0  # largest acceleration of the root
+    root_step_m: float = 0.05  # smallest jump of the root between two frames
+    longest_pop_s: float = 0.25  # longest pop that is cut out or interpolated
+    settled: float = 0.25  # distance from the place before a jump, share of the jump, at which a joint is back
+    t_step_deg: float = 25.0  # turn of both arms between an added T pose and the first true frame
+    straight_deg: float = 20.0  # largest bend of a straight limb
+    raised_deg: float = 30.0  # angle of the upper arms from hanging in a T or A pose
+
+
+_SETTINGS = CleaningSettings()
 _END_NAMES = ("wrist", "hand", "fingers", "thumb", "toes")
 _ENDS = np.array([name[1:] in _END_NAMES for name in JOINT_NAMES])
-_LEAST_STEPS = np.radians([_LEAST_STEP_DEG.get(name[1:], _LEAST_LIMB_STEP_DEG) for name in JOINT_NAMES])
-
-_T_STEP = np.radians(25.0)  # by which both arms leave an added T pose at once
-_STRAIGHT = np.radians(20.0)
-_RAISED = np.radians(30.0)  # upper arms from hanging, in a T or A pose
+_LEAST_STEPS = np.radians(
+    [
+        _SETTINGS.end_step_deg if is_end else _SETTINGS.foot_step_deg if "foot" in name else _SETTINGS.limb_step_deg
+        for name, is_end in zip(JOINT_NAMES, _ENDS, strict=True)
+    ]
+)
 
 
 @dataclass(frozen=True)
@@ -65,9 +75,9 @@ class Defect:
     """One defect of a file.
 
     Args:
-        kind: its name ("limb pop of lfoot").
-        first, last: frames of the file, counted from 1; 0 when it is not about frames.
-        done: its treatment ("kept", "cut out", ...).
+        kind: Name of the defect ("limb pop of lfoot").
+        first, last: Frames of the file, counted from 1; 0 if the defect concerns no frames.
+        done: Treatment ("kept", "cut out", ...).
     """
 
     kind: str
@@ -88,8 +98,8 @@ def clean_motion(motion: Motion, angle_jumps: Mask) -> CleanedMotion:
     """Return the sound parts of a motion of the standard skeleton's joints.
 
     Args:
-        motion: at the rate it was recorded with.
-        angle_jumps: (F,) true where an angle in the file is far from that of the frame before.
+        motion: Motion at its recorded rate.
+        angle_jumps: Frames (F,) with an angle in the file far from that of the frame before.
     """
     defects: list[Defect] = []
     start = 0
@@ -112,9 +122,9 @@ def clean_motion(motion: Motion, angle_jumps: Mask) -> CleanedMotion:
 
 
 def _isolated(steps: Array) -> Array:
-    """Return (F - 1, ...) how far each step differs from its more similar neighbour.
+    """Return the difference (F - 1, ...) of each step from its more similar neighbour.
 
-    The first and the last step have only one beside them; as that may be the jump, the one after it counts as well.
+    The first and the last step have one neighbour only, which may be the jump: the next but one counts as well.
     """
     before = np.roll(steps, 1, axis=0)
     after = np.roll(steps, -1, axis=0)
@@ -124,45 +134,45 @@ def _isolated(steps: Array) -> Array:
 
 def _joint_jumps(motion: Motion) -> Mask:
     """Return (F, J) true at the first frame after a jump of a joint's rotation."""
-    # twice the chord between unit quaternions: the angle of the rotation between them, but for large ones
+    # twice the chord between unit quaternions is about the angle between them
     steps = 2.0 * np.diff(rot.continuous(motion.rotations), axis=0)
-    needed = _ANGULAR_ACCELERATION / (4.0 * motion.fps**2)
+    needed = _SETTINGS.turn_rad_s2 / (4.0 * motion.fps**2)
     limits = np.maximum(needed, _LEAST_STEPS)
-    return _jumps(steps, limits, np.maximum(limits, _ANGULAR_SPEED / motion.fps))
+    return _jumps(steps, limits, np.maximum(limits, _SETTINGS.turn_rad_s / motion.fps))
 
 
 def _root_jumps(motion: Motion) -> Mask:
     """Return (F,) true at the first frame after a jump of the root."""
     steps = np.diff(motion.root_positions_m, axis=0)
-    limit = max(_ROOT_ACCELERATION / (4.0 * motion.fps**2), _LEAST_ROOT_STEP_M)
-    return _jumps(steps[:, None], np.array([limit]), np.array([max(limit, _ROOT_SPEED / motion.fps)]))[:, 0]
+    limit = max(_SETTINGS.root_m_s2 / (4.0 * motion.fps**2), _SETTINGS.root_step_m)
+    return _jumps(steps[:, None], np.array([limit]), np.array([max(limit, _SETTINGS.root_m_s / motion.fps)]))[:, 0]
 
 
 def _jumps(steps: Array, limits: Array, fastest: Array) -> Mask:
-    """Return (F, J) whether the step (F - 1, J, ...) to a frame is odd or too fast.
+    """Return a mask (F, J) of steps (F - 1, J, ...) to a frame that are jumps or too fast.
 
     Args:
-        limits: (J,) by how much an odd step differs from those beside it.
-        fastest: (J,) steps that are too fast, limits at least.
+        limits: Smallest difference (J,) of a jump from the steps beside it.
+        fastest: Longest possible steps (J,), not below the limits.
     """
     jumps = np.zeros((len(steps) + 1, steps.shape[1]), dtype=np.bool_)
     if len(steps) > 1:
         lengths = rot.lengths(steps)
-        # steps differ by more than a limit only where one of them is longer than half of it
+        # two steps can differ by more than a limit only if one is longer than half the limit
         near = np.flatnonzero(np.max(lengths, axis=0) > 0.5 * limits)
         jumps[1:, near] = (_isolated(steps[:, near]) > limits[near]) | (lengths[:, near] > fastest[near])
     return jumps
 
 
 def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, list[int]]:
-    """Return (F,) true in pops, from a jump to the one back, and the lone jumps.
+    """Return a mask (F,) of pops, from a jump to the jump back, and the jumps without a way back.
 
-    A pop lasts at most `longest` frames, and shorter than what goes before or comes after; the frame after it is nearer
-    to the one before it than either is to the pop. What leads back may take some frames more.
+    A pop lasts at most `longest` frames, and is shorter than the motion before or after it. The frames around it are
+    nearer to each other than to the pop. The way back may take some more frames.
 
     Args:
-        jumps: (F,) true at the first frame after a jump.
-        apart: how far two frames are from each other.
+        jumps: Mask (F,) of the first frames after a jump.
+        apart: Function for the distance of two frames.
     """
     popped = np.zeros(len(jumps), dtype=np.bool_)
     lone: list[int] = []
@@ -170,7 +180,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
     sound_from = start
     while places:
         at = places.pop(0)
-        ends = [*places[1:], len(jumps)]  # of the pieces that the later jumps begin
+        ends = [*places[1:], len(jumps)]  # ends of the pieces that begin at the later jumps
         back = next(
             (
                 later
@@ -184,7 +194,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
             lone.append(at)
             sound_from = at
             continue
-        settled = _SETTLED * apart(at - 1, at)
+        settled = _SETTINGS.settled * apart(at - 1, at)
         while back + 1 < min(len(jumps), at + longest) and settled < apart(at - 1, back) > apart(at - 1, back + 1):
             back += 1
         popped[at:back] = True
@@ -194,7 +204,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
 
 
 def _with_short_pieces(popped: Mask, lone: Sequence[int], start: int, longest: int) -> Mask:
-    """Return the pops and the short parts between lone jumps, or one and an end."""
+    """Return the pops with the short parts between lone jumps, or between a lone jump and an end."""
     result = popped.copy()
     edges = [start, *lone, len(popped)]
     for first, stop in pairwise(edges):
@@ -215,7 +225,7 @@ def _ends_repaired(motion: Motion, jumps: Mask, start: int, defects: list[Defect
     flipping = np.flatnonzero(_ENDS & np.any(jumps, axis=0))
     if len(flipping) == 0:
         return motion
-    longest = int(_LONGEST_POP_S * motion.fps)
+    longest = int(_SETTINGS.longest_pop_s * motion.fps)
     rotations = motion.rotations.copy()
     for joint in flipping:
         name = JOINT_NAMES[joint]
@@ -249,7 +259,7 @@ def _sound_parts(
 ) -> list[tuple[int, Motion]]:
     """Return the parts between jumps of root and limbs, without the frames of pops."""
     limbs = jumps & ~_ENDS
-    longest = int(_LONGEST_POP_S * motion.fps)
+    longest = int(_SETTINGS.longest_pop_s * motion.fps)
     positions = motion.root_positions_m
     kinds: list[tuple[Mask, Apart]] = [(moved, lambda i, j: float(np.linalg.norm(positions[j] - positions[i])))]
     kinds += [(limbs[:, joint], _turned(motion, joint)) for joint in np.flatnonzero(np.any(limbs, axis=0))]
@@ -279,28 +289,28 @@ def _kind(limbs: Mask, moved: Mask, edges: list[int]) -> str:
 
 
 def _starts_with_added_pose(motion: Motion) -> bool:
-    """Tell whether the first frame is a T or A pose left by both arms at once.
+    """Return whether the first frame is a T or A pose that both arms leave at once.
 
-    Arms that stand cannot turn by 25 degrees until the next frame and stand again, at 60 frames per second or more.
-    At 30 they could, but nobody moves so who holds a T pose.
+    At 60 frames per second or more, arms cannot turn by 25 degrees between two frames and be still before and after.
+    At 30 they could, but nobody leaves a T pose like that.
     """
     if motion.frames < 3:
         return False
     steps = rot.angle_between(motion.rotations[:2], motion.rotations[1:3])
     arms = [JOINT_NAMES.index(side + "humerus") for side in "lr"]
-    if np.any(steps[0, arms] < _T_STEP) or np.any(steps[1, arms] > 0.5 * steps[0, arms]):
+    if np.any(steps[0, arms] < np.radians(_SETTINGS.t_step_deg)) or np.any(steps[1, arms] > 0.5 * steps[0, arms]):
         return False
     positions, _ = forward_kinematics(motion.skeleton, motion.rotations[:1], motion.root_positions_m[:1])
     place = {name: positions[0, joint] for joint, name in enumerate(JOINT_NAMES)}
-    down = place["lowerback"] - place["thorax"]
+    down, straight = place["lowerback"] - place["thorax"], np.radians(_SETTINGS.straight_deg)
     angles = []
     for side in "lr":
         upper, lower = (place[side + b] - place[side + a] for a, b in (("humerus", "radius"), ("radius", "wrist")))
         thigh, shank = (place[side + b] - place[side + a] for a, b in (("femur", "tibia"), ("tibia", "foot")))
-        if _angle(upper, lower) > _STRAIGHT or _angle(thigh, shank) > _STRAIGHT:
+        if _angle(upper, lower) > straight or _angle(thigh, shank) > straight:
             return False
         angles.append(_angle(upper, down))
-    return min(angles) > _RAISED and abs(angles[0] - angles[1]) < _STRAIGHT
+    return min(angles) > np.radians(_SETTINGS.raised_deg) and abs(angles[0] - angles[1]) < straight
 
 
 def _angle(a: Array, b: Array) -> float:

@@ -16,12 +16,20 @@ from .skeleton import Skeleton, forward_kinematics, joint_angles
 from .standard_skeleton import JOINT_NAMES
 
 _FOOT_JOINTS = ("ltoes", "rtoes")
-_CONTACT_SPEED_M_S = 0.15  # a foot on the floor moves less, apart from measurement noise
-_CONTACT_HEIGHT_M = 0.05  # above the lowest point of the foot within a second
-_WORST_FRAMES = 5
 _MAIN_JOINTS = {
     joint for part, joints in PARTS.items() if part.split()[-1] in ("torso", "arm", "leg") for joint in joints
 }
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """Limits of toes that stand on the floor."""
+
+    speed_m_s: float = 0.15  # largest speed, above measurement noise
+    height_m: float = 0.05  # largest height above the lowest point within a second
+
+
+CONTACT = ContactSettings()
 
 
 @dataclass(frozen=True)
@@ -50,32 +58,32 @@ class _Errors:
 def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) -> dict[str, Any]:
     """Compare a motion with its truth, frame by frame from the first of both on.
 
-    At different rates the truth is resampled to the motion's times; the frames that both have are compared, over the
-    joints that both have by name.
+    The truth is resampled to the motion's rate. Only the frames and joints (by name) that both have are compared.
 
     Args:
-        skeleton: gives the frames and axes of the joint angles; default the truth's, or the CMU database's when the
-            truth has none of its own.
+        skeleton: Skeleton with the frames and axes of the joint angles; by default the truth's, or the CMU database's
+            if the truth has none.
 
     Returns:
         Measures by name.
 
         - deg_per_joint: mean over frames and joints but the root of the angle between the local rotations, degrees.
-        - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples that mean
-          one rotation the nearer counts.
+        - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; two triples of angles mean
+          one rotation, and the nearer one is compared.
         - mpjpe_mm: mean joint distance with the roots' positions made equal; mpjpe_absolute_mm: as they are.
-        - bone_direction_deg: mean angle between the bones' directions in the world; bone_direction_in_root_deg: as
-          seen from the root, so without its error; main_bone_direction_deg: of torso, arms and legs alone, without
-          head, hands and feet (NaN without any by name).
-        - twist_deg: mean turn about the own bone in the error of the local rotation.
+        - bone_direction_deg: mean angle between the bones' directions in the world; bone_direction_in_root_deg: the
+          same in the root's frame; main_bone_direction_deg: the same of torso, arms and legs only (NaN if none of
+          them is there).
+        - twist_deg: mean error of the local rotation about the bone.
         - root_position_mm, root_rotation_deg: mean errors of the root.
-        - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN when that is still).
-        - foot_skate_cm_s: mean horizontal speed of the toes while the true ones stand on the floor;
-          foot_skate_truth_cm_s: that of the truth; NaN when they never do.
+        - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN if the truth is
+          still).
+        - foot_skate_cm_s: mean horizontal speed of the toes while the true toes stand on the floor (NaN if they
+          never do); foot_skate_truth_cm_s: the same of the truth.
         - frames, fps, joints, per_joint, worst_frames, notes.
 
     Raises:
-        FormatError: the motions share no joint or too few frames.
+        FormatError: The motions share only one joint.
     """
     pair = _aligned(motion, truth)
     angle_skeleton = _angle_skeleton(skeleton or pair.truth.skeleton, pair.truth.skeleton)
@@ -198,11 +206,11 @@ def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Ar
     """Return (F, A) angle differences without the root's, degrees, and (A,) joints.
 
     Args:
-        skeleton: gives the axes of the joint angles.
-        mine, theirs: (F, J, 4) local rotations; of the two triples that mean one rotation the nearer counts.
+        skeleton: Skeleton with the axes of the joint angles.
+        mine, theirs: Local rotations (F, J, 4); of the two triples that mean one rotation the nearer is compared.
 
     Raises:
-        FormatError: no joint has an angle.
+        FormatError: No joint has an angle.
     """
     columns, joints = [], []
     pairs = zip(joint_angles(skeleton, mine), joint_angles(skeleton, theirs), strict=True)
@@ -242,8 +250,8 @@ def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, fl
     velocity = np.diff(true[:, feet], axis=0) * truth.fps
     height = 0.5 * (true[1:, feet, 1] + true[:-1, feet, 1])
     lowest = minimum_filter1d(height, 2 * round(truth.fps) + 1, axis=0, mode="nearest")
-    low = height < lowest + _CONTACT_HEIGHT_M
-    contact = low & (np.linalg.norm(velocity, axis=-1) < _CONTACT_SPEED_M_S)
+    low = height < lowest + CONTACT.height_m
+    contact = low & (np.linalg.norm(velocity, axis=-1) < CONTACT.speed_m_s)
     if not np.any(contact):
         return float("nan"), float("nan")
     mine = np.diff(estimated[:, feet], axis=0) * truth.fps
@@ -268,7 +276,7 @@ def _per_joint(names: tuple[str, ...], errors: _Errors) -> dict[str, dict[str, f
 
 def _worst_frames(errors: _Errors) -> list[dict[str, float]]:
     of_frame = np.mean(errors.rotation_deg[:, 1:], axis=1)
-    worst = np.argsort(-of_frame)[:_WORST_FRAMES]
+    worst = np.argsort(-of_frame)[:5]
     return [
         {
             "frame": int(frame),

@@ -11,7 +11,7 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .detection.background import Background, background_from_take, learn_backgrounds
 from .detection.blob_detector import DetectionSettings, Detector
-from .matching.camera_swap import CameraSwapDetector
+from .matching.camera_swap import EXCHANGED, CameraSwapDetector
 from .matching.point_prediction import PointPredictor
 from .matching.stereo import StereoMatcher, unused_blobs
 from .matching.time_alignment import TimeAligner
@@ -25,6 +25,9 @@ class MarkerPipeline:
 
     Backgrounds are learned by the `learn_*` methods, or left out in the dark. An `aligner` moves the cameras' blobs to
     one time before they are matched.
+
+    Attributes:
+        are_exchanged: The cameras seem to deliver each other's images.
     """
 
     def __init__(self, rig: CameraRig, detection: DetectionSettings | None = None) -> None:
@@ -33,6 +36,7 @@ class MarkerPipeline:
         self._matcher = StereoMatcher(rig)
         self._predictor = PointPredictor()
         self._swap_detector = CameraSwapDetector(rig)
+        self.are_exchanged = False
         self.aligner: TimeAligner | None = None
         self.last_errors_px = np.empty((0, len(rig)))
         self.set_backgrounds([None] * len(rig))
@@ -94,7 +98,7 @@ class MarkerPipeline:
         matches = self._matcher.match(blobs, normalised, expected)
         self._predictor.update(time_s, matches.points_m)
         self.last_errors_px = matches.errors_px
-        swapped = self._swap_detector.update(blobs, matches)
+        self.are_exchanged = self._swap_detector.update(blobs, matches)
         free = [unused_blobs(matches.blobs, camera, len(rows)) for camera, rows in enumerate(normalised)]
         return MarkerFrame(
             number=seen.number,
@@ -109,7 +113,7 @@ class MarkerPipeline:
             single_blobs=np.concatenate(free),
             single_points=np.concatenate([rows[blobs] for rows, blobs in zip(normalised, free, strict=True)]),
             camera_times_s=seen.camera_times_s,
-            notes=tuple(dict.fromkeys((*seen.notes, *([swapped] if swapped else [])))),
+            notes=(*seen.notes, EXCHANGED) if self.are_exchanged else seen.notes,
         )
 
     def _check_count(self, count: int) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 from perfanim.core.body.motion import Motion
-from perfanim.core.body.motion_metrics import _CONTACT_HEIGHT_M, _CONTACT_SPEED_M_S
+from perfanim.core.body.motion_metrics import CONTACT
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.armature_rest import ArmatureRest
@@ -100,8 +100,8 @@ def slides_cm_s(motion: Motion, made: RetargetPlan, heads: np.ndarray) -> tuple[
     velocity = np.diff(positions[:, ball], axis=0) * motion.fps
     height = 0.5 * (positions[1:, ball, 1] + positions[:-1, ball, 1])
     contact = (
-        height < minimum_filter1d(height, 2 * round(motion.fps) + 1, axis=0, mode="nearest") + _CONTACT_HEIGHT_M
-    ) & (np.linalg.norm(velocity, axis=-1) < _CONTACT_SPEED_M_S)
+        height < minimum_filter1d(height, 2 * round(motion.fps) + 1, axis=0, mode="nearest") + CONTACT.height_m
+    ) & (np.linalg.norm(velocity, axis=-1) < CONTACT.speed_m_s)
     kind = "toes" if "ltoes" in made.joints else "foot"
     own = np.diff(positions[:, [motion.skeleton.index(side + kind) for side in "lr"]], axis=0) * motion.fps
     mine = np.diff(to_performer(made, heads[:, [made.joints[side + kind] for side in "lr"]]), axis=0) * motion.fps

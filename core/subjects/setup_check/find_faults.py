@@ -47,14 +47,16 @@ def check_setup(
     pipeline = MarkerPipeline(rig)
     pipeline.set_backgrounds(backgrounds)
     frames: list[MarkerFrame] = []
+    exchanged: list[bool] = []
 
     def detect(moment: ImageSet) -> Sequence[FloatArray]:
         frames.append(pipeline.process(moment))
+        exchanged.append(pipeline.are_exchanged)
         return frames[-1].detected
 
     if found := _picture_faults([camera.name for camera in rig.cameras], backgrounds, moments, detect):
         return found
-    if found := exchange_fault(frames):
+    if found := exchange_fault(exchanged):
         return found
     if len(rig) < 2:
         return []

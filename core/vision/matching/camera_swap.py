@@ -19,10 +19,10 @@ class CameraSwapDetector:
         self._matcher = StereoMatcher(CameraRig(rig.cameras[::-1])) if len(rig) == 2 else None
         self._errors_px: deque[tuple[float, float]] = deque(maxlen=MATCHING.swap_frames)
 
-    def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
-        """Return a warning, "" without one."""
+    def update(self, blobs: Sequence[FloatArray], matches: Matches) -> bool:
+        """Return whether the cameras seem exchanged."""
         if self._matcher is None:
-            return ""
+            return False
         seen = min(len(rows) for rows in blobs)
         if seen >= MATCHING.fewest_blobs:
             error = exchanged = self._error_px(matches, seen)
@@ -30,9 +30,9 @@ class CameraSwapDetector:
                 exchanged = self._error_px(self._matcher.match(blobs, self._matcher.undistort(blobs), None), seen)
             self._errors_px.append((error, exchanged))
         if len(self._errors_px) < MATCHING.swap_frames:
-            return ""
+            return False
         error, exchanged = (fmean(errors) for errors in zip(*self._errors_px, strict=True))
-        return EXCHANGED if error > MATCHING.swap_px and exchanged < MATCHING.swap_gain * error else ""
+        return error > MATCHING.swap_px and exchanged < MATCHING.swap_gain * error
 
     def _error_px(self, matches: Matches, seen: int) -> float:
         """Return the mean reprojection error of blobs, pixels; one without a partner has the largest."""
