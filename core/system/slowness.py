@@ -1,20 +1,29 @@
-"""Slowness of a process on a machine that has more to do than processors."""
+"""Slowness of a process on a machine that is busy with other work."""
 
 import math
+from dataclasses import dataclass
 
-BUSY = 2.5  # slowness that people should know of
-_MEMORY_S = 0.5  # of work
-_LEAST_S = 0.05  # of work, until it counts
-_MOST = 50.0
+
+@dataclass(frozen=True)
+class SlownessSettings:
+    """Measurement of a process' slowness."""
+
+    busy: float = 2.5  # slowness from which the user is told
+    memory_s: float = 0.5  # time constant of forgetting, of work
+    least_s: float = 0.05  # work before the measurement counts
+    most: float = 50.0  # largest slowness
+
+
+SLOWNESS = SlownessSettings()
 
 
 class Slowness:
-    """By how many times work takes longer than alone: time over processor time.
+    """Duration of work relative to an idle machine: wall time over processor time.
 
-    Beside four others on each processor it is about 5, on every system, and in containers with a share of a processor.
+    With four other processes on each processor it is about 5, on every system and in containers.
 
     Attributes:
-        beside: slowness of another process, which counts as well.
+        beside: Slowness of another process that counts as well.
     """
 
     def __init__(self) -> None:
@@ -22,14 +31,14 @@ class Slowness:
         self._work_s = self._processor_s = 0.0
 
     def add(self, work_s: float, processor_s: float) -> None:
-        """Add work without waiting: its time, and its thread's time on a processor."""
-        kept = math.exp(-work_s / _MEMORY_S)
+        """Add work without waits: its duration and its thread's processor time."""
+        kept = math.exp(-work_s / SLOWNESS.memory_s)
         self._work_s = kept * self._work_s + work_s
         self._processor_s = kept * self._processor_s + processor_s
 
     @property
     def factor(self) -> float:
-        """By how many times work takes longer than alone, at least 1."""
-        known = self._work_s > _LEAST_S
-        own = self._work_s / max(self._processor_s, self._work_s / _MOST) if known else 1.0
+        """Duration of work relative to an idle machine, at least 1."""
+        known = self._work_s > SLOWNESS.least_s
+        own = self._work_s / max(self._processor_s, self._work_s / SLOWNESS.most) if known else 1.0
         return max(own, self.beside, 1.0)

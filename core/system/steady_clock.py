@@ -1,12 +1,21 @@
 """Time stamps of a camera's images without their random delays."""
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
-_REMEMBERED = 60
-_FEWEST = 8
-_ASTRAY = 0.3  # periods: a stamp so far from the line is of a camera that runs otherwise now
+
+@dataclass(frozen=True)
+class SteadyClockSettings:
+    """Fit of time stamps."""
+
+    stamps: int = 60  # latest stamps that are fitted
+    fewest: int = 8  # stamps before the fit is used
+    astray: float = 0.3  # distance from the fit, in periods, that shows that the camera's rate has changed
+
+
+_SETTINGS = SteadyClockSettings()
 
 
 class SteadyClock:
@@ -16,8 +25,8 @@ class SteadyClock:
     """
 
     def __init__(self) -> None:
-        self._stamps_s: deque[float] = deque(maxlen=_REMEMBERED)
-        self._counts: deque[int] = deque(maxlen=_REMEMBERED)
+        self._stamps_s: deque[float] = deque(maxlen=_SETTINGS.stamps)
+        self._counts: deque[int] = deque(maxlen=_SETTINGS.stamps)
 
     def steady(self, stamp_s: float) -> float:
         """Return the time of the next image; its stamp until the rate is known."""
@@ -25,13 +34,13 @@ class SteadyClock:
         passed = round((stamp_s - self._stamps_s[-1]) / period_s) if period_s > 0.0 else 1
         self._counts.append(self._counts[-1] + max(passed, 1) if self._counts else 0)
         self._stamps_s.append(stamp_s)
-        if len(self._stamps_s) < _FEWEST:
+        if len(self._stamps_s) < _SETTINGS.fewest:
             return stamp_s
         counts, stamps = np.array(self._counts, dtype=np.float64), np.array(self._stamps_s)
         centred = counts - counts.mean()
         rate_s = float(centred @ stamps / (centred @ centred))
         time_s = float(stamps.mean() + rate_s * centred[-1])
-        if abs(time_s - stamp_s) > _ASTRAY * rate_s:
+        if abs(time_s - stamp_s) > _SETTINGS.astray * rate_s:
             self._stamps_s.clear()
             self._counts.clear()
             self._stamps_s.append(stamp_s)

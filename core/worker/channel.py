@@ -20,7 +20,7 @@ from ..system.schema import table_of
 from ..system.slowness import Slowness
 from .job_status import JobStatus
 from .protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json, encode_preview
-from .timing import TIMES
+from .worker_settings import WORKER
 
 _Source = TypeVar("_Source")
 
@@ -31,12 +31,12 @@ class Stopped(Exception):  # noqa: N818 - not an error
 
 def open_when_free(open_source: Callable[[], _Source], takes_place: bool, stop: threading.Event) -> _Source:
     """Open cameras or a port; retry while a replaced process may still hold them."""
-    limit_s = time.monotonic() + (TIMES.freed_s if takes_place else 0.0)
+    limit_s = time.monotonic() + (WORKER.freed_s if takes_place else 0.0)
     while True:
         try:
             return open_source()
         except CaptureError:
-            if time.monotonic() > limit_s or stop.wait(TIMES.retry_s):
+            if time.monotonic() > limit_s or stop.wait(WORKER.retry_s):
                 raise
 
 
@@ -69,7 +69,7 @@ class Channel:
         self.final: dict[str, Any] = {}
         self.progress_s: float | None = None
         self._filter_settings: dict[str, Any] | None = None
-        self._times = TIMES  # at the start: tests end before the threads do
+        self._times = WORKER  # at the start: tests end before the threads do
         self._socket.sendall(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()

@@ -13,7 +13,7 @@ from ..errors import CaptureError
 from ..system import helper_process
 from ..system.libraries import LIBRARIES
 from . import process
-from .timing import TIMES
+from .worker_settings import WORKER
 
 
 def library_paths() -> list[str]:
@@ -54,7 +54,7 @@ class ChildProcess:
         try:
             self._send_order(port, token, job)
         except OSError as error:  # it ended before it read its order
-            self.end(TIMES.dying_s)
+            self.end(WORKER.dying_s)
             reason = f"ended at once with status {self.status}{self.last_line()}"
             self.release()
             raise _not_started(program, reason) from error
@@ -108,7 +108,7 @@ class ChildProcess:
         self._close_input()
         self._process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=TIMES.dying_s)
+            self._process.wait(timeout=WORKER.dying_s)
         self.release()
 
     def release(self) -> None:

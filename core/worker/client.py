@@ -17,25 +17,23 @@ from .liveness import Liveness
 from .protocol import Message, MessageKind, encode, encode_json
 from .requests import Request
 from .restart_point import RestartPoint
-from .timing import TIMES
-
-MOST_RESTARTS = 3
+from .worker_settings import WORKER
 
 
 class RestartPolicy:
-    """Allows `MOST_RESTARTS` restarts a minute, further ones of a process that works."""
+    """Allows a few restarts a minute, and more of a process that works."""
 
     def __init__(self) -> None:
-        self._restarts_s: deque[float] = deque(maxlen=MOST_RESTARTS)
+        self._restarts_s: deque[float] = deque(maxlen=WORKER.restarts)
 
     def note_restart(self) -> None:
-        """Count a restart now."""
+        """Count a restart."""
         self._restarts_s.append(time.monotonic())
 
     def allows_restart(self, works: bool) -> bool:
         """Return whether one more restart is not too many."""
-        is_full = len(self._restarts_s) == MOST_RESTARTS
-        return not is_full or (works and time.monotonic() - self._restarts_s[0] >= TIMES.restarts_within_s)
+        is_full = len(self._restarts_s) == WORKER.restarts
+        return not is_full or (works and time.monotonic() - self._restarts_s[0] >= WORKER.restarts_within_s)
 
 
 class WorkerClient:
@@ -56,12 +54,12 @@ class WorkerClient:
         self._python = python
         self._policy = RestartPolicy()
         self._stop_asked = False
-        self.earlier_frames = 0  # and poses, of the processes that were replaced
+        self.earlier_frames = 0  # frames or poses of the processes that were replaced
         self._launch()
 
     def _launch(self) -> None:
-        self.ended = False  # whether the worker has said that nothing follows
-        self._early: list[Message] = []  # came before the first poll
+        self.ended = False  # the worker has said that nothing follows
+        self._early: list[Message] = []  # messages from before the first poll
         self._liveness = Liveness()
         self._connection = WorkerConnection(self._request)
         job = str(self._request.get("job", ""))
@@ -73,16 +71,16 @@ class WorkerClient:
 
     @property
     def process_id(self) -> int:
-        """Of the process that works now."""
+        """Id of the present process."""
         return self._process.id
 
     @property
     def running(self) -> bool:
-        """Whether the process lives."""
+        """Whether the process runs."""
         return self._process.status is None
 
     def ask(self, after: RestartPoint | None) -> None:
-        """Wait until the process takes its request; from then on it works while this process is busy.
+        """Wait until the process takes its request; after that it works on its own.
 
         Args:
             after: Last frame of the process before.
@@ -92,7 +90,7 @@ class WorkerClient:
         """
         self._go_on_after(after)
         while not self._connection.is_authenticated:
-            self.wait(TIMES.retry_s)
+            self.wait(WORKER.retry_s)
             self._early = self.poll()
 
     def poll(self) -> list[Message]:
@@ -118,16 +116,16 @@ class WorkerClient:
 
     @property
     def slowness(self) -> float:
-        """By how many times the process' work takes longer than on an idle machine."""
+        """Duration of the process' work relative to an idle machine."""
         return self._liveness.slowness
 
     def wait(self, limit_s: float) -> None:
-        """Return when there is something to poll, or after `limit_s`."""
+        """Wait until there is something to poll, at most `limit_s`."""
         self._connection.wait(limit_s)
 
     @property
     def may_restart(self) -> bool:
-        """Whether to replace a worker that died: it or an earlier one has worked."""
+        """Whether a worker that died can be replaced: it, or one before it, has sent frames."""
         works = self._liveness.frames > 0
         return (works or self.earlier_frames > 0) and not self._stop_asked and self._policy.allows_restart(works)
 
@@ -154,17 +152,17 @@ class WorkerClient:
             self._request["after"] = table_of(point)
 
     def acknowledge(self, frames: int) -> None:
-        """Send the worker how many frames are dealt with, its predecessors' included."""
+        """Tell the worker how many frames are processed, those of earlier processes included."""
         self._connection.send(encode_json(MessageKind.ACK, {"frames": max(frames - self.earlier_frames, 0)}))
 
     def set_filter(self, settings: FilterSettings) -> None:
-        """Set the pose filter, of a process that takes this one's place as well."""
+        """Set the pose filter of this process and of those that replace it."""
         self._request["shape"] = settings.table()
         if self._connection.is_authenticated:
             self._connection.send(encode_json(MessageKind.FILTER, settings.table()))
 
     def request_again(self, request: Request) -> None:
-        """Send one more request to a job that takes several, once it is connected."""
+        """Send a further request to a connected job that accepts several."""
         self._connection.send(encode_json(MessageKind.REQUEST, request.to_json()))
 
     @property

@@ -15,10 +15,9 @@ from typing import Any
 
 from ..errors import CaptureError
 from .protocol import MAGIC, Decoder, Message, MessageKind, encode_json
-from .timing import TIMES
+from .worker_settings import WORKER
 
 _CHUNK = 1 << 16  # bytes received at once
-_MOST_BYTES, _MOST_MESSAGES = 8 << 20, 1000  # of one call, about; the rest waits for the next
 
 
 class WorkerConnection:
@@ -54,7 +53,7 @@ class WorkerConnection:
             self._accept()
         messages: list[Message] = []
         received = 0
-        while self._socket is not None and received < _MOST_BYTES and len(messages) < _MOST_MESSAGES:
+        while self._socket is not None and received < WORKER.poll_bytes and len(messages) < WORKER.poll_messages:
             try:
                 data = self._socket.recv(_CHUNK)
             except BlockingIOError:
@@ -74,7 +73,7 @@ class WorkerConnection:
     def _accept(self) -> None:
         """Take the next program that has connected, unless another is about to greet."""
         now_s = time.monotonic()
-        if self._socket is not None and now_s - self._accepted_s < TIMES.greeting_s:
+        if self._socket is not None and now_s - self._accepted_s < WORKER.greeting_s:
             return
         try:
             connection, _ = self._listener.accept()

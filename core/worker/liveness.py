@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from ..errors import CaptureError
 from .protocol import Message, MessageKind
-from .timing import TIMES
+from .worker_settings import WORKER
 
 
 class Liveness:
@@ -25,7 +25,7 @@ class Liveness:
     def update(self, messages: Sequence[Message]) -> None:
         """Note the messages of one poll."""
         now_s = self._clock()
-        self._silent_s = 0.0 if messages else self._silent_s + min(now_s - self._polled_s, TIMES.poll_gap_s)
+        self._silent_s = 0.0 if messages else self._silent_s + min(now_s - self._polled_s, WORKER.poll_gap_s)
         self._polled_s = now_s
         for message in messages:
             if message.kind in (MessageKind.FRAME, MessageKind.POSE):
@@ -38,8 +38,8 @@ class Liveness:
 
     def check(self, connected: bool) -> None:
         """Raise CaptureError when the process hangs; its first frame may take longer."""
-        hung_s = min(TIMES.hung_s * self.slowness, TIMES.silence_s)
-        limit_s = hung_s if self.frames else TIMES.silence_s if connected else TIMES.start_s
+        hung_s = min(WORKER.hung_s * self.slowness, WORKER.silence_s)
+        limit_s = hung_s if self.frames else WORKER.silence_s if connected else WORKER.start_s
         if self._silent_s > limit_s:
             raise CaptureError(f"sent nothing for {self._silent_s:.1f} s", where="worker", advice="start again")
         if self.frames and self._stalled_s > hung_s:

@@ -5,10 +5,9 @@ from typing import Annotated
 
 from ..markers.marker_frame import MarkerFrame
 from ..system.schema import About
+from .worker_settings import WORKER
 
-_USUAL_PERIOD_S = 1.0 / 60.0  # a single frame gives no rate
-_SHORTEST_GAP_S = 0.05
-_MOST = 1e12  # numbers and seconds
+_MOST = 1e12  # limit of numbers and times in messages
 
 
 @dataclass(frozen=True)
@@ -35,14 +34,14 @@ class RestartPoint:
     time_s: Annotated[float, About("time of the capture", "s", -_MOST, _MOST)]
     stamp_s: Annotated[float, About("`time.perf_counter()` when its images were in hand", "s", -_MOST, _MOST)]
     period_s: Annotated[float, About("time from one frame number to the next", "s", 1e-6, 60.0, optional=False)] = (
-        _USUAL_PERIOD_S
+        WORKER.period_s
     )
 
     @staticmethod
     def after(first: tuple[int, float], last: tuple[int, float], stamp_s: float) -> "RestartPoint":
         """Return the point after `last` (number, time); `first` gives the rate."""
         numbers, times_s = last[0] - first[0], last[1] - first[1]
-        period_s = times_s / numbers if numbers > 0 and times_s > 0.0 else _USUAL_PERIOD_S
+        period_s = times_s / numbers if numbers > 0 and times_s > 0.0 else WORKER.period_s
         return RestartPoint(last[0], last[1], stamp_s, period_s)
 
     def moved_to(self, stamp_s: float, frame: MarkerFrame) -> "RestartPoint":
@@ -50,16 +49,16 @@ class RestartPoint:
         return replace(self, number=frame.number, time_s=frame.time_s, stamp_s=stamp_s)
 
     def offset(self, stamp_s: float, frame: MarkerFrame) -> FrameOffset:
-        """Return the offset that puts a new source's first frame where the clock says."""
+        """Return the offset by which a new source's first frame fits the clock."""
         passed_s = max(stamp_s - self.stamp_s, self.period_s)
         number = self.number + max(round(passed_s / self.period_s), 1)
         return FrameOffset(number - frame.number, self.time_s + passed_s - frame.time_s)
 
     def gap_s(self, frame: MarkerFrame) -> float:
-        """Return how much is missing between this frame and the next, its offset applied."""
+        """Return the gap between this frame and the next one, whose offset is applied."""
         return max(frame.time_s - self.time_s - self.period_s, 0.0)
 
 
 def gap_text(seconds: float) -> str:
-    """Return in plain words how much of the performance is missing."""
-    return f"{seconds:.1f} s are missing" if seconds >= _SHORTEST_GAP_S else "nothing is missing"
+    """Return a phrase for the missing part of the performance."""
+    return f"{seconds:.1f} s are missing" if seconds >= WORKER.gap_s else "nothing is missing"

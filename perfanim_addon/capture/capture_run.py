@@ -13,7 +13,7 @@ from ...core.body.scene_pose import ScenePose
 from ...core.errors import CaptureError, PerfanimError
 from ...core.geometry.arrays import Image
 from ...core.session.pose_filters import FilterSettings
-from ...core.system.slowness import BUSY
+from ...core.system.slowness import SLOWNESS
 from ...core.worker.client import WorkerClient
 from ...core.worker.job_status import JobStatus
 from ...core.worker.protocol import Message, MessageKind
@@ -83,7 +83,7 @@ class CaptureRun:
         """Message about a present problem, "" for none."""
         if self._restarting or self.persistent_warning:
             return self._restarting or self.persistent_warning
-        if self.statistics.slowness > BUSY:
+        if self.statistics.slowness > SLOWNESS.busy:
             times = min(TUNING.slownesses, key=lambda each: abs(math.log(each / self.statistics.slowness)))
             return f"this computer is busy: work takes {times} times as long as otherwise; close other programs"
         silent_s = self._clock() - self._last_arrival

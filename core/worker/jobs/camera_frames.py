@@ -26,10 +26,8 @@ from ...vision.sources.image_set import ImageSet, ImageSource
 from ..channel import Channel, Stopped, open_when_free
 from ..open_source import open_source
 from ..requests import CamerasRequest
+from ..worker_settings import WORKER
 from .preview_sender import PreviewSender
-
-_EMPTY_FRAMES = 30  # of the simulated room
-_SPREAD_FRAMES = 40  # of a recorded take, which shows the performer
 
 
 def run(request: CamerasRequest, channel: Channel) -> None:
@@ -146,11 +144,13 @@ def learn_room(source: Any, request: CamerasRequest, channel: Channel) -> list[B
         Stopped: a stop was requested meanwhile. PerfanimError: the source gives no images.
     """
     if isinstance(request.source, SimulatedPerformer):
-        return learn_backgrounds(_report_learning(source.background_frames(_EMPTY_FRAMES), _EMPTY_FRAMES, "", channel))
+        count = WORKER.empty_images
+        return learn_backgrounds(_report_learning(source.background_frames(count), count, "", channel))
     if request.source.is_live:
         count = max(2, round(request.background_s * source.fps))
         return learn_backgrounds(_report_learning(source.samples(count), count, ": stay out of sight", channel))
-    moments = list(_report_learning(source.samples(_SPREAD_FRAMES), _SPREAD_FRAMES, "", channel))
+    count = WORKER.spread_images
+    moments = list(_report_learning(source.samples(count), count, "", channel))
     return [background_from_take(column) for column in zip(*moments, strict=True)]
 
 

@@ -17,7 +17,7 @@ from ..client import WorkerClient
 from ..protocol import Message, MessageKind
 from ..restart_point import RestartPoint
 from ..supervised_client import SupervisedClient
-from ..timing import TIMES
+from ..worker_settings import WORKER
 from .capture_stages import CameraReport, FrameRecorder, PoseOutput
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class CaptureLoop:
             elif self._frames:
                 self._solve(*self._frames.popleft())
             else:
-                self._client.wait(TIMES.idle_s)
+                self._client.wait(WORKER.idle_s)
         self._channel.progress_s = None
         if self._error is not None:
             raise self._error
@@ -94,7 +94,7 @@ class CaptureLoop:
             self._stop_asked_s = time.monotonic()
             self._client.request_stop()
         is_alone = self._channel.disconnected.is_set()
-        limit_s = TIMES.orphan_stop_s if is_alone else TIMES.stop_s * self._channel.slowness.factor
+        limit_s = WORKER.orphan_stop_s if is_alone else WORKER.stop_s * self._channel.slowness.factor
         if time.monotonic() - self._stop_asked_s > limit_s:
             raise CaptureError("the cameras did not stop in time", advice="unplug the camera that hangs")
 

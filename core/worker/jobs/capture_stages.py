@@ -11,7 +11,7 @@ from ...markers.marker_frame_codec import pack_stamped, unpack_stamped
 from ...session.pose_filters import FilterSettings, PoseFilter
 from ..channel import Channel
 from ..restart_point import FrameOffset, RestartPoint, gap_text
-from ..timing import TIMES
+from ..worker_settings import WORKER
 
 if TYPE_CHECKING:
     from ..vmc_sender import VmcSender
@@ -71,7 +71,7 @@ class CameraReport:
         count = len(frame.camera_times_s)
         self._unusable_images += count - len(times_s)
         now_s = time.monotonic()
-        if now_s - self._reported_s < TIMES.report_s or count < 2:
+        if now_s - self._reported_s < WORKER.report_s or count < 2:
             return
         self._reported_s = now_s
         skew_s = times_s[-1] - times_s[0] if len(times_s) == count else None
@@ -124,7 +124,7 @@ class PoseOutput:
             return False
         channel, most = self._channel, self._poses_ahead
         if most is not None and channel.frames - channel.acknowledged >= most and not channel.stop_requested.is_set():
-            channel.wait_for_ack(most - 1, TIMES.ack_s)
+            channel.wait_for_ack(most - 1, WORKER.ack_s)
             return False
         self._channel.send_pose(self._ready)
         self._ready = None

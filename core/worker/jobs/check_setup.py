@@ -1,14 +1,13 @@
 """Check of light, cameras and markers before a capture.
 
-The RESULT has "findings" (tables with "fault", "text" and
-"places") and "space" (where all cameras see a performer; "" without a calibration that knows the floor). A last PREVIEW
-has rings around the places of the findings, reflections numbered from 1 in the RESULT's order, crosses on ignored ones,
-and that space on the floor.
+The RESULT has "findings" (tables with "fault", "text" and "places") and "space" (where all cameras see a performer; ""
+without a calibration that knows the floor). A last PREVIEW shows rings around the findings' places, with reflections
+numbered from 1 in the RESULT's order, crosses on ignored places, and the space on the floor.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import cv2
@@ -35,12 +34,20 @@ from .preview_sender import PreviewSender
 from .record_board import camera_names
 from .record_pose import count_down
 
-_POSE_S = 2.0
-_SEED = 18  # of the studio with a fault
-_RING = (60, 170, 255)  # blue, green, red
-_RING_PX = 9
-_TEXT = 1.2  # size of its number
-_SPACE = (80, 255, 80)
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Course of a check, and drawings in its last picture; colours are BGR."""
+
+    pose_s: float = 2.0  # time of the T pose
+    seed: int = 18  # seed of the studio with a fault
+    ring: tuple[int, int, int] = (60, 170, 255)  # colour of the rings around findings
+    ring_px: int = 9  # radius of the rings
+    text: float = 1.2  # size of their numbers, as OpenCV has it
+    space: tuple[int, int, int] = (80, 255, 80)  # colour of the space on the floor
+
+
+_SETTINGS = CheckSettings()
 
 
 def run(request: CheckSetupRequest, channel: Channel) -> None:
@@ -56,7 +63,7 @@ def run(request: CheckSetupRequest, channel: Channel) -> None:
 
 
 def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], CommonSpace | None]:
-    """Return the faults of the request's source, and the space that its cameras see."""
+    """Return the faults that the source's pictures show, and the space that its cameras see."""
     source_asked, rig = request.source, request.rig
     if isinstance(source_asked, SimulatedPerformer):
         source_asked = replace(source_asked, fps=FPS)
@@ -82,10 +89,10 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 
 
 def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None]:
-    """Return the faults that are found in a studio with the request's."""
+    """Return the faults that are found in a studio with the requested fault."""
     fault = Fault(request.fault)
     channel.send_status(f"building a studio: {fault}")
-    studio = studio_with(fault, np.random.default_rng(_SEED))
+    studio = studio_with(fault, np.random.default_rng(_SETTINGS.seed))
     moments = _Watched(studio.moments, FPS, channel)
     rig = studio.rig.ignoring(request.ignored)
     findings = check_setup(rig, learn_backgrounds(studio.empty), moments, studio.marker_set, studio.height_m)
@@ -106,7 +113,7 @@ class _Watched:
             if self._channel.stop_requested.is_set():
                 raise Stopped
             passed_s = number / self._fps
-            text = f"hold still: {INSTRUCTIONS['t']}" if passed_s < _POSE_S else "walk about"
+            text = f"hold still: {INSTRUCTIONS['t']}" if passed_s < _SETTINGS.pose_s else "walk about"
             self._channel.send_status(text, passed_s / SECONDS)
             self._last = moment.images
             self._preview.send(moment.images, _draw_nothing)
@@ -140,7 +147,7 @@ def _outline(camera: Camera, space: CommonSpace, picture: Image, image_width: in
     pixels = (camera.project(space.outline_m) + 0.5) * picture.shape[1] / image_width - 0.5
     if len(pixels) and np.all(np.isfinite(pixels)):
         line = np.rint(pixels).astype(np.int32).reshape(-1, 1, 2)
-        cv2.polylines(picture, [line], True, _SPACE, 2, cv2.LINE_AA)
+        cv2.polylines(picture, [line], True, _SETTINGS.space, 2, cv2.LINE_AA)
 
 
 def _ring(findings: Sequence[Finding], camera: int, picture: Image, image_width: int) -> None:
@@ -151,16 +158,16 @@ def _ring(findings: Sequence[Finding], camera: int, picture: Image, image_width:
             number += is_reflection
             if index == camera:
                 centre = reduced((x, y), picture, image_width)
-                cv2.circle(picture, centre, _RING_PX, _RING, 2, cv2.LINE_AA)
+                cv2.circle(picture, centre, _SETTINGS.ring_px, _SETTINGS.ring, 2, cv2.LINE_AA)
                 if is_reflection:
                     _write_beside(picture, centre, str(number))
 
 
 def _write_beside(picture: Image, centre: tuple[int, int], text: str) -> None:
     """Write a text beside a ring, where the picture has room for it."""
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_PLAIN, _TEXT, 1)
-    x = centre[0] + _RING_PX + 3
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_PLAIN, _SETTINGS.text, 1)
+    x = centre[0] + _SETTINGS.ring_px + 3
     if x + width > picture.shape[1]:
-        x = centre[0] - _RING_PX - 3 - width
+        x = centre[0] - _SETTINGS.ring_px - 3 - width
     y = min(max(centre[1] + height // 2, height), picture.shape[0] - 1)
-    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_PLAIN, _TEXT, _RING, 1, cv2.LINE_AA)
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_PLAIN, _SETTINGS.text, _SETTINGS.ring, 1, cv2.LINE_AA)

@@ -8,9 +8,7 @@ import numpy as np
 
 from ...geometry.arrays import Image
 from ..channel import Channel
-
-_WIDTH = 320  # of one camera's picture
-_EVERY_S = 0.2
+from ..worker_settings import WORKER
 
 
 class PreviewSender:
@@ -28,11 +26,11 @@ class PreviewSender:
         """
         if not self._wanted or time.monotonic() < self._due_s:
             return
-        self._due_s = time.monotonic() + _EVERY_S
+        self._due_s = time.monotonic() + WORKER.preview_s
         pictures = []
         for number, image in enumerate(images):
-            height = round(image.shape[0] * _WIDTH / image.shape[1])
-            pictures.append(np.asarray(cv2.resize(image, (_WIDTH, height), interpolation=cv2.INTER_AREA), np.uint8))
+            size = (WORKER.preview_px, round(image.shape[0] * WORKER.preview_px / image.shape[1]))
+            pictures.append(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8))
             draw(number, pictures[-1], image.shape[1])
         tallest = max(len(picture) for picture in pictures)
         padded = [np.pad(picture, ((0, tallest - len(picture)), (0, 0), (0, 0))) for picture in pictures]

@@ -29,10 +29,8 @@ from ...vision.sources.image_set import ImageSet, ImageSource, camera_title
 from ..channel import Channel
 from ..open_source import open_source
 from ..requests import ImageSourceRequest, RecordBoardRequest
+from ..worker_settings import WORKER
 from .preview_sender import PreviewSender
-
-_SIMULATED_PLACES = 40
-_SHOWN_S = 0.6  # that a view was taken
 
 
 def run(request: RecordBoardRequest, channel: Channel) -> None:
@@ -79,7 +77,7 @@ def open_board(asked: ImageSourceRequest, board: Board, poses: Sequence[BoardPos
     if not isinstance(asked, SimulatedPerformer):
         return open_source(asked)
     rig = default_rig(asked.cameras)
-    return CarriedBoard(Renderer(rig), board, poses or board_poses(rig, board, _SIMULATED_PLACES))
+    return CarriedBoard(Renderer(rig), board, poses or board_poses(rig, board, WORKER.board_places))
 
 
 def _watch(
@@ -90,7 +88,7 @@ def _watch(
     channel: Channel,
 ) -> None:
     """Pass images to the session until it is done, a stop, or the source's end."""
-    sent, taken_s = ("", -1), -_SHOWN_S
+    sent, taken_s = ("", -1), -WORKER.taken_s
     for image_set in images:
         if channel.stop_requested.is_set():
             return
@@ -102,7 +100,7 @@ def _watch(
                 for folder, image in zip(folders, image_set.images, strict=True):
                     write_image(folder / f"{session.views - 1:03d}.png", image)
             if guidance.seen is not None:
-                is_new = time.monotonic() - taken_s < _SHOWN_S
+                is_new = time.monotonic() - taken_s < WORKER.taken_s
                 preview.send(image_set.images, partial(_draw, session, guidance, is_new))
             advice = advice or guidance.advice
         if (advice, session.views) != sent:

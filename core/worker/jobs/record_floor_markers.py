@@ -21,10 +21,9 @@ from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import ImageSource
 from ..channel import Channel, Stopped
 from ..requests import FloorMarkersRequest
+from ..worker_settings import WORKER
 from .camera_frames import open_pipeline
 from .preview_sender import PreviewSender
-
-_EMPTY_FRAMES = 30  # of the simulated room
 
 
 def run(request: FloorMarkersRequest, channel: Channel) -> None:
@@ -52,7 +51,7 @@ def _open(request: FloorMarkersRequest, channel: Channel) -> Iterator[tuple[Imag
         return
     source = FloorMarkers(default_rig(request.source.cameras))
     pipeline = MarkerPipeline(request.rig, live_settings(request.threshold))
-    pipeline.learn_empty(source.background_frames(_EMPTY_FRAMES))
+    pipeline.learn_empty(source.background_frames(WORKER.empty_images))
     yield source, pipeline
 
 

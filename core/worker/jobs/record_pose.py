@@ -26,9 +26,8 @@ from ...vision.sources.image_set import ImageSet
 from ..channel import Channel, Stopped
 from ..job_status import PoseCue, PoseStage
 from ..requests import RecordPoseRequest
+from ..worker_settings import WORKER
 from .camera_frames import open_pipeline
-
-_LONGEST_S = 60.0  # of a recording in which poses are looked for
 
 
 def run(request: RecordPoseRequest, channel: Channel) -> None:
@@ -81,7 +80,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Ch
         count_down(images, request.countdown_s, channel, INSTRUCTIONS[poses[0]])
     elif not isinstance(request.source, SimulatedPerformer) and len(poses) > 1:
         # no instructions can be given: the poses are somewhere in the recording
-        yield from _for_seconds(images, _LONGEST_S, channel, "looking for the markers", None)
+        yield from _for_seconds(images, WORKER.recording_s, channel, "looking for the markers", None)
         return
     for number, pose in enumerate(poses):
         words = INSTRUCTIONS[pose]

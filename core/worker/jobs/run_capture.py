@@ -23,13 +23,13 @@ from ...system.schema import table_of
 from ..channel import Channel
 from ..client import WorkerClient
 from ..requests import CamerasRequest, CaptureRequest, TrackerSource, TrackersRequest
+from ..worker_settings import WORKER
 from .capture_loop import CaptureLoop
 from .capture_stages import FrameRecorder, PoseOutput
 
 if TYPE_CHECKING:
     from ...session.multi_target_session import MultiTargetSession
 
-_FRAMES_AHEAD = 2  # of the solver, for sources that can wait
 # The simulated performer keeps step with the window: each redraw shows its next frame. On a machine that draws slowly,
 # poses computed ahead would take time from the drawing. Recorded images do run ahead.
 _POSES_AHEAD = 1
@@ -43,7 +43,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
     """
     cameras, source = request.cameras, request.cameras.source
     if not source.is_live:
-        cameras = replace(cameras, in_flight=_FRAMES_AHEAD)
+        cameras = replace(cameras, in_flight=WORKER.frames_ahead)
     channel.send_status("opening the cameras")
     take, client = None, None
     try:

@@ -8,11 +8,7 @@ from ...formats.vmc.vmc_udp import Receiver
 from ...markers.label_matching import join_names
 from ..channel import Channel, open_when_free
 from ..requests import TrackersRequest
-
-_LOOK_S = 0.1
-_SILENT_S = 1.0  # without a marker until the reason is sent
-_FLOOD_S = 1.0  # after the last packet too many
-_MOST_AHEAD = 60  # frames of a flood that wait for the solver; otherwise none is left out
+from ..worker_settings import WORKER
 
 
 def run(request: TrackersRequest, channel: Channel) -> None:
@@ -27,7 +23,7 @@ def run(request: TrackersRequest, channel: Channel) -> None:
         channel.send_status(f"waiting for trackers on port {receiver.port}")
         silence, flood = _Silence(receiver, stream, sender, channel), _Flood(receiver, stream, channel)
         while not channel.stop_requested.is_set():
-            packet = receiver.receive(_LOOK_S)
+            packet = receiver.receive(WORKER.trackers_s)
             now_s = time.perf_counter()
             frames = stream.add(packet, now_s) if packet is not None else []
             flood.update(now_s)
@@ -55,7 +51,7 @@ class _Flood:
         count = self._stream.gathering.flooding + self._receiver.overflowed
         if count > self._count:
             self._count, self._last_s = count, now_s
-        was_on, self._is_on = self._is_on, now_s - self._last_s < _FLOOD_S
+        was_on, self._is_on = self._is_on, now_s - self._last_s < WORKER.flood_s
         where = f"on port {self._receiver.port}"
         if self._is_on and not was_on:
             self._channel.send_warning(f"too much comes {where}, most is not read: let a single program send there")
@@ -66,7 +62,7 @@ class _Flood:
 
     def has_room(self) -> bool:
         """Return whether a frame may be sent; count it if not."""
-        if not self._is_on or self._channel.frames - self._channel.acknowledged < _MOST_AHEAD:
+        if not self._is_on or self._channel.frames - self._channel.acknowledged < WORKER.flood_frames:
             return True
         self._left_out += 1
         return False
@@ -92,7 +88,7 @@ class _Silence:
             self._since_s, self._came, self._warning = now_s, True, ""
         elif not self._hears and self._stream.gathering.understood:
             self._hears, self._since_s = True, now_s  # what it sends is known when it has sent all of it once
-        elif now_s - self._since_s > _SILENT_S:
+        elif now_s - self._since_s > WORKER.silent_trackers_s:
             reason = self._reason()
             if reason != self._warning:
                 self._warning = reason

@@ -7,7 +7,7 @@ import pytest
 from perfanim.core.worker import channel as channel_module
 from perfanim.core.worker.channel import Channel
 from perfanim.core.worker.protocol import MAGIC, MessageKind, encode, encode_json
-from perfanim.core.worker.timing import Timing
+from perfanim.core.worker.worker_settings import WorkerSettings
 
 PATIENCE_S = 30.0
 
@@ -16,7 +16,7 @@ PATIENCE_S = 30.0
 def ends(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Channel, socket.socket]]:
     """A channel, and the socket of its parent."""
     # then it ends its process, which is that of tests
-    monkeypatch.setattr(channel_module, "TIMES", Timing(grace_s=1e6))
+    monkeypatch.setattr(channel_module, "WORKER", WorkerSettings(grace_s=1e6))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         channel = Channel(listener.getsockname()[1], "token")
         parent, _ = listener.accept()

@@ -16,7 +16,7 @@ from perfanim.core.worker import client as client_module
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.connection import WorkerConnection
 from perfanim.core.worker.protocol import Message, MessageKind
-from perfanim.core.worker.timing import Timing
+from perfanim.core.worker.worker_settings import WorkerSettings
 
 PATIENCE_S = 60.0
 
@@ -78,11 +78,11 @@ def test_a_worker_that_gets_no_further_may_be_replaced_but_not_again_and_again(m
         said.append(stalled)
         with pytest.raises(CaptureError, match=r"made no progress for 2.0 s"):
             client.poll()
-        for _ in range(client_module.MOST_RESTARTS):
+        for _ in range(client_module.WORKER.restarts):
             assert client.may_restart  # also when the one that was started last has not worked yet
             client.restart()
         assert not client.may_restart
-        monkeypatch.setattr(client_module, "TIMES", Timing(restarts_within_s=0.0))
+        monkeypatch.setattr(client_module, "WORKER", WorkerSettings(restarts_within_s=0.0))
         assert not client.may_restart  # none of three has worked, however long that took
         said.append(Message(MessageKind.POSE))
         client.poll()
@@ -133,7 +133,7 @@ def test_a_process_whose_interpreter_is_blocked_ends_by_itself() -> None:
     program = (
         "import ctypes, sys\n"
         "from perfanim.core.worker import channel\n"
-        "channel.TIMES = channel.TIMES.__class__(blocked_s=1.0)\n"
+        "channel.WORKER = channel.WORKER.__class__(blocked_s=1.0)\n"
         "channel.Channel(int(sys.argv[1]), 'token')\n"
         "ctypes.PyDLL(None).sleep(3600)\n"  # keeps the interpreter's lock
     )

@@ -13,7 +13,7 @@ from perfanim.core.worker.connection import WorkerConnection
 from perfanim.core.worker.job_status import JobStatus
 from perfanim.core.worker.liveness import Liveness
 from perfanim.core.worker.protocol import Message, MessageKind, encode, encode_json
-from perfanim.core.worker.timing import Timing
+from perfanim.core.worker.worker_settings import WorkerSettings
 
 PATIENCE_S = 30.0
 
@@ -84,7 +84,7 @@ def test_a_stranger_who_says_nothing_keeps_nobody_out(
             worker.sendall(encode_json(MessageKind.HELLO, {"token": blender.token}))
             blender.receive()
             assert not blender.is_authenticated  # the first may be slow to speak
-            monkeypatch.setattr(connection_module, "TIMES", Timing(greeting_s=0.0))
+            monkeypatch.setattr(connection_module, "WORKER", WorkerSettings(greeting_s=0.0))
             wait_until(blender, lambda: blender.is_authenticated)
 
 

@@ -4,7 +4,7 @@ import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.worker.liveness import Liveness
 from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode_json
-from perfanim.core.worker.timing import TIMES
+from perfanim.core.worker.worker_settings import WORKER
 
 POLL_S = 0.05
 
@@ -38,7 +38,7 @@ def test_a_worker_that_hangs_on_an_idle_machine_is_noticed_at_once() -> None:
     worker = Watched()
     worker.say()
     worker.say(stalled_s=0.0, slowness=1.0)
-    assert worker.silent_until_hung_s() == pytest.approx(TIMES.hung_s, abs=2 * POLL_S)
+    assert worker.silent_until_hung_s() == pytest.approx(WORKER.hung_s, abs=2 * POLL_S)
 
 
 @pytest.mark.parametrize("slowness", [2.0, 5.0])
@@ -46,7 +46,7 @@ def test_a_slow_worker_has_as_many_times_more_time(slowness: float) -> None:
     worker = Watched()
     worker.say()
     worker.say(stalled_s=0.0, slowness=slowness)
-    assert worker.silent_until_hung_s() == pytest.approx(TIMES.hung_s * slowness, abs=2 * POLL_S)
+    assert worker.silent_until_hung_s() == pytest.approx(WORKER.hung_s * slowness, abs=2 * POLL_S)
 
 
 def test_a_late_worker_that_still_says_something_is_left_alone() -> None:
@@ -65,9 +65,9 @@ def test_a_slow_worker_that_hangs_is_noticed_in_the_end_and_one_on_a_machine_tha
     worker = Watched()
     worker.say()
     worker.say(stalled_s=0.0, slowness=50.0)
-    assert worker.silent_until_hung_s() == pytest.approx(TIMES.silence_s, abs=2 * POLL_S)
+    assert worker.silent_until_hung_s() == pytest.approx(WORKER.silence_s, abs=2 * POLL_S)
     worker.say(stalled_s=0.0, slowness=1.0)
-    assert worker.silent_until_hung_s() == pytest.approx(TIMES.hung_s, abs=2 * POLL_S)
+    assert worker.silent_until_hung_s() == pytest.approx(WORKER.hung_s, abs=2 * POLL_S)
 
 
 def test_no_progress_counts_like_silence() -> None:
@@ -81,8 +81,8 @@ def test_no_progress_counts_like_silence() -> None:
 def test_the_first_frame_may_take_longer() -> None:
     worker = Watched()
     worker.say(stalled_s=9.0, slowness=1.0)
-    assert worker.silent_until_hung_s() == pytest.approx(TIMES.silence_s, abs=2 * POLL_S)
-    assert Watched().silent_until_hung_s(connected=False) == pytest.approx(TIMES.start_s, abs=2 * POLL_S)
+    assert worker.silent_until_hung_s() == pytest.approx(WORKER.silence_s, abs=2 * POLL_S)
+    assert Watched().silent_until_hung_s(connected=False) == pytest.approx(WORKER.start_s, abs=2 * POLL_S)
 
 
 def test_silence_while_nobody_looked_hardly_counts() -> None:

@@ -18,9 +18,11 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.worker.jobs import tracker_frames
 from perfanim.core.worker.requests import TrackerSource, TrackersRequest
 from perfanim.core.worker.restart_point import RestartPoint
+from perfanim.core.worker.worker_settings import WorkerSettings
 from trackers_sent import Program, free_port, tracker_packet
 
 PATIENCE_S = 60.0
+HASTY = WorkerSettings(silent_trackers_s=0.4)
 MARKER_SET = load_marker_set("boxing")
 NAMES = MARKER_SET.names
 AFTER = RestartPoint(7, 0.1, 5.0)
@@ -79,7 +81,7 @@ class Running:
 
 @pytest.fixture(autouse=True)
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracker_frames, "_SILENT_S", 0.4)
+    monkeypatch.setattr(tracker_frames, "WORKER", HASTY)
 
 
 def test_each_reason_why_no_markers_come_is_told_and_that_they_are_back() -> None:
@@ -147,7 +149,7 @@ def test_a_flood_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_frames_of_a_flood_do_not_pile_up_and_its_end_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_assembler, "LIMITS", FloodLimits(frames=80))  # more than the queue of the solver holds
-    monkeypatch.setattr(tracker_frames, "_FLOOD_S", 2.0)
+    monkeypatch.setattr(tracker_frames, "WORKER", replace(HASTY, flood_s=2.0))
     with Running() as job, Program(job.port) as program:
         sent = 0
 
