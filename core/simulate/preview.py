@@ -23,11 +23,19 @@ from .studio.performer_body import make_body
 from .studio.studio_rig import looking_at
 from .studio.studio_settings import TABLES
 
-_SHADOW = np.array([-0.42, -0.40])  # shift of a shadow in x and z per metre of height
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
-_RING, _LINE = (90.0, 230.0, 120.0), (92.0, 86.0, 80.0)
-_GAP = 4  # pixels between pictures, of grey level
-_GAP_LEVEL = 24
+
+@dataclass(frozen=True)
+class PreviewStyle:
+    """Look of pictures; colours are BGR."""
+
+    shadow: tuple[float, float] = (-0.42, -0.40)  # shift of a shadow in x and z per metre of height
+    ring: tuple[float, float, float] = (90.0, 230.0, 120.0)  # colour of the rings around detections
+    line: tuple[float, float, float] = (92.0, 86.0, 80.0)  # colour of the floor's lines
+    gap_px: int = 4  # between pictures
+    gap_level: int = 24  # grey level there
+
+
+_STYLE = PreviewStyle()
 
 
 @dataclass(frozen=True)
@@ -93,7 +101,7 @@ def floor_image(camera: Camera) -> Image:
         for x, z in ((place, along), (along, place)):
             points = np.stack(np.broadcast_arrays(x, 0.0, z), axis=-1)
             pixels = camera.project(points[camera.to_camera(points)[:, 2] > 0.3])
-            cv2.polylines(picture, [np.rint(pixels * 16.0).astype(np.int32)], False, _LINE, 1, cv2.LINE_AA, 4)
+            cv2.polylines(picture, [np.rint(pixels * 16.0).astype(np.int32)], False, _STYLE.line, 1, cv2.LINE_AA, 4)
     return picture
 
 
@@ -106,7 +114,7 @@ def brightened(image: Image) -> Image:
 def draw_detections(image: Image, pixels: ArrayLike) -> None:
     """Draw rings around blobs with centres (N, 2), pixels."""
     for x, y in np.asarray(pixels, dtype=np.float64).reshape(-1, 2).tolist():
-        cv2.circle(image, (round(x * 16), round(y * 16)), 7 * 16, _RING, 1, cv2.LINE_AA, 4)
+        cv2.circle(image, (round(x * 16), round(y * 16)), 7 * 16, _STYLE.ring, 1, cv2.LINE_AA, 4)
 
 
 def draw_caption(image: Image, text: str, detail: str = "") -> None:
@@ -124,7 +132,7 @@ def side_by_side(*images: Image) -> Image:
         width = round(image.shape[1] * height / image.shape[0])
         same = image.shape[0] == height
         row.append(image if same else np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)))
-        row.append(np.full((height, _GAP, 3), _GAP_LEVEL, dtype=np.uint8))
+        row.append(np.full((height, _STYLE.gap_px, 3), _STYLE.gap_level, dtype=np.uint8))
     return np.hstack(row[:-1])
 
 
@@ -136,13 +144,13 @@ def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int 
     """
     if not frames:
         raise CaptureError("there are no pictures for the contact sheet", where=str(path))
-    columns = min(columns, len(frames))
-    cell = (width - _GAP * (columns + 1)) // columns
+    columns, gap = min(columns, len(frames)), _STYLE.gap_px
+    cell = (width - gap * (columns + 1)) // columns
     height = round(frames[0].shape[0] * cell / frames[0].shape[1])
     rows = -(-len(frames) // columns)
-    sheet = np.full((_GAP + rows * (height + _GAP), width, 3), _GAP_LEVEL, dtype=np.uint8)
+    sheet = np.full((gap + rows * (height + gap), width, 3), _STYLE.gap_level, dtype=np.uint8)
     for i, frame in enumerate(frames):
-        top, left = _GAP + (i // columns) * (height + _GAP), _GAP + (i % columns) * (cell + _GAP)
+        top, left = gap + (i // columns) * (height + gap), gap + (i % columns) * (cell + gap)
         sheet[top : top + height, left : left + cell] = cv2.resize(frame, (cell, height), interpolation=cv2.INTER_AREA)
     write_image(path, sheet)
 
@@ -158,7 +166,7 @@ def _part(joint: str) -> str:
 
 def _draw_shadow(image: Image, camera: Camera, cones: RoundCones) -> None:
     """Darken the floor where the cones cast a soft shadow."""
-    a, b = (ends[:, [0, 2]] + np.maximum(ends[:, 1:2], 0.0) * _SHADOW for ends in (cones.starts, cones.ends))
+    a, b = (ends[:, [0, 2]] + np.maximum(ends[:, 1:2], 0.0) * _STYLE.shadow for ends in (cones.starts, cones.ends))
     flat = outlines(a, b, cones.start_radii, cones.end_radii)
     polygons = camera.project(np.insert(flat, 1, 0.0, axis=-1))
     polygons = polygons[np.isfinite(polygons).all(axis=(1, 2))]  # those before the camera
@@ -171,5 +179,5 @@ def _draw_shadow(image: Image, camera: Camera, cones: RoundCones) -> None:
 
 def _write(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[float, float, float]) -> None:
     """Write text with a dark rim, so that it can be read on any background."""
-    cv2.putText(image, text, place, _FONT, size, (20.0, 20.0, 20.0), 3, cv2.LINE_AA)
-    cv2.putText(image, text, place, _FONT, size, colour, 1, cv2.LINE_AA)
+    cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, (20.0, 20.0, 20.0), 3, cv2.LINE_AA)
+    cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)

@@ -18,12 +18,21 @@ from .render import Renderer
 from .studio_rig import looking_at
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
-
-_SAMPLES = 4  # per pixel and axis
-_RIM = 1.7  # from the outer corners to the edge of the paper, in squares
-_CELL_PX = 64  # image parts that board positions should cover
 _FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, apart from those of performances
-_PRINT_PX = 120  # side of a printed ChArUco square; fields of codes are whole pixels for usual sizes
+
+
+@dataclass(frozen=True)
+class BoardSettings:
+    """Positions and drawing of boards."""
+
+    candidates: int = 600  # random positions of which the best are chosen
+    samples: int = 4  # per pixel and axis
+    rim: float = 1.7  # distance from the outer corners to the edge of the paper, squares
+    cell_px: int = 64  # side of the image parts that board positions should cover
+    print_px: int = 120  # side of a printed ChArUco square; fields of codes are whole pixels for usual sizes
+
+
+_SETTINGS = BoardSettings()
 
 
 @dataclass(frozen=True)
@@ -48,10 +57,10 @@ class BoardPicture:
     corners: Array
 
 
-def board_poses(rig: CameraRig, board: Board, count: int = 24) -> tuple[BoardPose, ...]:
+def board_poses(rig: CameraRig, board: Board, count: int) -> tuple[BoardPose, ...]:
     """Return tilted board positions that all cameras see whole.
 
-    Of random candidates, the next one is always that which best covers the image parts covered least so far.
+    Each is the random candidate that best covers the image parts covered least so far.
 
     Raises:
         SettingsError: No position is seen by all cameras.
@@ -59,7 +68,7 @@ def board_poses(rig: CameraRig, board: Board, count: int = 24) -> tuple[BoardPos
     rng = np.random.default_rng([0, 4])
     focus = _focus(rig)
     candidates = []
-    for _ in range(600):
+    for _ in range(_SETTINGS.candidates):
         pose = _candidate(rig, board, focus, rng)
         cells = _covered(rig, board, pose)
         if cells is not None:
@@ -84,7 +93,7 @@ def board_pictures(renderer: Renderer, board: Board = DEFAULT_BOARD, count: int 
         yield BoardPicture(number, pose, images, corners)
 
 
-def _drawn(renderer: Renderer, board: Board, pose: BoardPose, samples: int = _SAMPLES) -> list[Image]:
+def _drawn(renderer: Renderer, board: Board, pose: BoardPose, samples: int = _SETTINGS.samples) -> list[Image]:
     """Return the room with a board in all cameras, without noise."""
     images = [renderer.lit_room(i) for i in range(len(renderer.rig))]
     for image, camera in zip(images, renderer.rig.cameras, strict=True):
@@ -135,7 +144,7 @@ def _between(start: BoardPose, end: BoardPose, f: float) -> BoardPose:
     return BoardPose(rot.to_matrix(turn), start.position_m + f * (end.position_m - start.position_m))
 
 
-def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samples: int = _SAMPLES) -> None:
+def draw_board(image: Image, camera: Camera, board: Board, pose: BoardPose, samples: int = _SETTINGS.samples) -> None:
     """Draw a board into an image, in place: bent by the lens, anti-aliased, blurred.
 
     Args:
@@ -169,14 +178,21 @@ def _pattern(board: Board, x: Array, y: Array) -> tuple[FloatArray, FloatArray]:
     """Return paper (0 or 1) and darkness (0 or 1) at board positions, metres."""
     column, row = x / board.square_m, y / board.square_m
     columns, rows = board.corner_grid
-    paper = (column > -_RIM) & (column < columns - 1 + _RIM) & (row > -_RIM) & (row < rows - 1 + _RIM)
+    paper = (
+        (column > -_SETTINGS.rim)
+        & (column < columns - 1 + _SETTINGS.rim)
+        & (row > -_SETTINGS.rim)
+        & (row < rows - 1 + _SETTINGS.rim)
+    )
     squares = (column > -1.0) & (column < columns) & (row > -1.0) & (row < rows)
     if board.kind == "chessboard":
         dark = squares & ((np.floor(column) + np.floor(row)) % 2 == 0)
     else:
-        printed = charuco_board(board).generateImage((_PRINT_PX * (columns + 1), _PRINT_PX * (rows + 1)))
-        across = np.clip(_PRINT_PX * (column + 1.0), 0, printed.shape[1] - 1).astype(np.int64)
-        down = np.clip(_PRINT_PX * (row + 1.0), 0, printed.shape[0] - 1).astype(np.int64)
+        printed = charuco_board(board).generateImage(
+            (_SETTINGS.print_px * (columns + 1), _SETTINGS.print_px * (rows + 1))
+        )
+        across = np.clip(_SETTINGS.print_px * (column + 1.0), 0, printed.shape[1] - 1).astype(np.int64)
+        down = np.clip(_SETTINGS.print_px * (row + 1.0), 0, printed.shape[0] - 1).astype(np.int64)
         dark = squares & (printed[down, across] < 128)
     return paper.astype(np.float32), dark.astype(np.float32)
 
@@ -188,7 +204,7 @@ def _shrunk(layer: FloatArray, height: int, width: int, samples: int) -> Array:
 
 def _outline(board: Board) -> Array:
     """Return points (N, 3) along the edge of the paper, metres."""
-    low, high = np.array([-_RIM, -_RIM]), np.array(board.corner_grid) - 1 + _RIM
+    low, high = np.array([-_SETTINGS.rim, -_SETTINGS.rim]), np.array(board.corner_grid) - 1 + _SETTINGS.rim
     f = np.linspace(0.0, 1.0, 12)[:, None]
     corners = [low, np.array([high[0], low[1]]), high, np.array([low[0], high[1]])]
     sides = [a + f * (b - a) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
@@ -232,8 +248,8 @@ def _covered(rig: CameraRig, board: Board, pose: BoardPose) -> Array | None:
         towards = camera.centre_m - rim.mean(axis=0)
         if abs(float(towards @ pose.world_from_board[:, 2])) < 0.7 * float(np.linalg.norm(towards)):
             return None
-        grid = np.zeros((height // _CELL_PX + 1, width // _CELL_PX + 1))
-        index = (camera.project(corners) // _CELL_PX).astype(int)
+        grid = np.zeros((height // _SETTINGS.cell_px + 1, width // _SETTINGS.cell_px + 1))
+        index = (camera.project(corners) // _SETTINGS.cell_px).astype(int)
         grid[index[:, 1], index[:, 0]] = 1.0
         cells.append(grid.ravel())
     return np.concatenate(cells)

@@ -22,13 +22,9 @@ from .carried_prop import in_hand
 from .filmed_motion import Performance, make_performance
 from .render import Renderer, StudioFrame
 from .simulated_performer import SIMULATED, SimulatedPerformer
-from .stage_placement import with_poses
+from .stage_placement import STAGE, with_poses
 from .studio_rig import FPS, default_rig
 from .studio_settings import StudioSettings
-
-_AROUND_S = 4.0  # T pose, arms down and rest around a behaviour
-_SPACING_M = 1.2  # between performers: both stay in the picture, and arms held out do not meet
-_MOST_PARTNERS = 7  # no room holds more, and each takes a second to prepare
 
 
 @dataclass(eq=False)
@@ -113,14 +109,14 @@ def open_simulated(asked: SimulatedPerformer | Table) -> SimulatedSource:
     """
     if not isinstance(asked, SimulatedPerformer):
         asked = SIMULATED.read({"kind": "simulated", **asked}, "simulated performer")
-    if len(asked.partners) > _MOST_PARTNERS:
+    if len(asked.partners) > STAGE.partners:
         message = f"there cannot be {len(asked.partners)} partners of the simulated performer"
-        raise SettingsError(message, advice=f"ask for {_MOST_PARTNERS} at most")
+        raise SettingsError(message, advice=f"ask for {STAGE.partners} at most")
     everybody = [asked, *(asked.partner(partner) for partner in asked.partners)]
     motions = []
     for number, one in enumerate(everybody):
         motion = with_poses(_motion(one), asked.poses, asked.held_s)
-        place_m = np.array([_SPACING_M * (number - 0.5 * len(asked.partners)), 0.0, 0.0])
+        place_m = np.array([STAGE.spacing_m * (number - 0.5 * len(asked.partners)), 0.0, 0.0])
         motions.append(replace(motion, root_positions_m=motion.root_positions_m + place_m))
     source = simulated_source(
         motions[0],
@@ -176,7 +172,7 @@ def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
 
 def _motion(asked: SimulatedPerformer) -> Motion:
     """Return T pose and behaviour."""
-    seconds = None if asked.seconds is None else asked.seconds + _AROUND_S
+    seconds = None if asked.seconds is None else asked.seconds + STAGE.around_s
     height_m = asked.height_m
     if height_m is None and asked.behaviour != DEMO:
         height_m = DEFAULT_HEIGHT_M

@@ -1,7 +1,7 @@
 """Recorded motion moved in front of the simulated cameras."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,8 +11,19 @@ from ...errors import SettingsError
 from ...geometry import rotations as rot
 from .performer_body import make_body
 
-_LONGEST_HELD_S = 300.0  # all poses together
-ARRIVAL_S = 1.0  # time from a held pose to the next, or to the motion's first pose
+
+@dataclass(frozen=True)
+class StageSettings:
+    """Times and places of simulated performers."""
+
+    longest_held_s: float = 300.0  # longest time for all calibration poses together
+    arrival_s: float = 1.0  # time from a held pose to the next, or to the motion's first pose
+    around_s: float = 4.0  # T pose, arms down and rest around a behaviour
+    spacing_m: float = 1.2  # between performers: both stay in the picture, and arms held out do not meet
+    partners: int = 7  # most partners: a room holds no more, and each takes a second to prepare
+
+
+STAGE = StageSettings()
 
 
 def on_stage(motion: Motion) -> Motion:
@@ -35,8 +46,8 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
     Raises:
         SettingsError: The poses would last more than five minutes.
     """
-    if not seconds * len(poses) <= _LONGEST_HELD_S:
-        advice = f"hold all together for {_LONGEST_HELD_S:.0f} s at most"
+    if not seconds * len(poses) <= STAGE.longest_held_s:
+        advice = f"hold all together for {STAGE.longest_held_s:.0f} s at most"
         raise SettingsError(f"{len(poses)} poses cannot be held for {seconds:.6g} s each", advice=advice)
     if seconds <= 0.0:
         return motion
@@ -46,7 +57,7 @@ def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
         root = motion.root_positions_m[0].copy()
         root[1] = -lowest_point_m(replace(motion, rotations=pose[None], root_positions_m=np.zeros((1, 3))))
         still = max(round(seconds * motion.fps), 1)
-        frames = max(round(ARRIVAL_S * motion.fps), 1)
+        frames = max(round(STAGE.arrival_s * motion.fps), 1)
         between, way = eased_between((pose, root), (rotations[0], path[0]), frames)
         rotations = np.concatenate((np.broadcast_to(pose, (still, *pose.shape)), between, rotations))
         path = np.concatenate((np.broadcast_to(root, (still, 3)), way, path))

@@ -1,5 +1,7 @@
 """The simulated cameras."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -10,10 +12,6 @@ from ...geometry.camera import Camera, CameraRig
 IMAGE_SIZE = (640, 480)
 FPS = 60.0
 
-_HALF_BASELINE_M, _DISTANCE_M, _HEIGHT_M = 0.9, 3.3, 1.4
-_RISE_M = 0.3  # height of a camera above or below that
-_TARGET_M = (0.0, 0.98, 0.0)
-
 # webcams of one make are not quite alike: focal lengths, centre (pixels), k1, k2, p1, p2, k3
 _LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
     (541.3, 540.6, 322.7, 236.9, (-0.118, 0.071, 0.0006, -0.0004, -0.012)),
@@ -21,6 +19,20 @@ _LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
     (544.9, 543.7, 319.2, 240.8, (-0.124, 0.080, 0.0002, 0.0005, -0.015)),
     (539.5, 540.2, 324.3, 238.1, (-0.113, 0.064, -0.0003, -0.0006, -0.010)),
 )
+
+
+@dataclass(frozen=True)
+class StudioPlacement:
+    """Places of the simulated cameras in the world, metres."""
+
+    half_baseline_m: float = 0.9
+    distance_m: float = 3.3
+    height_m: float = 1.4
+    rise_m: float = 0.3  # height of a camera above or below `height_m`
+    target_m: tuple[float, float, float] = (0.0, 0.98, 0.0)
+
+
+_PLACED = StudioPlacement()
 
 
 def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
@@ -47,12 +59,15 @@ def default_rig(cameras: int = 2) -> CameraRig:
     if not 1 <= cameras <= 8:
         raise SettingsError(f"there cannot be {cameras} simulated cameras", advice="ask for 1 to 8")
     if cameras <= 2:
-        half = float(np.sqrt(_HALF_BASELINE_M**2 - _RISE_M**2))
-        places = [(-half, _HEIGHT_M - _RISE_M, _DISTANCE_M), (half, _HEIGHT_M + _RISE_M, _DISTANCE_M)][:cameras]
+        half = float(np.sqrt(_PLACED.half_baseline_m**2 - _PLACED.rise_m**2))
+        places = [
+            (-half, _PLACED.height_m - _PLACED.rise_m, _PLACED.distance_m),
+            (half, _PLACED.height_m + _PLACED.rise_m, _PLACED.distance_m),
+        ][:cameras]
     else:
-        reach = 1.1 * float(np.hypot(_HALF_BASELINE_M, _DISTANCE_M))
+        reach = 1.1 * float(np.hypot(_PLACED.half_baseline_m, _PLACED.distance_m))
         angles = np.radians(np.linspace(-1.0, 1.0, cameras) * min(15.0 * (cameras - 1), 75.0))
-        heights = [_HEIGHT_M + (_RISE_M if i % 2 else -_RISE_M) for i in range(cameras)]
+        heights = [_PLACED.height_m + (_PLACED.rise_m if i % 2 else -_PLACED.rise_m) for i in range(cameras)]
         places = [
             (reach * float(np.sin(angle)), height, reach * float(np.cos(angle)))
             for angle, height in zip(angles, heights, strict=True)
@@ -67,7 +82,7 @@ def _camera(
     name: str, place: tuple[float, float, float], lens: tuple[float, float, float, float, tuple[float, ...]]
 ) -> Camera:
     fx, fy, cx, cy, distortion = lens
-    rotation = looking_at(place, _TARGET_M)
+    rotation = looking_at(place, _PLACED.target_m)
     return Camera(
         name=name,
         image_size=IMAGE_SIZE,

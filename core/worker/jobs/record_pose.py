@@ -19,7 +19,7 @@ from ...markers.floor_from_feet import floor_points, to_rig_world
 from ...markers.marker_set import load_marker_set
 from ...markers.marker_take import MarkerTake
 from ...simulate.studio.simulated_performer import SimulatedPerformer
-from ...simulate.studio.stage_placement import ARRIVAL_S
+from ...simulate.studio.stage_placement import STAGE
 from ...subjects.pose_calibration import check_poses
 from ...vision.calibration.rig_on_floor import rig_on_floor
 from ...vision.sources.image_set import ImageSet
@@ -51,7 +51,7 @@ def record_poses(request: RecordPoseRequest, channel: Channel) -> tuple[MarkerTa
     check_poses(poses)
     if isinstance(request.source, SimulatedPerformer):
         performer = replace(request.source, poses=poses, held_s=request.seconds)
-        request = replace(request, source=performer, between_s=ARRIVAL_S)
+        request = replace(request, source=performer, between_s=STAGE.arrival_s)
     with open_pipeline(request, channel) as (source, pipeline):
         frames = [pipeline.process(images) for images in _moments(request, iter(source), channel)]
     if not frames:
