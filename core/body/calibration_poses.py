@@ -52,9 +52,9 @@ def hanging(skeleton: Skeleton) -> Array:
 def motorcycle(skeleton: Skeleton) -> Array:
     """Return local rotations (J, 4) of a motorcyclist: arms forward, palms down.
 
-    The feet stay flat below the hips and the trunk upright; the hands are at the height of the chest, below the line
-    from the cameras to the shoulders. The arms are straight because a stretched limb is the only one with a joint angle
-    that performers meet exactly: the distance of a bent elbow's hand says little of the arm.
+    The feet are flat below the hips, the trunk is upright, and the hands are at the height of the chest, so that they
+    do not hide the shoulders from the cameras. The arms are straight, because performers cannot hold an exact elbow
+    angle.
     """
     result = t_pose(skeleton)
     for side, outward in (("l", 1.0), ("r", -1.0)):
@@ -76,8 +76,8 @@ POSES: dict[str, Callable[[Skeleton], Array]] = {
     "hanging": hanging,
     "motorcycle": motorcycle,
 }
-CALIBRATION = ("t", "hanging", "motorcycle")  # which together tell where the limbs begin and end
-# what to say to somebody who is to take the pose
+CALIBRATION = ("t", "hanging", "motorcycle")  # together they give the joint positions of the limbs
+# instructions for the performer
 INSTRUCTIONS = {
     "t": "stand upright, arms straight out to the sides, palms down",
     "standing": "stand upright, arms hanging",

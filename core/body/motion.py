@@ -9,9 +9,9 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 from .skeleton import Skeleton
 
-LEAST_FPS, MOST_FPS = 1.0, 2000.0  # of motion and markers in files
-_FARTHEST_M = 1e4
-_LEAST_SQUARE, _MOST_SQUARE = 0.998, 1.002  # of a unit quaternion's length, as rounded numbers make it
+LEAST_FPS, MOST_FPS = 1.0, 2000.0  # frame rates of motion and markers in files
+_FARTHEST_M = 1e4  # largest coordinate of a root
+_LEAST_SQUARE, _MOST_SQUARE = 0.998, 1.002  # squared length of a unit quaternion read from rounded numbers
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,8 @@ class Motion:
         root_positions_m: (F, 3) world position of the root, metres, up to ten kilometres from the origin.
 
     Raises:
-        FormatError: arrays of other shapes, numbers out of range or not finite, or rotations that are none.
+        FormatError: An array has a wrong shape, a number is out of range or not finite, or a rotation is not a unit
+            quaternion.
     """
 
     name: str
@@ -109,7 +110,7 @@ def eased_between(start: tuple[Array, Array], end: tuple[Array, Array], frames: 
 
     Args:
         start, end: rotations (J, 4) and root position (3,), neither part of the result.
-        frames: from the one to the other.
+        frames: Number of frames from start to end.
     """
     f = np.arange(1, frames) / frames
     ease = (f * f * (3.0 - 2.0 * f))[:, None]

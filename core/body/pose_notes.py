@@ -8,7 +8,7 @@ from .body_parts import PARTS
 
 
 class NoteKind(Enum):
-    """What a note says about a pose."""
+    """Kinds of notes on a pose."""
 
     SOURCE = auto()  # message of a camera, or of another source of marker frames
     HIDDEN = auto()  # markers or a prop are hidden

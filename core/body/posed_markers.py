@@ -6,7 +6,7 @@ from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.quaternion_components import Quaternion, Vector, multiply
 
-_CHUNK = 8192  # poses at once: enough that numpy's calls cost nothing, few enough for the processor's cache
+_CHUNK = 8192  # poses at once: they fit the processor's cache, and numpy's calls cost little
 _SMALLEST_RAD = 1e-12
 _ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
 

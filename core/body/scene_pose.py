@@ -11,8 +11,8 @@ from .body_parts import PARTS
 from .pose_notes import PoseNote
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
-_REASON = 0.25  # share of a stretch's poses that a note must be of, to be the stretch's reason
-# expected error from which a part of it is; hands and feet are never known better than to half of that
+_REASON = 0.25  # share of a stretch's poses with a note from which the note is its reason
+# expected error from which a part is probably wrong; that of hands and feet is never below half of this
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
 
@@ -23,9 +23,9 @@ class PropPose:
     Args:
         rotation: (4,) world-from-prop quaternion.
         position_m: (3,) the prop's origin in the world.
-        rms_m: RMS distance between its markers as they were located and as the rigid prop has them; NaN when unseen.
-        seen: how many of its markers one camera or more showed; 0 when it was not found, and then it stands where it
-            was last, at the origin before it was ever found.
+        rms_m: RMS distance between its located markers and those of the rigid prop; NaN if none was located.
+        seen: Number of its markers that any camera showed; 0 if it was not found: then it keeps its last pose, at first
+            that of the origin.
     """
 
     rotation: Array
@@ -35,7 +35,7 @@ class PropPose:
 
     @property
     def found(self) -> bool:
-        """Whether the cameras showed where it is."""
+        """Whether the cameras showed the prop."""
         return self.seen > 0
 
 
@@ -100,7 +100,7 @@ class ScenePose:
     """Solved poses of all performers and props of a capture at one moment.
 
     Args:
-        performers: one pose for each performer of the capture, in their order; without any there is no number.
+        performers: Pose of each performer, in the capture's order.
         props: one pose for each prop, in their order.
         notes: Problems of all performers and props.
     """
@@ -125,10 +125,10 @@ class DoubtfulStretch:
     """Stretch of a take where a performer's poses are probably wrong.
 
     Args:
-        start_s, stop_s: since the first pose.
-        reason: most frequent note of its poses, for a part the most frequent about it; "" without any.
-        part: of the body; "" for the whole pose.
-        first, last: frames, counted from 0, the last one included.
+        start_s, stop_s: Time since the first pose.
+        reason: Most frequent note of its poses, or of those on the part; "" if none is frequent.
+        part: Part of the body; "" for the whole pose.
+        first, last: Frames, counted from 0, the last one included.
     """
 
     start_s: float

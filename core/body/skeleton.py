@@ -14,8 +14,8 @@ from ..errors import SkeletonError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 
-MOST_JOINTS = 2000  # of a file's hierarchy
-_LONGEST_BONE_M = 10.0
+MOST_JOINTS = 2000  # joints in a file
+_LONGEST_BONE_M = 10.0  # longer ones show a wrong unit of length
 _UNIT = np.eye(3)
 
 
@@ -89,14 +89,14 @@ class Skeleton:
 
     @cached_property
     def is_ancestor(self) -> Mask:
-        """(J, J) true where joint [i, j]: j is i itself or lies between i and the root."""
+        """Mask (J, J): joint j is joint i itself, or one of its ancestors."""
         result = np.eye(len(self), dtype=bool)
         for joint in range(1, len(self)):
             result[joint] |= result[self.parents[joint]]
         return result
 
     def carrying(self, joints: IntArray) -> tuple["Skeleton", IntArray]:
-        """Return the part above some joints, by depth, and its joints' indices here."""
+        """Return the skeleton of some joints and their ancestors, by depth, and their indices here."""
         kept = self.is_ancestor[joints].any(axis=0)
         order = np.concatenate([level[kept[level]] for level in joint_levels(tuple(self.parents.tolist()))])
         place = np.full(len(self) + 1, -1)  # the root's parent stays -1
@@ -121,16 +121,16 @@ def joint_levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
 
 @lru_cache(maxsize=64)
 def joint_leaps(parents: tuple[int, ...]) -> tuple[tuple[IntArray | slice, IntArray], ...]:
-    """Return joints and their ancestors 1, 2, 4, ... bones above, while there are any.
+    """Return joints with their ancestors 1, 2, 4, ... bones above, while there are any.
 
-    What each joint does relative to its parent becomes what it does in the world by as many products as this has
-    entries: after each, every joint's is relative to twice as far up.
+    One product per entry turns transforms relative to parents into world transforms: each doubles the distance to the
+    ancestor that a joint's transform is relative to.
     """
     result: list[tuple[IntArray | slice, IntArray]] = []
     above = np.array(parents)
     while np.any(above >= 0):
         joints = np.flatnonzero(above >= 0)
-        # of joints in the order of their depth, those so deep are the last: nothing needs to be picked
+        # joints in the order of depth: those this deep come last, so a slice replaces the indices
         result.append((slice(joints[0], None) if len(joints) == len(above) - joints[0] else joints, above[joints]))
         above[joints] = above[above[joints]]
     return tuple(result)
@@ -201,8 +201,8 @@ def marker_positions(
 def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, positions_m: Array, axes: Array) -> Array:
     """Return d marker / d (root, joint coordinates), (..., M, 3, 3 + 3 J).
 
-    A coordinate of joint k turns what it carries about axis a through the joint's origin p_k: a x (m - p_k); zero
-    where k does not carry the marker.
+    A coordinate of joint k turns the markers m below the joint about an axis a through its origin p_k, by a x (m -
+    p_k). Other markers do not move.
 
     Args:
         joints: (M,) carrying joints.
@@ -211,7 +211,7 @@ def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, posi
         axes: (..., J, 3, 3) with the axes in the world as columns; for rotations varied on their right, R_k exp(d_k),
             these are the world matrices of `forward_kinematics_matrices`.
     """
-    # all pairs, as to pick those of a marker and what carries it takes longer
+    # all pairs: to select those of a marker and its joints takes longer
     arms = positions_m[..., None, :, :] - markers_m[..., :, None, :]
     arms *= skeleton.is_ancestor[joints][..., None]
     jacobian = np.empty((*markers_m.shape, 1 + len(skeleton), 3))

@@ -26,7 +26,7 @@ class SourceMotion:
         euler_orders: (J) rotation channels in the file's order, e.g. "ZXY"; "" for a joint that has none.
         angle_jumps: (F,) true where a rotation channel is more than 150 degrees from that of the frame before, which
             the rotation itself need not be; left out for none.
-        notes: oddities tolerated while reading.
+        notes: Irregularities that were tolerated.
     """
 
     name: str

@@ -23,7 +23,7 @@ from .studio.discs import draw_disc
 from .studio.simulated_source import SimulatedSource, open_simulated
 
 Generator = np.random.Generator
-Change = Callable[[int, Image], Image]  # from number and image of a camera to the image
+Change = Callable[[int, Image], Image]  # changes a camera's image; the number is the camera's
 
 FPS, SECONDS, EMPTY_FRAMES = 30.0, 6.0, 6
 

@@ -1,4 +1,4 @@
-"""Where the files shipped with the product lie."""
+"""Paths of the shipped files."""
 
 from .. import PACKAGE_ROOT
 

@@ -7,8 +7,8 @@ class Backoff:
     """Waiting time until the next attempt.
 
     Args:
-        first_s: wait from the reset, or the first question, to the first attempt.
-        longest_s: limit of the waits.
+        first_s: Wait from the reset, or the first question, to the first attempt.
+        longest_s: Longest wait.
     """
 
     def __init__(self, first_s: float, longest_s: float = math.inf) -> None:
@@ -16,7 +16,7 @@ class Backoff:
         self.reset()
 
     def reset(self, now_s: float | None = None) -> None:
-        """Begin again with the first wait, from now or from the next question."""
+        """Restart with the first wait, from now or from the next question."""
         self._since_s, self._wait_s = now_s, self._first_s
 
     def is_due(self, now_s: float) -> bool:

@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-_CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # of the user; OpenBLAS has read them
-_FOLDERS = ("{}.libs", "{}/.dylibs")  # of the wheels for Linux and Windows, and for macOS
-_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # of OpenBLAS' functions in these
+_CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # variables by which the user chooses; OpenBLAS has read them
+_FOLDERS = ("{}.libs", "{}/.dylibs")  # the libraries' folders in wheels for Linux and Windows, and for macOS
+_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # parts of the names of OpenBLAS' functions there
 
 
 @cache
 def use_one_blas_thread() -> int:
     """Let OpenBLAS use one thread here, unless the environment sets another number.
 
-    The solver's matrices are small: threads cost more than they gain, most of all beside other processes.
+    The solver's matrices are small, so threads cost more than they gain, above all beside other processes.
 
     Returns:
-        The number of libraries changed: 0 where the user has chosen or NumPy and SciPy use something else.
+        Number of changed libraries: 0 if the user has chosen, or if NumPy and SciPy use another library.
     """
     if any(name in os.environ for name in _CHOICES):
         return 0
@@ -41,7 +41,7 @@ def bundled_blas() -> list[Path]:
 def blas_function(path: Path, name: str) -> "ctypes._NamedFuncPointer | None":
     """Return a function of an OpenBLAS library; None if it cannot be found."""
     try:
-        library = ctypes.CDLL(str(path))  # the one that is loaded already
+        library = ctypes.CDLL(str(path))  # returns the loaded one
     except OSError:
         return None
     names = (f"{prefix}_{name}{suffix}" for prefix in _PREFIXES for suffix in _SUFFIXES)

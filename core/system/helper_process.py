@@ -1,9 +1,9 @@
 """Start of a helper process: imports the package there and runs one function.
 
-A new process has no package, and the extension's folder may have any name (Blender's is
-bl_ext.<repository>.perfanim, which only Blender can import), so the package is made from its place. For that this file
-is run by path, and imports only Python's own modules. The order comes as one line of JSON on standard input, as other
-users can read a command line; only Blender, with this file as its `--python`, gets it behind "--".
+A new process cannot import the package by name, as the extension's folder may have any name (in Blender it is
+bl_ext.<repository>.perfanim). So this file is run by path, imports only the standard library, and creates the package
+from its folder. The order is one line of JSON on standard input, because other users can read a command line; only
+Blender, which runs this file by `--python`, gets it after "--".
 """
 
 import importlib
@@ -27,10 +27,10 @@ def order(run: Callable[..., Any] | str, *arguments: Any, paths: Sequence[str] |
     """Return the order for a helper process: one line of JSON without its end.
 
     Args:
-        run: function at the top level of a module; its return value becomes the exit status. A string
-            ("module:name", with `perfanim` for the package) names one that cannot be imported in this process.
-        arguments: of the function, JSON-able.
-        paths: the process' import path; the one of this process if not given.
+        run: Function at the top level of a module; its return value becomes the exit status. A string ("module:name",
+            with `perfanim` for the package) names a function that this process cannot import.
+        arguments: Its arguments, which JSON can hold.
+        paths: Import path of the process; by default that of this one.
     """
     package = __name__.partition(".core.")[0]
     if not isinstance(run, str):

@@ -12,11 +12,11 @@ from . import helper_process
 
 
 class JsonProcess:
-    """One process; every method but `kill` raises BrokenPipeError when it has ended.
+    """One process; every method but `kill` raises BrokenPipeError once it has ended.
 
     Args:
-        serve: function at the top level of a module that reads the requests until its input ends.
-        environment: variables besides those of this process.
+        serve: Function at the top level of a module that reads requests until its input ends.
+        environment: Variables in addition to those of this process.
     """
 
     def __init__(self, serve: Callable[[], None], environment: Mapping[str, str] | None = None) -> None:
@@ -58,7 +58,7 @@ class JsonProcess:
         self._process.kill()
 
     def close(self) -> None:
-        """End the process and free its pipes, once nobody reads from it."""
+        """End the process and free its pipes; no thread may read from it."""
         self._process.kill()
         with suppress(OSError):  # a request that was not read
             self._process.communicate()

@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-_FAR = 1 << 40  # beyond any take: on Windows nobody else may read locked bytes
+_FAR = 1 << 40  # offset beyond any take: on Windows locked bytes cannot be read
 
 if sys.platform == "win32":
     import msvcrt
@@ -29,7 +29,7 @@ else:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
-        except OSError:  # a file system without locks: nobody can tell
+        except OSError:  # the file system has no locks
             return True
         return True
 

@@ -1,4 +1,4 @@
-"""Outputs of commands: no input of theirs, and written by one program at a time."""
+"""Outputs of commands: not an input of theirs, and written by one program at a time."""
 
 import os
 import sys
@@ -10,8 +10,8 @@ from ..errors import FormatError
 from .lock import lock
 
 LOCK_ENDING = ".lock"
-_CLAIMED = "PERFANIM_OUTPUT"  # environment: the output that this process, or the one that started it, has locked
-_TRIES = 100
+_CLAIMED = "PERFANIM_OUTPUT"  # environment variable: output locked by this process or the one that started it
+_TRIES = 100  # attempts to lock a file that others keep removing
 
 
 def check_no_input(out: Path | str, inputs: Iterable[Path | str]) -> None:
@@ -26,10 +26,10 @@ def check_no_input(out: Path | str, inputs: Iterable[Path | str]) -> None:
 def writer_lock(target: Path) -> Iterator[None]:
     """Keep other programs from writing a file, by `.NAME.lock` beside it.
 
-    Where that cannot be made, nobody is kept out: the writer finds out itself why its folder cannot be written.
+    Without write access there is no lock; writing the file then reports the reason.
 
     Raises:
-        FormatError: another program writes it.
+        FormatError: Another program is writing it.
     """
     path = target.parent / f".{target.name}{LOCK_ENDING}"
     try:
@@ -44,18 +44,18 @@ def writer_lock(target: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if sys.platform == "win32":  # there nobody removes an open file
+        if sys.platform == "win32":  # an open file cannot be removed there
             os.close(handle)
             with suppress(OSError):
                 path.unlink()
-        else:  # removed while it is locked: the next one may have opened it already, and looks again
+        else:  # removed while locked: the next writer may have opened it, and checks that
             with suppress(OSError):
                 path.unlink()
             os.close(handle)
 
 
 def _locked(path: Path) -> int | None:
-    """Return the handle of a lock file, None where another program has it."""
+    """Return the handle of a lock file, None if another program holds it."""
     for _ in range(_TRIES):
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         if not lock(handle):
@@ -64,16 +64,16 @@ def _locked(path: Path) -> int | None:
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(handle), path.stat()):
                 return handle
-        os.close(handle)  # the writer before removed it
+        os.close(handle)  # the earlier writer has removed it
     return None
 
 
 @contextmanager
 def claimed(target: Path | str) -> Iterator[None]:
-    """Lock an output from before a command computes it, for its own processes.
+    """Lock an output while a command and its processes compute and write it.
 
     Raises:
-        FormatError: another program writes it.
+        FormatError: Another program is writing it.
     """
     real = os.path.realpath(target)
     with writer_lock(Path(real)):

@@ -3,7 +3,7 @@
 import os
 import sys
 
-_NICE = 10  # of 19: still as fast as possible where nobody else asks
+_NICE = 10  # of 19: an otherwise idle processor is still used fully
 _BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS
 
 

@@ -1,4 +1,4 @@
-"""Time stamps of a camera's images without their random delays."""
+"""Time stamps of a camera's images, free of random delays."""
 
 from collections import deque
 from dataclasses import dataclass

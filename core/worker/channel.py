@@ -88,7 +88,7 @@ class Channel:
 
     @property
     def has_request(self) -> bool:
-        """Whether a further request is waiting."""
+        """Whether a further request waits."""
         return not self._requests.empty()
 
     def wait_for_ack(self, in_flight: int, limit_s: float | None = None) -> None:
@@ -205,7 +205,7 @@ class Channel:
                     self._receive(message)
             except PerfanimError:  # the stream is unreadable from here on
                 break
-        # a job that does not end by itself must not stay as an orphan
+        # a job that does not end by itself would stay as an orphan
         self.disconnected.set()
         self._request_stop()
         self._requests.put(Message(MessageKind.REQUEST))

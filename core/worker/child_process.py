@@ -37,10 +37,10 @@ class ChildProcess:
     """A Python process that runs `process.main`.
 
     Args:
-        python: the interpreter, this process' by default; never Blender's own binary.
+        python: Interpreter; by default that of this process. Not Blender's own program.
 
     Raises:
-        CaptureError: the process could not be started.
+        CaptureError: The process could not be started.
     """
 
     def __init__(self, port: int, token: str, job: str, python: str | None = None) -> None:
@@ -104,7 +104,7 @@ class ChildProcess:
         self._process.wait()
 
     def kill(self) -> None:
-        """End the process by force and release it; one that hangs answers to nothing else."""
+        """Kill the process and release it: a hung process does not respond to anything else."""
         self._close_input()
         self._process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -117,5 +117,5 @@ class ChildProcess:
 
     def _close_input(self) -> None:
         if self._process.stdin is not None:
-            with contextlib.suppress(OSError):  # what a process that is gone has not read is still in its buffer
+            with contextlib.suppress(OSError):  # the buffer may hold bytes that the ended process has not read
                 self._process.stdin.close()

@@ -1,6 +1,6 @@
 """Blender's side of a worker: starts, polls, ends or replaces its process.
 
-No thread runs on this side. The worker queues messages that Blender is too slow to take: none is lost, nobody blocks.
+This side has no threads. The worker queues messages while Blender is slow, so none is lost and neither side blocks.
 """
 
 import time
@@ -43,10 +43,10 @@ class WorkerClient:
 
     Args:
         request: Request of the job, or its JSON object.
-        python: The interpreter; never Blender's own binary.
+        python: Interpreter; not Blender's own program.
 
     Raises:
-        CaptureError: the process could not be started.
+        CaptureError: The process could not be started.
     """
 
     def __init__(self, request: Request | Mapping[str, Any], python: str | None = None) -> None:
@@ -130,11 +130,11 @@ class WorkerClient:
         return (works or self.earlier_frames > 0) and not self._stop_asked and self._policy.allows_restart(works)
 
     def restart(self, after: RestartPoint | None = None, cause: str = "") -> None:
-        """End the process and start another in its place.
+        """Replace the process by a new one.
 
         Args:
             after: Last frame of the process before.
-            cause: Why it is replaced, in plain words.
+            cause: Reason of the replacement, for the user.
 
         Raises:
             CaptureError: The process could not be started.
@@ -167,7 +167,7 @@ class WorkerClient:
 
     @property
     def connected(self) -> bool:
-        """Whether the process has its first request."""
+        """Whether the process is connected and has its first request."""
         return self._connection.is_authenticated
 
     def request_stop(self) -> None:

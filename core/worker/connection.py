@@ -21,10 +21,10 @@ _CHUNK = 1 << 16  # bytes received at once
 
 
 class WorkerConnection:
-    """Socket for the one program with the right token; no method but `wait` waits.
+    """Socket for the program with the right token; only `wait` waits.
 
     Args:
-        request: the job, sent once the worker has connected; may change until then.
+        request: Request of the job, sent once the worker is connected; it may change until then.
     """
 
     def __init__(self, request: Mapping[str, Any]) -> None:
@@ -44,10 +44,10 @@ class WorkerConnection:
         return int(self._listener.getsockname()[1])
 
     def receive(self) -> list[Message]:
-        """Return whole messages that have arrived, not more than one call can deal with.
+        """Return whole messages that have arrived, a limited number per call.
 
         Raises:
-            CaptureError: the stream is damaged or of another version.
+            CaptureError: The stream is damaged or of another version.
         """
         if not self.is_authenticated:
             self._accept()
@@ -71,7 +71,7 @@ class WorkerConnection:
         return messages
 
     def _accept(self) -> None:
-        """Take the next program that has connected, unless another is about to greet."""
+        """Accept the next program, unless the present one may still send its token."""
         now_s = time.monotonic()
         if self._socket is not None and now_s - self._accepted_s < WORKER.greeting_s:
             return
@@ -102,7 +102,7 @@ class WorkerConnection:
         return list(messages[1:])
 
     def send(self, data: bytes = b"") -> None:
-        """Send the bytes and those still queued, as far as the system takes them now."""
+        """Send queued bytes and these, as many as the system accepts now."""
         self._outgoing += data
         if not self._outgoing or self._socket is None or not self.is_authenticated:
             return

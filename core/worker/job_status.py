@@ -1,4 +1,4 @@
-"""What a job says of its work."""
+"""Status of a job."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -19,7 +19,7 @@ class PoseStage(Enum):
 
 @dataclass(frozen=True)
 class PoseCue:
-    """What the performer does now."""
+    """Present instruction for the performer."""
 
     stage: Annotated[PoseStage, About("stage of the pose")]
     left_s: Annotated[int, About("whole seconds until the next stage", "s", 0, 1e6)]
@@ -27,7 +27,7 @@ class PoseCue:
 
 @dataclass(frozen=True)
 class JobStatus:
-    """Activity of a job; without one only a sign of life."""
+    """Activity of a job, or only a sign of life."""
 
     activity: Annotated[str | None, About("activity in plain words")] = None
     fraction: Annotated[float | None, About("share that is done", "", -_MOST, _MOST)] = None

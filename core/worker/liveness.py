@@ -1,4 +1,4 @@
-"""Signs of life of a worker: when one that runs counts as hung, and not as slow."""
+"""Signs of life of a worker: tells a hung process from a slow one."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -9,11 +9,11 @@ from .worker_settings import WORKER
 
 
 class Liveness:
-    """Frames that one process has sent, and seconds since its last sign of life.
+    """Frames of one process, and the time since its last sign of life.
 
     Attributes:
-        frames: and poses, so far.
-        slowness: of the process, as it measured it last (see `Slowness`).
+        frames: Number of frames or poses so far.
+        slowness: Last measured slowness of the process (see `Slowness`).
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -37,7 +37,7 @@ class Liveness:
                 self.slowness = status.slowness or self.slowness
 
     def check(self, connected: bool) -> None:
-        """Raise CaptureError when the process hangs; its first frame may take longer."""
+        """Raise CaptureError if the process hangs; the first frame may take longer."""
         hung_s = min(WORKER.hung_s * self.slowness, WORKER.silence_s)
         limit_s = hung_s if self.frames else WORKER.silence_s if connected else WORKER.start_s
         if self._silent_s > limit_s:

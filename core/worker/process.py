@@ -1,4 +1,4 @@
-"""Main program of a worker process: one request, one job, then the end."""
+"""Main program of a worker process, for one job."""
 
 import signal
 import sys
@@ -10,7 +10,7 @@ from ..errors import CaptureError, PerfanimError
 from .channel import Channel, Stopped
 from .requests import read_request
 
-# job -> its module in `jobs`; `requests` has its request
+# module in `jobs` of each job; its request is in `requests`
 JOBS = {
     "capture": "run_capture",
     "cameras": "camera_frames",
@@ -28,7 +28,7 @@ JOBS = {
 
 
 def main(port: int, token: str, name: str) -> int:
-    """Connect to Blender, do the job of this name, return the exit status."""
+    """Connect to Blender, run a job, and return the exit status."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that half-written files are removed
     channel = Channel(port, token)
     try:

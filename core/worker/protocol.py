@@ -1,8 +1,8 @@
 """Messages between Blender and its worker processes; never pickle.
 
 A message is a version, a kind, a length and bytes.
-Control messages carry JSON. Frames and poses carry the moment at which their images were in hand (seconds of
-`time.perf_counter`, one clock for all processes of a machine), so that the latency is known at the end.
+Control messages carry JSON. Frames and poses carry the time at which their images arrived (`time.perf_counter`, one
+clock for all processes of a machine), which gives the latency.
 """
 
 import json

@@ -1,7 +1,7 @@
 """Requests of the worker's jobs, as they go to its process.
 
-The add-on makes them, a job's module in `jobs` says what it does with one. JSON on the way, they are held against their
-ranges where they arrive.
+The add-on makes them, and the job's module in `jobs` documents their effect. They are sent as JSON and checked on
+arrival.
 """
 
 from collections.abc import Mapping
@@ -62,8 +62,8 @@ class Request:
 class CamerasRequest(Request):
     """Images to marker frames, or trackers where the source is one.
 
-    A process that takes another's place gets `after`. It uses the other's backgrounds, as the performer stands before
-    the cameras now.
+    A process that replaces another one gets `after`. It reuses the earlier backgrounds, as the performer is in view
+    now.
     """
 
     job: ClassVar[str] = "cameras"

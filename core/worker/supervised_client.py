@@ -9,13 +9,13 @@ from .restart_point import RestartPoint
 
 
 class SupervisedClient:
-    """Polls a worker and replaces it where it may be.
+    """Polls a worker, and replaces it if that is allowed.
 
-    The process in its place gets two more keys in its request: `after` and `cause`.
+    The request of the new process has two more keys, `after` and `cause`.
 
     Args:
-        name: of the process in messages, "the solver's process".
-        on_restart: called with the restart point and the cause before the other process starts.
+        name: Name of the process in messages, "the solver's process".
+        on_restart: Called with the restart point and the cause before the new process starts.
     """
 
     def __init__(self, client: WorkerClient, name: str, on_restart: Callable[[RestartPoint, str], None]) -> None:
@@ -31,10 +31,10 @@ class SupervisedClient:
         self._last = (number, time_s, stamp_s)
 
     def poll(self) -> list[Message]:
-        """Return the messages of the worker; none when it was replaced just now.
+        """Return the messages of the worker; none if it has just been replaced.
 
         Raises:
-            CaptureError: it died or hangs and may not be replaced.
+            CaptureError: It died or hangs and must not be replaced.
         """
         try:
             return self._client.poll()

@@ -91,9 +91,8 @@ def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
 def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) -> Mask:
     """Return a mask (N,) of the points (N, 3) that are seen from `origin` (3,) past the cones.
 
-    A point in or on a cone is a marker worn on that limb (or on one that the limb touches): for this point the cone is
-    made thinner until the point is `margin_m` off its surface. So a marker is seen from its own side of the limb and
-    hidden from the other.
+    A point in or on a cone is a marker worn on that limb, or on a limb that touches it. For this point the cone is made
+    thinner until the point is `margin_m` above its surface: the marker is visible from its own side of the limb only.
     """
     distance, radius = axis_distances(points, cones)
     room = np.maximum(distance - margin_m, 0.1 * radius)

@@ -12,7 +12,7 @@ _BODY_M = About("body height; by default the shipped performer's", "m", 0.5, 3.0
 
 @dataclass(frozen=True)
 class Partner:
-    """A further simulated performer; what is left out is as the first one's."""
+    """A further simulated performer; by default like the first one."""
 
     is_closed: ClassVar[bool] = True
     behaviour: Annotated[str, About('"demo" or a behaviour')] = ""
@@ -47,7 +47,7 @@ class SimulatedPerformer:
 
     @property
     def is_live(self) -> bool:
-        """Whether the source cannot wait; the simulated one always can."""
+        """Whether the source cannot wait: False, as the simulated one always can."""
         return False
 
     @property

@@ -13,7 +13,7 @@ from .record_pose import record_poses
 
 
 def run(request: CalibratePerformerRequest, channel: Channel) -> None:
-    """Record and calibrate; there is no RESULT after a STOP.
+    """Record and calibrate; after a STOP no RESULT is sent.
 
     Raises:
         PerfanimError: the source cannot be opened or used, does not show the performer, or a pose was not held.

@@ -36,7 +36,7 @@ def run(request: CamerasRequest, channel: Channel) -> None:
     Raises:
         PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
     """
-    # images of this size are done before a second thread has begun, and Blender draws on the other core
+    # images of this size are processed before a second thread starts, and Blender needs the other core
     cv2.setNumThreads(1)
     with open_pipeline(request, channel) as (source, pipeline):
         channel.send_status("waiting for images")
@@ -60,8 +60,8 @@ class _Images:
     """Image sets until a stop is requested.
 
     Attributes:
-        newest: images of the last set.
-        processor_s: time that this thread had a processor when they were handed over.
+        newest: Images of the last set.
+        processor_s: This thread's processor time when the set was yielded.
     """
 
     def __init__(self, stop: Event, images: Iterable[ImageSet]) -> None:
@@ -118,7 +118,7 @@ def _read_backgrounds(path: Path) -> list[Background]:
 
 
 def _remaining(request: CamerasRequest, source: Any) -> Iterable[ImageSet]:
-    """Return the images that the process before did not process."""
+    """Return the images that the earlier process has not processed."""
     if request.after is None or not request.source.is_repeatable:
         return source
     after = request.after.number
@@ -138,7 +138,7 @@ def _rig(request: CamerasRequest, source: ImageSource) -> CameraRig:
 
 
 def learn_room(source: Any, request: CamerasRequest, channel: Channel) -> list[Background]:
-    """Return the learned backgrounds of the cameras; none of a film of unknown length.
+    """Return the backgrounds of the cameras; none for a film of unknown length.
 
     Raises:
         Stopped: a stop was requested meanwhile. PerfanimError: the source gives no images.
@@ -165,9 +165,9 @@ def _report_learning(
 
 
 def _pace(source: Iterable[ImageSet]) -> Iterator[ImageSet]:
-    """Yield the images of a source that can wait, no faster than they were taken.
+    """Yield the images of a recording at their original pace.
 
-    Nothing is left out: on a machine that is too slow the performer moves slowly, instead of jumping.
+    None is dropped: on a slow machine the performer moves slowly instead of jumping.
     """
     due_s, last_s = time.perf_counter(), None
     for images in source:

@@ -28,8 +28,8 @@ class CaptureLoop:
     """Solves every marker frame in order; drops none.
 
     Args:
-        take: keeps poses and events; None for no take.
-        is_live: whether the source does not wait; other sources may stand still for long.
+        take: Take that gets poses and events; None for no take.
+        is_live: The source cannot wait; other sources may pause for long.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class CaptureLoop:
         self._is_live = is_live
         self._report = CameraReport(channel)
         self._frames: deque[tuple[float, MarkerFrame]] = deque()  # recorded, not solved
-        self._pose: PerformerPose | None = None  # the last
+        self._pose: PerformerPose | None = None  # the last pose
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
@@ -63,7 +63,7 @@ class CaptureLoop:
             if self._is_live:
                 self._channel.progress_s = time.monotonic()
             self._receive()
-            if self._channel.disconnected.is_set():  # the take has the frames; they can be solved at any time
+            if self._channel.disconnected.is_set():  # the frames in the take can be solved later
                 self._frames.clear()
                 self._output.drop()
             if self._output.is_ready:
@@ -85,7 +85,7 @@ class CaptureLoop:
             for message in self._cameras.poll():
                 self._on_message(message)
         except PerfanimError as error:
-            self._error = error  # the frames that have arrived are solved all the same
+            self._error = error  # frames that have arrived are still solved
 
     def _pass_stop_on(self) -> None:
         if not self._channel.stop_requested.is_set():
@@ -126,7 +126,7 @@ class CaptureLoop:
             raise message.error()
 
     def _draw_labels(self, pictures: Image) -> Image:
-        """Return the cameras' pictures with the names of the markers as solved last."""
+        """Draw the names of the last solved markers into the cameras' pictures."""
         from ...vision.blob_preview import draw_labels  # this process needs no OpenCV otherwise
 
         rig, pose = self._session.rig, self._pose

@@ -21,7 +21,7 @@ class FrameRecorder:
     """Unpacks each marker frame once and keeps its bytes in the take, if there is one.
 
     Args:
-        is_repeatable: whether a source that is opened again continues with its own numbers and times.
+        is_repeatable: A source that is opened again keeps its numbers and times.
     """
 
     def __init__(self, take: TakeWriter | None, channel: Channel, is_repeatable: bool) -> None:
@@ -62,11 +62,11 @@ class CameraReport:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._unusable_images = 0  # of single cameras
+        self._unusable_images = 0  # images of single cameras
         self._reported_s = 0.0
 
     def update(self, frame: MarkerFrame) -> None:
-        """Count the images of a frame; report where it is time."""
+        """Count the images of a frame, and report if that is due."""
         times_s = [time_s for time_s in frame.camera_times_s.tolist() if not math.isnan(time_s)]
         count = len(frame.camera_times_s)
         self._unusable_images += count - len(times_s)
@@ -82,7 +82,7 @@ class PoseOutput:
     """Filters poses, sends them by VMC, and to Blender as fast as it takes them.
 
     Args:
-        poses_ahead: poses that may wait for Blender's acknowledgement; None for any number.
+        poses_ahead: Number of poses that may wait for Blender's acknowledgement; None for any.
     """
 
     def __init__(
@@ -92,17 +92,17 @@ class PoseOutput:
         self._channel = channel
         self._poses_ahead = poses_ahead
         self._vmc = vmc
-        self._ready: bytes | None = None  # packed ahead: Blender has it as soon as it acknowledges the last
+        self._ready: bytes | None = None  # packed ahead, to be sent at the acknowledgement of the last one
 
     @property
     def is_ready(self) -> bool:
-        """Whether a pose waits to be sent."""
+        """Whether a pose is ready to be sent."""
         return self._ready is not None
 
     def put(self, solved: TimedPose, record: bytes | None) -> None:
-        """Filter a pose, send it by VMC, and hold it ready for Blender.
+        """Filter a pose, send it by VMC, and keep it for Blender.
 
-        `record` is the pose as packed for the take; None if there is none.
+        `record` is the pose as packed for the take, None without a take.
         """
         settings = self._channel.take_filter_settings()
         if settings is not None:
@@ -115,11 +115,11 @@ class PoseOutput:
         self._ready = record
 
     def drop(self) -> None:
-        """Forget the pose that waits."""
+        """Drop the pose that is ready."""
         self._ready = None
 
     def send(self) -> bool:
-        """Send the pose that waits; wait a little and return False if Blender lags."""
+        """Send the ready pose; if Blender lags, wait a little and return False."""
         if self._ready is None:
             return False
         channel, most = self._channel, self._poses_ahead

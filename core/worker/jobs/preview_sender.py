@@ -12,7 +12,7 @@ from ..worker_settings import WORKER
 
 
 class PreviewSender:
-    """Sends the cameras' images side by side, five times a second, if they are wanted."""
+    """Sends the cameras' images side by side, if previews are wanted."""
 
     def __init__(self, wanted: bool, channel: Channel) -> None:
         self._channel = channel
@@ -20,9 +20,9 @@ class PreviewSender:
         self._due_s = 0.0
 
     def send(self, images: Sequence[Image], draw: Callable[[int, Image, int], None]) -> None:
-        """Send the images (BGR) of one moment, if that is due.
+        """Send the images (BGR) of one moment, if a preview is due.
 
-        `draw` is given each camera's number, its reduced picture to draw into, and the width of its image.
+        `draw` gets the camera's number, its reduced picture to draw into, and the width of its image.
         """
         if not self._wanted or time.monotonic() < self._due_s:
             return

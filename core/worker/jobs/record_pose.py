@@ -1,6 +1,6 @@
 """Record the performer in calibration poses, one after the other.
 
-The take continues between the poses, so that its trajectories do; `pose_points` finds the poses in it.
+The recording continues between the poses, so that trajectories are not broken; `pose_points` finds the poses.
 """
 
 import math
@@ -79,7 +79,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Ch
     if request.source.is_live:
         count_down(images, request.countdown_s, channel, INSTRUCTIONS[poses[0]])
     elif not isinstance(request.source, SimulatedPerformer) and len(poses) > 1:
-        # no instructions can be given: the poses are somewhere in the recording
+        # a recording follows no instructions: the poses are somewhere in it
         yield from _for_seconds(images, WORKER.recording_s, channel, "looking for the markers", None)
         return
     for number, pose in enumerate(poses):

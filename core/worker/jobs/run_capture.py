@@ -1,8 +1,8 @@
 """Live capture: marker frames of the cameras' process to poses for Blender.
 
-Three processes share the work: the cameras' (OpenCV), this one (the solver) and Blender, where only the drawing is
-left, so the window stays as quick as without a capture. When the cameras' process dies or hangs, this one starts
-another; when this one does, Blender does. Either continues the same take, which records the gap.
+Three processes share the work: the cameras' (OpenCV), this one (the solver) and Blender, which only draws, so that its
+window stays responsive. If the cameras' process dies or hangs, this one replaces it; Blender replaces this one. The
+take continues, and records the gap.
 """
 
 from dataclasses import replace
@@ -39,7 +39,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
     """Send poses until STOP or the end of the source.
 
     Raises:
-        PerfanimError: a file is bad, or the cameras' process failed.
+        PerfanimError: A file is bad, or the cameras' process failed.
     """
     cameras, source = request.cameras, request.cameras.source
     if not source.is_live:
@@ -47,7 +47,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
     channel.send_status("opening the cameras")
     take, client = None, None
     try:
-        # its Python starts while the files are opened here, and it opens the cameras while the session is prepared
+        # its Python starts while files are opened here, and the cameras open while the session is prepared
         if isinstance(source, TrackerSource):
             client = WorkerClient(TrackersRequest(source=source, marker_set=request.performers[0].marker_set))
         else:
@@ -57,7 +57,7 @@ def run(request: CaptureRequest, channel: Channel) -> None:
         point = request.after
         take = _open_take(request, setup, channel)
         if point is not None and take is not None and take.last_frame is not None:
-            # the last tenth of a second of Blender's poses may not have been written: it comes once more
+            # the take may lack the last tenth of a second: these poses are repeated
             point = point.moved_to(*take.last_frame)
         client.ask(point)
         recorder = FrameRecorder(take, channel, source.is_repeatable)
@@ -119,7 +119,7 @@ def _open_take(request: CaptureRequest, setup: TakeSetup, channel: Channel) -> T
         channel.send_warning(problem, standing=True)
 
     try:
-        # a full disk may have kept the first process from beginning the take
+        # the first process may have failed to create the take on a full disk
         resumed = request.after is not None and Path(request.take).exists()
         return TakeWriter(request.take, setup, notes, warn, resumed=resumed)
     except PerfanimError as error:

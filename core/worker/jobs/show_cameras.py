@@ -1,4 +1,4 @@
-"""One picture of each plugged-in camera, to choose by sight.
+"""One picture of each plugged-in camera, to choose the cameras by.
 
 The RESULT has "cameras": device and size of each, null for one that gives no image. A PREVIEW shows them side by side.
 """
@@ -21,7 +21,7 @@ def run(_request: ShowCamerasRequest, channel: Channel) -> None:
     """Send the pictures and the RESULT.
 
     Raises:
-        CaptureError: there is no camera.
+        CaptureError: No camera was found.
     """
     channel.send_status("looking for cameras")
     found = find_cameras()

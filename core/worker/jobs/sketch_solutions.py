@@ -1,7 +1,7 @@
 """Solve sketches: one, or again after each edit in Blender.
 
-Each RESULT is a `solution_table`. Live, an edit gets a first picture, of that
-frame only, and then the whole; a newer edit ends the work on an older one.
+Each RESULT is a `solution_table`. A live edit is answered by the present frame first, then by the whole motion; a newer
+edit ends the work on an older one.
 """
 
 from ...database.store import open_database
@@ -13,7 +13,7 @@ from ..requests import SketchEdit, SketchRequest, read_request
 
 
 class _OutdatedError(Exception):
-    """A newer edit waits: nobody needs this solution any more."""
+    """A newer edit waits, so this solution is outdated."""
 
 
 def run(request: SketchRequest, channel: Channel) -> None:
@@ -42,7 +42,7 @@ def run(request: SketchRequest, channel: Channel) -> None:
 
 
 def _solve(solver: SketchSolver, edit: SketchEdit, channel: Channel, is_live: bool) -> None:
-    """Solve a sketch and send its solution; live a first picture, and no progress."""
+    """Solve a sketch and send its solution; if live, send the present frame first and no progress."""
     sketch, settings = sketch_from(edit.sketch), settings_from(edit.settings)
     if is_live:
         motion = solver.preview(sketch, settings, edit.frame)

@@ -1,4 +1,4 @@
-"""Trackers of another program, by VMC, to marker frames: in place of the cameras."""
+"""Trackers of another program, by VMC, to marker frames."""
 
 import math
 import time
@@ -34,17 +34,17 @@ def run(request: TrackersRequest, channel: Channel) -> None:
 
 
 class _Flood:
-    """Warnings of a flood: one at its beginning, one at its end with the count.
+    """Warnings of a flood: at its beginning, and at its end with the number of lost packets.
 
-    What the solver of a flood's frames has not reached yet would fill the memory and keep the pose in the past.
+    Without a limit, waiting frames would fill the memory and delay the poses.
     """
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._is_on = False
-        self._count, self._last_s = 0, -math.inf  # of the packets too many
+        self._count, self._last_s = 0, -math.inf  # number and last time of excess packets
         self._left_out = 0  # frames
-        self._reported = 0
+        self._reported = 0  # lost packets and frames
 
     def update(self, now_s: float) -> None:
         """Note new packets; warn where a flood begins or ends."""
@@ -61,7 +61,7 @@ class _Flood:
             self._reported = left_out
 
     def has_room(self) -> bool:
-        """Return whether a frame may be sent; count it if not."""
+        """Return whether a frame may be sent; count it otherwise."""
         if not self._is_on or self._channel.frames - self._channel.acknowledged < WORKER.flood_frames:
             return True
         self._left_out += 1
@@ -69,7 +69,7 @@ class _Flood:
 
 
 class _Silence:
-    """Warns once why no markers come, and once that they are back."""
+    """Reports the reason why no markers come, and their return."""
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
@@ -79,7 +79,7 @@ class _Silence:
         self._since_s = time.perf_counter()
 
     def update(self, now_s: float, came: bool) -> None:
-        """Note whether markers have come."""
+        """Update with the arrival of markers."""
         if came:
             if self._warning:
                 self._channel.send_warning("", standing=True)
@@ -87,7 +87,7 @@ class _Silence:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._warning = now_s, True, ""
         elif not self._hears and self._stream.gathering.understood:
-            self._hears, self._since_s = True, now_s  # what it sends is known when it has sent all of it once
+            self._hears, self._since_s = True, now_s  # its content is known after one whole round of packets
         elif now_s - self._since_s > WORKER.silent_trackers_s:
             reason = self._reason()
             if reason != self._warning:
