@@ -14,7 +14,7 @@ import bpy
 from perfanim.core.database.build_database import build_database
 from perfanim.core.database.store import open_database
 from perfanim.core.sketch.sketch_messages import solution_from, solution_table
-from perfanim.core.sketch.solve_sketch import solve_sketch
+from perfanim.core.sketch.solve_sketch import SketchSolver
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon import registration
 from perfanim.perfanim_addon.sketch.controls import controls_of
@@ -63,7 +63,7 @@ def _solve(armature: bpy.types.Object) -> str:
     sketch = read_controls(bpy.context, armature, body.space)
     with tempfile.TemporaryDirectory() as folder:
         build_database([MOTION], Path(folder) / "starter.pfdb")
-        solution = solve_sketch(sketch, body.skeleton, open_database(Path(folder) / "starter.pfdb"), chosen)
+        solution = SketchSolver(body.skeleton, open_database(Path(folder) / "starter.pfdb")).solve(sketch, chosen)
     return write_solution(bpy.context, armature, sketch, chosen, solution_from(solution_table(solution, 0)))
 
 

@@ -19,7 +19,15 @@ from ..sketch.solve_sketch import SketchSettings, SketchSolution, SketchSolver
 from ..system.blender_process import check_blender, run_in_blender
 from ..system.progress import Progress
 from .command_summary import PartialResult
-from .options import add_command, add_motion_options, add_number, add_repeated, add_switch, add_text
+from .options import (
+    add_command,
+    add_motion_options,
+    add_repeated,
+    add_request_options,
+    add_switch,
+    add_text,
+    request_of,
+)
 from .performer_options import add_body_options
 
 
@@ -30,11 +38,8 @@ def add_parser(subparsers: Any) -> None:
     add_text(parser, "--database", "DB", "motion database that fills in the body", required=True)
     subject = "calibrated subject with the character's bones (a .blend has its own)"
     add_body_options(parser, subject, ".asf or .bvh with the character's bones")
-    follow = "0: between keys the database's motion; 1: the curves (default 0.3)"
-    add_number(parser, "--follow", "SHARE", follow, default=0.3)
+    add_request_options(parser, SketchSettings, follow="--follow SHARE", variation="--variation N")
     add_repeated(parser, "--behaviour", "PATTERN", "draw only from clips of this behaviour or name (repeatable)")
-    variation = "0 the best explanation, 1 the next best, ... (default 0)"
-    add_text(parser, "--variation", "N", variation, type=int, default=0)
     add_switch(parser, "--free-feet", "do not hold standing feet in place")
     ends = ", ".join(MOTION_ENDINGS)
     add_text(parser, "--blender", "FILE", "program that opens a .blend (default: Blender's Python module)")
@@ -44,7 +49,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Solve the sketches; a bad one does not stop the others."""
-    settings = SketchSettings(args.follow, tuple(args.behaviour), args.variation, not args.free_feet)
+    settings = request_of(SketchSettings, args, behaviours=tuple(args.behaviour), hold_feet=not args.free_feet)
     outs = _outputs([Path(path) for path in args.keys], Path(args.out))
     progress(0.0, "reading")
     has_skeleton, blends = bool(args.skeleton or args.subject), sum(_is_blend(keys) for keys, _ in outs)

@@ -1,4 +1,6 @@
-"""Types of NumPy arrays, and runs of set flags."""
+"""Types of NumPy arrays, runs of set flags, and arrays as text."""
+
+import base64
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,3 +17,13 @@ def runs(flags: Mask) -> list[tuple[int, int]]:
     """Return [start, stop) of each unbroken run of set flags (F,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def packed(values: Array) -> str:
+    """Return numbers as text: base 64 of 32-bit floats."""
+    return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
+
+
+def unpacked(text: str) -> Array:
+    """Return the numbers (N,) of `packed`."""
+    return np.frombuffer(base64.b64decode(text), "<f4").astype(np.float64)

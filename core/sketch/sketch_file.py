@@ -9,6 +9,7 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -17,9 +18,10 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
 from ..formats.markers.reader_parts import numbers_of
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, packed, unpacked
 from ..system.file_content import decode_text
 from ..system.files import read_bytes
+from ..system.schema import About, Via
 from .key_curves import curve_positions
 
 FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
@@ -43,21 +45,18 @@ LIMITS = SketchLimits()
 
 @dataclass(frozen=True)
 class Control:
-    """A joint with keyframes.
+    """A joint with K keyframes."""
 
-    Args:
-        joint: Name in the standard skeleton.
-        frames: Whole frame numbers (K,) of the keys, ascending; two may be equal.
-        positions_m: World positions (K, 3) of the joint's origin.
-        drawn_m: Curve (S, 3) at each frame from the first key to the last; None for Blender's default curve.
-        height_is_free: The height comes from the database's motion, not from the keys.
-    """
-
-    joint: str
-    frames: Array
-    positions_m: Array
-    drawn_m: Array | None = None
-    height_is_free: bool = False
+    joint: Annotated[str, About("joint of the standard skeleton")]
+    frames: Annotated[Array, About("whole frame numbers, ascending; two may be equal", shape=(None,), fewest=1)]
+    positions_m: Annotated[Array, About("world positions of the joint", "m", shape=(None, 3), fewest=1)]
+    # curve (S, 3) at each frame from the first key to the last; None for Blender's default curve
+    drawn_m: Annotated[
+        Array | None, About("curve", "m"), Via(str, lambda text, _: unpacked(text).reshape(-1, 3), packed)
+    ] = None
+    height_is_free: Annotated[bool, About("whether the height is that of the database's motion, not of the keys")] = (
+        False
+    )
 
     def distinct_keys(self) -> tuple[Array, Array]:
         """Return frames (K,) and positions (K, 3); keys of one frame are averaged."""
@@ -87,9 +86,9 @@ class Control:
 class Sketch:
     """Controls of one body, with frames at a rate of `fps`."""
 
-    name: str
-    fps: float
-    controls: tuple[Control, ...]
+    name: Annotated[str, About("name")]
+    fps: Annotated[float, About("frame rate", "Hz", above=0.0)]
+    controls: Annotated[tuple[Control, ...], About("controls")]
 
     @property
     def frames(self) -> Array:

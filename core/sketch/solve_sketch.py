@@ -6,17 +6,18 @@ the database's motion as prior. Joints without a control are free.
 """
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from ..body.motion import Motion
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database, rotations_from_pose
-from ..errors import SettingsError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from ..solver.subject_model import RootPose
 from ..system.progress import Progress, no_progress
+from ..system.schema import About, check_ranges
 from .base_motion import BaseMotion, blended, corrected
 from .joint_targets import carried_root, target_joints, targets_of
 from .motion_library import MotionLibrary
@@ -41,25 +42,19 @@ LIMITS = SolverLimits()
 
 @dataclass(frozen=True)
 class SketchSettings:
-    """Settings of `solve_sketch`.
+    """Settings of `SketchSolver`."""
 
-    Args:
-        follow: 0 keeps the database's motion between keys, 1 follows the curves.
-        behaviours: Patterns of behaviours (or names) of the clips to draw from; empty for all.
-        variation: 0 is the best explanation, 1 the next best, and so on.
-        hold_feet: Keep standing feet in place.
-    """
-
-    follow: float = 0.3
-    behaviours: tuple[str, ...] = ()
-    variation: int = 0
-    hold_feet: bool = True
+    follow: Annotated[
+        float, About("0 keeps the database's motion between keys, 1 follows the curves", "", 0.0, 1.0)
+    ] = 0.3
+    behaviours: Annotated[
+        tuple[str, ...], About("patterns of behaviours or names of the clips to draw from; empty for all")
+    ] = ()
+    variation: Annotated[int, About("0 is the best explanation, 1 the next best, and so on", "", 0)] = 0
+    hold_feet: Annotated[bool, About("whether standing feet are kept in place")] = True
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.follow <= 1.0:
-            raise SettingsError(f"follow {self.follow:g} is out of range", advice="give 0 to 1")
-        if self.variation < 0:
-            raise SettingsError(f"variation {self.variation} is out of range", advice="give 0 or more")
+        check_ranges(self)
 
 
 @dataclass(frozen=True)
@@ -266,27 +261,6 @@ class SketchSolver:
         """Return poses (F, 28, 3) and roots as a motion of the character."""
         rotations = rotations_from_pose(poses, self.database.reference_pose_of(self._skeleton), turns)
         return Motion(sketch.name, sketch.fps, self._skeleton, rotations, places)
-
-
-def solve_sketch(
-    sketch: Sketch,
-    skeleton: Skeleton,
-    database: Database,
-    settings: SketchSettings | None = None,
-    progress: Progress = no_progress,
-) -> SketchSolution:
-    """Return the motion of a whole body that meets a sketch's keys.
-
-    To solve a sketch again after each edit, keep a `SketchSolver`.
-
-    Args:
-        skeleton: Standard skeleton with the character's proportions.
-
-    Raises:
-        SettingsError: No clip has the wanted behaviour.
-        DatabaseError: No clip is long enough.
-    """
-    return SketchSolver(skeleton, database).solve(sketch, settings, progress)
 
 
 def key_distances(sketch: Sketch, motion: Motion) -> tuple[Array, tuple[UnmetKey, ...]]:

@@ -218,8 +218,8 @@ class SketchEdit(Request):
     """An edit of a sketch that is solved live."""
 
     job: ClassVar[str] = "sketch edit"
-    sketch: Annotated[Table, About("sketch, as `sketch_from` reads it")]
-    settings: Annotated[Table, About("settings, as `settings_from` reads them")]
+    sketch: Annotated[Table, About("table of a `Sketch`")]
+    settings: Annotated[Table, About("table of `SketchSettings`")]
     number: Annotated[int, About("number of the edit", "", 0, 1e9)] = 0
     frame: Annotated[float, About("frame that is solved first", "", -1e9, 1e9)] = 0.0
 

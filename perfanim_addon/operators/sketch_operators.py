@@ -12,8 +12,9 @@ from ...core.body.skeleton import forward_kinematics
 from ...core.body.standing import standing_root_m
 from ...core.database.store import open_database
 from ...core.errors import PerfanimError, SettingsError
-from ...core.sketch.sketch_messages import settings_table, sketch_table, solution_from
+from ...core.sketch.sketch_messages import solution_from
 from ...core.system.files import exists
+from ...core.system.schema import table_of
 from ...core.worker.requests import SketchRequest
 from ..animation.keyframes import KeyBounds
 from ..capture.armature_driver import ArmatureDriver
@@ -178,8 +179,8 @@ class _SolvesSketch(SolvingOperator):
         return SketchRequest(
             skeleton=body.skeleton,
             database=str(readiness.database_path(settings(context))),
-            sketch=sketch_table(self._sketch),
-            settings=settings_table(self._chosen),
+            sketch=table_of(self._sketch),
+            settings=table_of(self._chosen),
         )
 
     def bounds(self, context: bpy.types.Context) -> KeyBounds | None:

@@ -13,7 +13,8 @@ import numpy as np
 
 from ...core.errors import PerfanimError, SettingsError
 from ...core.sketch.sketch_file import Sketch
-from ...core.sketch.sketch_messages import SolvedSketch, settings_table, sketch_table, solution_from
+from ...core.sketch.sketch_messages import SolvedSketch, solution_from
+from ...core.system.schema import table_of
 from ...core.worker.client import WorkerClient
 from ...core.worker.protocol import MessageKind
 from ...core.worker.requests import SketchEdit, SketchRequest
@@ -60,7 +61,7 @@ class LiveSketch:
         found = find_armature(self.armature)
         sketch = read_controls(context, found, self.body.space, dragged=True, seen=self._seen)
         chosen = found.perfanim_sketch.solver_settings()
-        return sketch, {"sketch": sketch_table(sketch), "settings": settings_table(chosen)}
+        return sketch, {"sketch": table_of(sketch), "settings": table_of(chosen)}
 
     def _next_fields(self, context: bpy.types.Context, sketch: Sketch, table: dict[str, Any]) -> dict[str, Any]:
         """Return the fields of the next request."""

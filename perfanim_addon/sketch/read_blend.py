@@ -17,7 +17,7 @@ import numpy as np
 
 from ...core.errors import PerfanimError, SettingsError
 from ...core.markers.subject import skeleton_table
-from ...core.sketch.sketch_messages import sketch_table
+from ...core.system.schema import table_of
 from ..character.bone_map_settings import PERFANIM_PG_character, PERFANIM_PG_joint
 from ..export.retarget_file import open_file
 from ..preferences.property_kinds import attach
@@ -37,7 +37,7 @@ def read_blend(path: Path) -> dict[str, Any]:
         raise SettingsError(f"has {names}", where=str(path), advice=advice)
     body = SketchBody.of(found[0])
     sketch = read_controls(bpy.context, found[0], body.space)
-    return {"skeleton": skeleton_table(body.skeleton), "sketch": sketch_table(sketch)}
+    return {"skeleton": skeleton_table(body.skeleton), "sketch": table_of(sketch)}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -11,9 +11,10 @@ from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
 from ...core.errors import CharacterError, SettingsError
 from ...core.sketch.sketch_file import Sketch
-from ...core.sketch.sketch_messages import SolvedSketch, settings_from, settings_table, sketch_from, sketch_table
+from ...core.sketch.sketch_messages import SolvedSketch, settings_from, sketch_from
 from ...core.sketch.solve_sketch import SketchSettings
 from ...core.system.files import reading
+from ...core.system.schema import table_of
 from ..animation.actions import write_action
 from ..animation.keyframes import KeyBounds
 from ..capture.capture_space import CaptureSpace
@@ -83,7 +84,7 @@ def write_solution(
 
 def keep_sketch(action: bpy.types.Action, sketch: Sketch, chosen: SketchSettings) -> None:
     """Store a sketch and its settings with an action."""
-    action[STORED] = json.dumps({"sketch": sketch_table(sketch), "settings": settings_table(chosen)})
+    action[STORED] = json.dumps({"sketch": table_of(sketch), "settings": table_of(chosen)})
 
 
 def kept_sketch(action: bpy.types.Action | None) -> tuple[Sketch, SketchSettings]:

@@ -5,7 +5,8 @@ import pytest
 from perfanim.core.errors import FormatError, SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.sketch.sketch_file import Control, Sketch, read_sketch, tilted
-from perfanim.core.sketch.sketch_messages import sketch_from, sketch_table
+from perfanim.core.sketch.sketch_messages import sketch_from
+from perfanim.core.system.schema import table_of
 
 HEAD = "# fps=30\ncontrol,frame,x,y,z\n"
 
@@ -70,7 +71,7 @@ def test_a_drawn_curve_is_tilted_with_its_keys():
 
 def test_messages_keep_curves_and_free_heights():
     hand, hips = drawn(), Control("root", np.array([1.0]), np.ones((1, 3)), height_is_free=True)
-    table = sketch_table(Sketch("two", 30.0, (hand, hips)))
+    table = table_of(Sketch("two", 30.0, (hand, hips)))
     one, other = sketch_from(table).controls
     np.testing.assert_allclose(one.drawn_m, hand.drawn_m)
     assert (one.height_is_free, other.height_is_free, other.drawn_m) == (False, True, None)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.sketch.sketch_file import Control, Sketch
-from perfanim.core.sketch.solve_sketch import SketchSettings, solve_sketch
+from perfanim.core.sketch.solve_sketch import SketchSettings, SketchSolver
 
 HIPS_M = 0.97
 MOVES_M_S = 0.2
@@ -23,7 +23,7 @@ def positions_of(motion):
 def test_hips_alone_lead_a_body_that_walks_ahead(truth, database, path_m):
     keys = np.array([(x, HIPS_M, z) for x, z in path_m])
     sketch = Sketch("path", FPS, (Control("root", np.array([0.0, 45.0, 90.0]), keys),))
-    solution = solve_sketch(sketch, truth.skeleton, database)
+    solution = SketchSolver(truth.skeleton, database).solve(sketch)
     assert solution.unmet == ()
     assert solution.drawn_from[0].startswith("walking")
     positions = positions_of(solution.motion)
@@ -44,7 +44,7 @@ def test_hips_free_in_height_have_the_databases(truth, database):
     heights = {}
     for is_free in (False, True):
         hips = Control("root", np.array([0.0, 60.0]), low_m, height_is_free=is_free)
-        solution = solve_sketch(Sketch("low", FPS, (hips,)), truth.skeleton, database)
+        solution = SketchSolver(truth.skeleton, database).solve(Sketch("low", FPS, (hips,)))
         assert solution.unmet == ()
         heights[is_free] = positions_of(solution.motion)[:, truth.skeleton.index("root"), 1]
     assert abs(np.mean(heights[True]) - HIPS_M) < 0.06 < 0.2 < HIPS_M - np.mean(heights[False])
@@ -57,7 +57,7 @@ def test_a_drawn_curve_leads_as_far_as_it_is_followed(truth, database):
     hips = Control("root", np.array([0.0, 60.0]), drawn_m[[0, -1]], drawn_m)
     strays = []
     for follow in (0.0, 1.0):
-        solution = solve_sketch(Sketch("arc", FPS, (hips,)), truth.skeleton, database, SketchSettings(follow))
+        solution = SketchSolver(truth.skeleton, database).solve(Sketch("arc", FPS, (hips,)), SketchSettings(follow))
         assert solution.unmet == ()
         root = positions_of(solution.motion)[:, truth.skeleton.index("root")]
         strays.append(np.linalg.norm(root - drawn_m, axis=1).max())
@@ -71,7 +71,7 @@ def test_hands_without_keys_stay_low_over_feet_wide_apart(truth, database):
         Control(joint, np.array([0.0, 36.0]), np.array([(*place_m, 0.0), (*place_m, 1.2)]))
         for joint, place_m in places_m.items()
     )
-    solution = solve_sketch(Sketch("wide", 24.0, controls), truth.skeleton, database)
+    solution = SketchSolver(truth.skeleton, database).solve(Sketch("wide", 24.0, controls))
     positions = positions_of(solution.motion)
     elbows, hands = (
         positions[:, [truth.skeleton.index(side + joint) for side in "lr"], 1] for joint in ("radius", "hand")
@@ -85,7 +85,7 @@ def test_hips_that_two_keys_hold_low_stay_low(truth, database):
     feet_m = {side: np.repeat([(x, 0.06, 0.04)], 2, axis=0) for side, x in (("lfoot", 0.09), ("rfoot", -0.09))}
     controls = [Control("root", np.array([0.0, 30.0, 60.0]), places_m)]
     controls += [Control(joint, np.array([0.0, 60.0]), place_m) for joint, place_m in feet_m.items()]
-    solution = solve_sketch(Sketch("sit", FPS, tuple(controls)), truth.skeleton, database)
+    solution = SketchSolver(truth.skeleton, database).solve(Sketch("sit", FPS, tuple(controls)))
     heights = positions_of(solution.motion)[30:, truth.skeleton.index("root"), 1]
     assert heights.max() - 0.55 < 0.2 * (HIPS_M - 0.55)
 
@@ -93,6 +93,6 @@ def test_hips_that_two_keys_hold_low_stay_low(truth, database):
 def test_feet_without_keys_stay_on_the_floor_below_hips_that_sink(truth, database):
     keys_m = np.array([(0.0, 0.9, 0.0), (0.0, 0.45, 0.0), (0.0, 0.9, 0.0)])
     sketch = Sketch("crouch", FPS, (Control("root", np.array([0.0, 30.0, 60.0]), keys_m),))
-    solution = solve_sketch(sketch, truth.skeleton, database)
+    solution = SketchSolver(truth.skeleton, database).solve(sketch)
     toes = positions_of(solution.motion)[:, [truth.skeleton.index(side + "toes") for side in "lr"], 1]
     assert toes.min() > -0.01

@@ -21,7 +21,6 @@ from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.subject import load_subject, skeleton_table, subject_tables
 from perfanim.core.session.session import Session
 from perfanim.core.sketch.sketch_file import Control, Sketch
-from perfanim.core.sketch.sketch_messages import settings_table, sketch_table
 from perfanim.core.sketch.solve_sketch import SketchSettings
 from perfanim.core.system.schema import table_of
 from perfanim.core.worker.protocol import MessageKind, encode, encode_frame, encode_json
@@ -107,7 +106,7 @@ class Samples:
         """Return requests to a worker."""
         cameras = {"source": {"kind": "simulated", "behaviour": "walking"}, "rig": None, "background_s": 2.0}
         sketch = Sketch("a", 30.0, (Control("root", np.array([0.0]), np.zeros((1, 3))),))
-        tables = {"sketch": sketch_table(sketch), "settings": settings_table(SketchSettings())}
+        tables = {"sketch": table_of(sketch), "settings": table_of(SketchSettings())}
         rows: Sequence[dict[str, Any]] = (
             {
                 "job": "capture",
