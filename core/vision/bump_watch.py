@@ -25,9 +25,7 @@ class BumpSettings:
 
     fewest_blobs: int = 4  # fewest blobs of a moment that counts
     judged: int = 30  # moments whose median error is compared: half a second at 60 Hz
-    suspect_px: float = (  # suspicious error; unsynchronised rolling shutters have a third to a half of it
-        0.9  # suspicious error; unsynchronised cameras with rolling shutters have a third to a half of it
-    )
+    suspect_px: float = 0.9  # suspicious error; unsynchronised rolling shutters have a third to a half of it
     suspect_s: float = 3.0  # duration after which the cameras' places are estimated
     used: int = 60  # moments in that estimate, spread over the suspect time
     remembered_s: float = 10.0  # age of the oldest of them

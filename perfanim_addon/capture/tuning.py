@@ -1,4 +1,4 @@
-"""Tuned numbers of a capture in Blender."""
+"""Tuned numbers of captures and jobs in Blender."""
 
 from dataclasses import dataclass
 
@@ -18,6 +18,12 @@ class CaptureTuning:
     poses_in_memory: int = 1000  # poses that are written to the disk together
     least_step_s: float = 1e-4  # distance of poses with equal times
     beep_s: float = 0.12
+    tick_hz: float = 660.0  # beep of each of the last seconds before a calibration pose
+    hold_hz: float = 1320.0  # beep at which a pose begins, and for each view of the board
+    done_hz: float = 880.0  # beep at which it ends
+    heard_s: tuple[int, ...] = (3, 2, 1)  # seconds left before a pose that are heard
+    held_s: float = 2.0  # time of each calibration pose
+    job_tick_s: float = 0.1  # time between two readings of a job's messages
     tested_poses: int = 60  # poses of the self-test
     sure: float = 0.5  # confidence of a good pose in the self-test
 

@@ -13,6 +13,7 @@ from ...core.system.files import is_folder
 from ...core.vision.sources.source_requests import LiveCameras
 from ...core.worker.requests import FloorMarkersRequest, RecordBoardRequest, RecordFloorRequest
 from ..capture import capture_request, sound
+from ..capture.tuning import TUNING
 from ..preferences.paths import absolute, user_folder
 from ..settings import ignored_places, readiness
 from ..settings.capture_settings import PERFANIM_PG_settings, settings
@@ -20,7 +21,6 @@ from .job_operators import JobOperator
 from .operator_bases import need
 
 PANEL = "cameras"
-_TAKEN_HZ = 1320.0  # beep for a view
 SIMULATED_BOARD = (9, 6, 80.0)  # inner corners and square in mm
 
 
@@ -92,7 +92,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         before = self._job.views
         result = super().modal(context, event)
         if self._job.views > before:
-            sound.beep(_TAKEN_HZ)
+            sound.beep(TUNING.hold_hz)
         return result
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -9,14 +9,13 @@ from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import PerfanimError
 from ...core.worker.requests import Request
+from ..capture.tuning import TUNING
 from ..jobs import activity
 from ..jobs.job import Job, command
 from ..preferences import preferences
 from ..preferences.property_kinds import HIDDEN
 from ..viewport import picture_overlay
 from .operator_bases import CheckedOperator, RunningOperator, defect, need, report_error
-
-_TICK_S = 0.1  # time between two readings of the worker's messages
 
 
 class JobOperator(CheckedOperator):
@@ -53,7 +52,7 @@ class JobOperator(CheckedOperator):
         except PerfanimError as error:
             return report_error(self, self.panel, error)
         self._job = job
-        activity.begin(context, job, _TICK_S)
+        activity.begin(context, job, TUNING.job_tick_s)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -13,6 +13,7 @@ from ...core.system.files import is_file
 from ...core.worker.job_status import PoseCue, PoseStage
 from ...core.worker.requests import CalibratePerformerRequest, RecordPoseRequest
 from ..capture import capture_request, sound
+from ..capture.tuning import TUNING
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import HIDDEN, dynamic_choice, whole_number
 from ..settings import readiness
@@ -21,9 +22,6 @@ from .job_operators import JobOperator
 from .operator_bases import UndoOperator, need
 
 PANEL = "subject"
-HELD_S = 2.0  # time of each calibration pose
-_TICK_HZ, _HOLD_HZ, _DONE_HZ = 660.0, 1320.0, 880.0
-_TICKS_S = (3, 2, 1)  # seconds left before a pose that are heard
 
 
 class PERFANIM_OT_calibrate_subject(JobOperator, bpy.types.Operator):
@@ -155,9 +153,9 @@ def pitch(before: PoseCue | None, now: PoseCue | None) -> float | None:
     """Return the pitch of the beep for a change of the cue, Hz; None for no beep."""
     was_held, is_held = (cue is not None and cue.stage is PoseStage.HOLD for cue in (before, now))
     if is_held != was_held:
-        return _HOLD_HZ if is_held else _DONE_HZ
-    is_counted = now is not None and not is_held and now != before and now.left_s in _TICKS_S
-    return _TICK_HZ if is_counted else None
+        return TUNING.hold_hz if is_held else TUNING.done_hz
+    is_counted = now is not None and not is_held and now != before and now.left_s in TUNING.heard_s
+    return TUNING.tick_hz if is_counted else None
 
 
 def _recording_fields(context: bpy.types.Context, poses: tuple[str, ...], take: str) -> dict[str, Any]:
@@ -170,7 +168,7 @@ def _recording_fields(context: bpy.types.Context, poses: tuple[str, ...], take: 
         "poses": poses,
         "countdown_s": chosen.countdown_s,
         "between_s": chosen.between_s,
-        "seconds": HELD_S,
+        "seconds": TUNING.held_s,
         "out": str(user_folder("subjects") / take),
         "floor_out": str(user_folder("calibrations") / "cameras-on-floor.toml"),
     }

@@ -36,6 +36,7 @@ from perfanim.core.vision.pipeline import MarkerPipeline
 from .run import Run
 from .scenarios import BANDAI, CMU, FPS, LEFT_OUT, SPLIT, UNLIKE, WALKING
 from .solving import true_subject
+from .vision import noisy
 
 Row = dict[str, Any]
 
@@ -48,7 +49,7 @@ _PAIRS, _STREAM_FPS = 480, 240.0
 _EMPTY = 30  # images of the empty room
 _SKIPPED_S, _LEAST_S = 4.0, 3.0  # of the performance: T pose and arms down come first
 _BLOCK = 40  # pairs of images in one measurement of processor time: the clock's steps are coarse
-_MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL, _NOISE = 12, 3.0, 220.0, 16.0, 2.0
+_MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL = 12, 3.0, 220.0, 16.0
 _IMAGES = 40
 _WARM_FRAMES = 20  # solved by each process before recorded takes are timed
 
@@ -139,8 +140,8 @@ def _detection_and_labels(database: Database) -> list[Row]:
     rows, rng = _Rows(), np.random.default_rng(1)
     rows.add("exhaustive search in NumPy, 433,000 x 60, 32 nearest", rows.reference_ms["wall"])
     room = np.full((480, 640, 3), _ROOM_LEVEL)
-    dark = learn_backgrounds((_noisy(room, rng),) for _ in range(_IMAGES))[0]
-    shown = [_noisy(_with_markers(room, rng), rng) for _ in range(_IMAGES)]
+    dark = learn_backgrounds((noisy(room, rng),) for _ in range(_IMAGES))[0]
+    shown = [noisy(_with_markers(room, rng), rng) for _ in range(_IMAGES)]
     rows.add_median(f"detection, 640x480, {_MARKERS} markers", _times(Detector(dark).detect, shown))
     lit = learn_backgrounds((pair[0],) for pair in empty)[0]
     performer = [images.images[0] for images in sets[:: max(1, _PAIRS // _IMAGES)]]
@@ -182,10 +183,6 @@ def _with_markers(room: NDArray[Any], rng: np.random.Generator) -> Image:
     for centre in places + rng.uniform(-30.0, 30.0, places.shape):
         draw_disc(image, centre[None], _MARKER_PX, np.full(3, _MARKER_LEVEL), 0.5)
     return image
-
-
-def _noisy(image: NDArray[Any], rng: np.random.Generator) -> Image:
-    return np.asarray(np.clip(np.rint(image + rng.normal(0.0, _NOISE, image.shape)), 0, 255), dtype=np.uint8)
 
 
 def _import(run: Run) -> tuple[Database, list[Row]]:

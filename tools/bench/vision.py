@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from perfanim.core.geometry.arrays import Array, Image
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rigid_transform import kabsch
@@ -63,7 +64,7 @@ def centroid_row(radius_px: float) -> dict[str, float]:
         image = np.full((480, 640, 3), _DARK, dtype=np.uint8)
         for centre in centres:
             draw_disc(image, centre[None], radius_px, np.full(3, _BRIGHT), _BLUR_PX)
-        found = detector.detect(_noisy(image, rng))[:, :2].astype(np.float64)
+        found = detector.detect(noisy(image, rng))[:, :2].astype(np.float64)
         hits, targets = _nearest(found, centres, 1.0)
         errors.append(hits - targets)
     every = np.concatenate(errors)
@@ -79,9 +80,9 @@ def _nearest(found: Array, true: Array, most: float) -> tuple[Array, Array]:
     return found[hits], true[near[hits]]
 
 
-def _noisy(image: Image, rng: np.random.Generator) -> Image:
-    noise = rng.normal(0.0, _NOISE, image.shape)
-    return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
+def noisy(image: NDArray[Any], rng: np.random.Generator) -> Image:
+    """Return an image with a camera's noise."""
+    return np.asarray(np.clip(np.rint(image + rng.normal(0.0, _NOISE, image.shape)), 0, 255), dtype=np.uint8)
 
 
 def _rig() -> CameraRig:
@@ -144,4 +145,4 @@ def _film(camera: Camera, path: Array, rng: np.random.Generator) -> Image:
     for marker in np.argsort(-depth):
         radius = camera.focal_px * _MARKER_M / float(depth[marker])
         draw_disc(image, camera.project(path[marker]), radius, np.full(3, _BRIGHT), _BLUR_PX)
-    return _noisy(image, rng)
+    return noisy(image, rng)

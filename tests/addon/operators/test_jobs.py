@@ -1,6 +1,7 @@
 """Long work behind the buttons: the real worker runs the command, the test plays the timer."""
 
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -145,7 +146,7 @@ def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch:
     assert "calibrate the performer" in states.first_missing_step(chosen)
     assert not bpy.ops.perfanim.use_profile.poll()
     chosen.subject_name = "Zoë 2"
-    monkeypatch.setattr(subject, "HELD_S", 1.25)
+    monkeypatch.setattr(subject, "TUNING", replace(subject.TUNING, held_s=1.25))
     text = run_job(part, subject.PERFANIM_OT_calibrate_performer, SimpleNamespace())
     assert text.startswith(("good: residual ", "usable: residual "))
     assert states.first_missing_step(chosen) == ""
