@@ -13,7 +13,7 @@ from perfanim.core.worker.connection import WorkerConnection
 from perfanim.core.worker.job_status import JobStatus
 from perfanim.core.worker.liveness import Liveness
 from perfanim.core.worker.protocol import Message, MessageKind, encode, encode_json
-from perfanim.core.worker.worker_settings import WorkerSettings
+from perfanim.core.worker.worker_settings import WORKER, WorkerSettings
 
 PATIENCE_S = 30.0
 
@@ -102,8 +102,8 @@ def test_a_flood_is_taken_in_parts(blender: WorkerConnection, message: bytes) ->
         while came < count:
             assert time.monotonic() < limit
             messages = blender.receive()
-            assert len(messages) <= connection_module._MOST_MESSAGES + connection_module._CHUNK // 8
-            assert sum(len(each.payload) for each in messages) <= connection_module._MOST_BYTES + 2_000_000
+            assert len(messages) <= WORKER.poll_messages + connection_module._CHUNK // 8
+            assert sum(len(each.payload) for each in messages) <= WORKER.poll_bytes + 2_000_000
             came += len(messages)
         assert came == count
         sender.join()
