@@ -1,7 +1,8 @@
 """Zero-lag smoothing of markers by their own noise.
 
-Each marker passes a multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact
-markers pass unchanged. A marker that is hidden for a moment is extrapolated, with a growing standard deviation.
+Errors that last, as those of keypoints, stay in the positions and count in their deviations. Each marker passes a
+multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact markers pass unchanged. A
+marker that is hidden for a moment is extrapolated, with a growing standard deviation.
 """
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..geometry.arrays import Array, Mask
 from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
 from .marker_noise import MarkerNoise, marker_noise
+from .source_noise import SourceNoise
 
 _MODELS = MotionModels(
     changes=(0.01e-3, 0.1e-3, 1e-3),  # markers that stand, move, strike; m
@@ -18,7 +20,6 @@ _MODELS = MotionModels(
     first_acceleration=20.0,
 )
 _UNKNOWN_SIGMA_M = 1e-3  # noise assumed in the first frames
-_MOST_SIGMA_M = 4e-3  # largest noise; more is sudden motion at a low frame rate
 # Factor of the filters' expected error for hidden markers (1.2 to 1.8 on development takes, with noise and without),
 # and the largest standard deviation with which a hidden marker is used.
 _SUDDEN, _KNOWN_M = 1.75, 0.09
@@ -29,10 +30,11 @@ class MarkerSmoother:
 
     Args:
         markers: Number of markers M.
+        source: Errors of their source.
     """
 
-    def __init__(self, markers: int) -> None:
-        self._noise = MarkerNoise()
+    def __init__(self, markers: int, source: SourceNoise) -> None:
+        self._noise, self._source = MarkerNoise(), source
         self._follower = MultipleModelFilter((_MODELS, markers))
 
     def step(self, time_s: float, points_m: Array) -> tuple[Array, Array]:
@@ -42,12 +44,13 @@ class MarkerSmoother:
             points_m: Markers (M, 3), NaN where hidden; these are extrapolated for a moment only.
         """
         self._follower.predict(time_s)
-        noise_m = np.minimum(self._noise.step(time_s, points_m), _MOST_SIGMA_M)
+        noise_m = np.minimum(self._noise.step(time_s, points_m), self._source.most_fast_m)
         goes_on = _observe(self._follower, points_m, np.where(noise_m > 0.0, noise_m, _UNKNOWN_SIGMA_M))
-        return _known(points_m, *self._follower.means(), goes_on)
+        smoothed, deviations = _known(points_m, *self._follower.means(), goes_on)
+        return smoothed, np.hypot(deviations, self._source.lasting_m)
 
 
-def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
+def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tuple[Array, Array]:
     """Return a take's markers (F, M, 3), smoothed by a forward and a backward filter, and their deviations (F, M).
 
     (Fraser and Potter 1969.)
@@ -55,8 +58,9 @@ def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
     Args:
         times_s: Ascending times (F,).
         points_m: Markers (F, M, 3), NaN where hidden; these are extrapolated for a moment only.
+        source: Errors of their source.
     """
-    noise_m = np.minimum(marker_noise(times_s, points_m), _MOST_SIGMA_M)
+    noise_m = np.minimum(marker_noise(times_s, points_m), source.most_fast_m)
     smoothed, deviations = np.full(points_m.shape, np.nan), np.full(points_m.shape[:2], np.inf)
     forwards, backwards = (MultipleModelFilter((_MODELS, points_m.shape[1])) for _ in range(2))
     for index, time_s in enumerate(times_s):
@@ -72,7 +76,7 @@ def smooth_markers(times_s: Array, points_m: Array) -> tuple[Array, Array]:
         both = np.maximum(own + other, 1e-12)
         mean = (own[:, None] * smoothed[index] + other[:, None] * later) / both[:, None]
         smoothed[index], deviations[index] = _known(points_m[index], mean, both**-0.5, own + other > 0.0)
-    return smoothed, deviations
+    return smoothed, np.hypot(deviations, source.lasting_m)
 
 
 def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> Mask:

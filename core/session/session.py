@@ -13,6 +13,7 @@ from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_smoothing import MarkerSmoother
+from ..markers.source_noise import noise_of
 from ..markers.subject import Subject
 from ..markers.usable_frame import FrameTimes, usable_frame
 from ..solver.observation import Observation
@@ -24,7 +25,7 @@ from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_mark
 from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
 from .pose_noise_filter import PoseNoiseFilter
-from .tracking_quality import TrackingQuality, assess_fit
+from .tracking_quality import TrackingQuality, assess_fit, tracking_of
 
 _WORSE_M = 0.004  # RMS distance by which alternative labels may fit the body worse than the current ones
 
@@ -55,7 +56,8 @@ class Session:
         self.labeller = FrameLabeller(self._model, cameras, examples)
         poses_m = examples.start_poses_m, examples.markers_m
         self._hypotheses = HypothesisTracker(cameras[0], self.solver, *poses_m) if self._has_one_camera else None
-        self._quality = TrackingQuality(self._model.torso, self._has_one_camera)
+        self._source = noise_of(subject.marker_set.points)
+        self._quality = TrackingQuality(self._model.torso, self._has_one_camera, tracking_of(self._source))
         self._part_errors = PartErrors(self._model)
         self.reset()
 
@@ -114,7 +116,7 @@ class Session:
     def _forget(self) -> None:
         """Let the next frame be solved like the first."""
         self._state = self.solver.initial_state
-        self._smoother = MarkerSmoother(len(self.subject.marker_set))
+        self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
         if self._hypotheses is not None:
             self._hypotheses.reset()

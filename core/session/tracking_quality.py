@@ -1,12 +1,13 @@
 """Quality of tracking: confidence, and signs of lost or mislabelled bodies."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..body.scene_pose import PerformerPose
 from ..geometry.arrays import Mask
+from ..markers.source_noise import SourceNoise
 from ..solver.observation import Observation
 from ..solver.solution import Solution
 from ..system.backoff import Backoff
@@ -19,6 +20,7 @@ class TrackingSettings:
     explained_m: float = 0.03  # distance of solved from observed markers at which confidence has fallen to 1/e
     familiar_m: float = 0.15  # distance to the closest example at which confidence has fallen to 1/e
     wrong_m: float = 0.10  # distance of solved from observed markers above which labels or pose are wrong
+    lasting: tuple[float, float] = (2.0, 5.0)  # distances added to both, in lengths of the source's lasting errors
     wrong_for_s: float = 0.5  # duration of wrong markers after which labelling restarts
     lost_for_s: float = 1.0  # duration with fewer torso markers after which labelling restarts
     torso_markers: int = 2  # fewest torso markers of a tracked body
@@ -30,6 +32,16 @@ class TrackingSettings:
 
 
 SETTINGS = TrackingSettings()
+
+
+def tracking_of(source: SourceNoise) -> TrackingSettings:
+    """Return the thresholds for points with the errors of a source."""
+    lasting_m = math.sqrt(3.0) * source.lasting_m  # RMS length of such errors
+    explained_m, wrong_m = (
+        math.hypot(usual_m, times * lasting_m)
+        for usual_m, times in zip((SETTINGS.explained_m, SETTINGS.wrong_m), SETTINGS.lasting, strict=True)
+    )
+    return replace(SETTINGS, explained_m=explained_m, wrong_m=wrong_m)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from ..markers.filtering import smooth_motion
 from ..markers.frame_rate import frame_rate
 from ..markers.gap_filling import fill_gaps
 from ..markers.marker_smoothing import smooth_markers
+from ..markers.source_noise import SourceNoise, noise_of
 from ..solver.motion_prior import PriorEstimate
 from ..solver.observation import Observation
 from ..solver.pose_solver import PoseSolver
@@ -40,8 +41,9 @@ _WEIGHT_POWER = 4.0  # a trajectory's weight falls with this power of its expect
 _WEIGHT_S = 0.25  # standard deviation of the time over which these errors are averaged
 _UNKNOWN_DEG = 90.0  # expected error of parts with unknown error
 _SMOOTH_HZ = 8.0  # cut-off for the trajectory of what no marker shows
-# cut-off for the fitted poses, which follow the rest of the markers' noise: absolute, and relative to the frame rate
-_CALM_HZ, _CALM_SHARE = 16.0, 0.27
+_CALM_SHARE = (
+    0.27  # highest cut-off for the fitted poses, which follow the rest of the markers' noise, of the frame rate
+)
 _REPORT_EVERY = 30  # frames between two reports of progress
 _TOGETHER = 128  # frames of which priors, or fits, are computed at once
 _TORSO = list(PARTS).index("torso")  # part of the root
@@ -68,6 +70,7 @@ class TwoWaySolver:
     def __init__(self, solver: PoseSolver, cameras: tuple[Camera, ...]) -> None:
         self._solver, self._cameras = solver, cameras
         self._backward = solver.backwards()
+        self._source = noise_of(solver.subject.subject.marker_set.points)
 
     def solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
         """Return the poses of a performer solved again; those that are not solved stay."""
@@ -78,7 +81,7 @@ class TwoWaySolver:
         return _started(result)
 
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
-        observations = _smoothed(poses, [self._observation(pose) for pose in poses])
+        observations = _smoothed(poses, [self._observation(pose) for pose in poses], self._source)
         trajectories = (_live_trajectory(poses), _backward_trajectory(self._backward, poses, observations, progress))
         fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
         return self._calm(self._fitted(poses, _blended(trajectories, fps), fps, observations), fps)
@@ -129,7 +132,10 @@ class TwoWaySolver:
 
     def _calm(self, poses: list[PerformerPose], fps: float) -> list[PerformerPose]:
         """Return the poses of a stretch without jitter faster than bodies move."""
-        rotations, cutoff_hz = np.array([pose.rotations for pose in poses]), min(_CALM_HZ, _CALM_SHARE * fps)
+        rotations, cutoff_hz = (
+            np.array([pose.rotations for pose in poses]),
+            min(self._source.calm_hz, _CALM_SHARE * fps),
+        )
         motion = self._low_passed(rotations, np.array([pose.root_position_m for pose in poses]), fps, cutoff_hz)
         shown = zip(poses, motion.rotations, motion.root_positions_m, strict=True)
         return [replace(pose, rotations=turns, root_position_m=root_m) for pose, turns, root_m in shown]
@@ -154,10 +160,14 @@ def _root_mean(squares: Array, unknown: float) -> float:
     return math.sqrt(float(np.add.reduce(known)) / len(known)) if len(known) else unknown
 
 
-def _smoothed(poses: Sequence[PerformerPose], observations: Sequence[Observation]) -> list[Observation]:
+def _smoothed(
+    poses: Sequence[PerformerPose], observations: Sequence[Observation], source: SourceNoise
+) -> list[Observation]:
     """Return observations with smoothed markers."""
     times_s = np.array([pose.time_s for pose in poses])
-    points_m, noise_m = smooth_markers(times_s, np.array([observation.points_m for observation in observations]))
+    points_m, noise_m = smooth_markers(
+        times_s, np.array([observation.points_m for observation in observations]), source
+    )
     return [each.smoothed(*markers) for each, *markers in zip(observations, points_m, noise_m, strict=True)]
 
 

@@ -16,6 +16,7 @@ from ..database.store import Database
 from ..errors import SubjectError
 from ..geometry.arrays import Array, Mask
 from ..markers.marker_take import MarkerTake
+from ..markers.source_noise import SourceNoise, noise_of
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..session.session import Session
@@ -34,6 +35,7 @@ class MotionFitSettings:
     most_frames: int = 300  # more frames tell little new about the body
     fewest_frames: int = 20
     large_m: float = 0.06  # frames with a larger median marker error are left out
+    large_sigmas: float = 3.0  # added to that, in lasting errors of the points' source
     marker_sigma_m: float = 0.01  # marker about the modelled one: skin and solver
     independent_frames: float = 30.0  # weight of all frames together, as near ones repeat each other's errors
 
@@ -66,7 +68,7 @@ def subject_from_motion(
         used = int(good.sum())
         if used < SETTINGS.fewest_frames:
             raise _refusal(used, observed[:, start.marker_set.torso], take.name)
-        subject = _fitted(rotations[good], observed[good], start)
+        subject = _fitted(rotations[good], observed[good], start, noise_of(start.marker_set.points))
     with contextlib.suppress(SubjectError):  # the motion is unlike the database
         subject = refine_body(take, subject, database).subject
     return subject
@@ -98,11 +100,12 @@ def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Arra
     session = Session(subject, database, smooth=False)
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
     # the median, as single markers may be far from their usual offsets, which are to be found
-    good = np.array([_median_m(pose) < SETTINGS.large_m and pose.confidence > 0.0 for pose in poses])
+    large_m = SETTINGS.large_m + SETTINGS.large_sigmas * noise_of(subject.marker_set.points).lasting_m
+    good = np.array([_median_m(pose) < large_m and pose.confidence > 0.0 for pose in poses])
     return np.array([pose.rotations for pose in poses]), good
 
 
-def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
+def _fitted(rotations: Array, observed: Array, start: Subject, source: SourceNoise) -> Subject:
     """Return the subject of least marker error under rotations (F, J, 4)."""
     by_part, by_offset, modelled = linear_model(rotations, start)
     count, markers = observed.shape[:2]
@@ -110,7 +113,8 @@ def _fitted(rotations: Array, observed: Array, start: Subject) -> Subject:
     # the root's position is free in every frame: only differences from the frame's mean marker count
     residual = _less_mean(observed - modelled, seen).reshape(-1)
     columns = _less_mean(np.concatenate((by_part, by_offset), axis=-1), seen).reshape(count * markers * 3, -1)
-    weight = min(1.0, SETTINGS.independent_frames / count) / SETTINGS.marker_sigma_m**2
+    variance = SETTINGS.marker_sigma_m**2 + source.lasting_m**2
+    weight = min(1.0, SETTINGS.independent_frames / count) / variance
     normal = weight * columns.T @ columns + _prior(by_part.shape[-1], markers)
     solution = np.linalg.solve(normal, weight * columns.T @ residual)
     error = (residual - columns @ solution).reshape(count, markers, 3)

@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
+from perfanim.core.markers.marker_set import PointKind
 from perfanim.core.markers.marker_smoothing import MarkerSmoother, smooth_markers
+from perfanim.core.markers.source_noise import noise_of
 
+EXACT, KEYPOINTS = noise_of(PointKind.MARKERS), noise_of(PointKind.KEYPOINTS)
 FPS = 60.0
 TIMES_S = np.arange(240) / FPS
 SETTLED = slice(30, None)
@@ -23,7 +26,7 @@ def noisy(noise_m: float, seed: int = 0) -> np.ndarray:
 
 
 def smoothed(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    smoother = MarkerSmoother(points.shape[1])
+    smoother = MarkerSmoother(points.shape[1], EXACT)
     frames = [smoother.step(*frame) for frame in zip(TIMES_S, points, strict=True)]
     return np.array([frame[0] for frame in frames]), np.array([frame[1] for frame in frames])
 
@@ -56,7 +59,7 @@ def test_noise_is_reduced_without_lag(noise_m):
 
 def test_take_is_smoothed_in_both_directions():
     points = noisy(0.003)
-    live, both = smoothed(points)[0], smooth_markers(TIMES_S, points)[0]
+    live, both = smoothed(points)[0], smooth_markers(TIMES_S, points, EXACT)[0]
     assert np.all(rms(both - moving())[:PUNCH] < 0.9 * rms(live - moving())[:PUNCH])
     assert rms(both - moving())[PUNCH] < rms(live - moving())[PUNCH]
 
@@ -65,7 +68,7 @@ def test_jumping_or_returning_marker_is_not_delayed():
     points = noisy(0.001)
     points[100:, STILL] += [0.4, 0.0, 0.0]
     points[60:120, ARM] = np.nan
-    for found in (smoothed(points)[0], smooth_markers(TIMES_S, points)[0]):
+    for found in (smoothed(points)[0], smooth_markers(TIMES_S, points, EXACT)[0]):
         assert not np.isnan(found[~np.isnan(points)]).any()
         assert np.isnan(found[75:105, ARM]).all()
         assert np.nanmax(np.abs(found[98:103, STILL] - points[98:103, STILL])) < 0.005
@@ -77,7 +80,7 @@ def test_jumping_or_returning_marker_is_not_delayed():
 def test_briefly_hidden_smoothed_marker_is_extrapolated():
     points = noisy(0.001)
     points[60:66, [STILL, ARM]] = np.nan
-    (live, sigmas), (both, closer) = smoothed(points), smooth_markers(TIMES_S, points)
+    (live, sigmas), (both, closer) = smoothed(points), smooth_markers(TIMES_S, points, EXACT)
     hidden = np.s_[60:66, [STILL, ARM]]
     for found, deviations in ((live, sigmas), (both, closer)):
         away = np.linalg.norm(found - moving(), axis=-1) / np.sqrt(3.0)
@@ -88,7 +91,7 @@ def test_briefly_hidden_smoothed_marker_is_extrapolated():
     off_live, off_both = (np.linalg.norm(found - moving(), axis=-1)[hidden].max() for found in (live, both))
     assert off_both < 0.7 * off_live
     points[60:90, ARM] = np.nan
-    for found, deviations in (smoothed(points), smooth_markers(TIMES_S, points)):
+    for found, deviations in (smoothed(points), smooth_markers(TIMES_S, points, EXACT)):
         known = np.isfinite(found[60:90, ARM, 0])
         assert known[0] and not known[15]
         assert deviations[60:90, ARM][known].max() < 0.1
@@ -98,7 +101,7 @@ def test_hidden_markers_are_dropped_after_a_cut():
     points = noisy(0.001)
     points[60:] += 1.0
     points[60:64, ARM] = np.nan
-    live, (both, deviations) = smoothed(points)[0], smooth_markers(TIMES_S, points)
+    live, (both, deviations) = smoothed(points)[0], smooth_markers(TIMES_S, points, EXACT)
     assert np.isnan(live[60:64, ARM]).all()
     away = np.linalg.norm(both - moving() - 1.0, axis=-1) / np.sqrt(3.0)  # it is known by what follows
     assert np.all(away[60:64, ARM] < 3.0 * deviations[60:64, ARM])
@@ -107,9 +110,18 @@ def test_hidden_markers_are_dropped_after_a_cut():
 
 
 def test_long_steps_and_empty_frames():
-    smoother = MarkerSmoother(2)
+    smoother = MarkerSmoother(2, EXACT)
     for time_s in (1e6, 1e6 + 0.01, 1e9):
         found, deviations = smoother.step(time_s, np.array([[1.0, 2.0, 3.0], [np.nan] * 3]))
         np.testing.assert_allclose(found[0], [1.0, 2.0, 3.0], atol=1e-6)
         assert np.all(np.isnan(found[1]))
         assert np.all(np.isfinite(deviations))
+
+
+def test_lasting_errors_of_keypoints_stay_and_are_counted():
+    points = np.add(noisy(0.012), [0.0, 0.03, 0.0])
+    exact, (found, deviations) = smooth_markers(TIMES_S, points, EXACT)[0], smooth_markers(TIMES_S, points, KEYPOINTS)
+    assert deviations.min() >= KEYPOINTS.lasting_m
+    wanted = np.add(moving(), [0.0, 0.03, 0.0])
+    assert rms(found - wanted)[STILL] < 0.8 * rms(exact - wanted)[STILL]  # their noise is above that of any marker
+    np.testing.assert_allclose(found[SETTLED, STILL].mean(axis=0), wanted[0, STILL], atol=0.003)

@@ -1,0 +1,40 @@
+"""Keypoints as networks find them: near the joints, with errors that last."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from perfanim.core.body.motion import Motion
+from perfanim.core.markers.marker_set import MarkerSet
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.simulate.simulated_markers import simulate_markers
+
+
+@dataclass(frozen=True)
+class KeypointErrors:
+    """Errors of keypoints; standard deviations are of one coordinate."""
+
+    own_m: tuple[float, float] = (0.01, 0.03)  # a person's constant offset of a point, least and largest length
+    slow_m: float = 0.025  # errors that last
+    slow_s: tuple[float, float] = (0.2, 0.5)  # their time constants, least and largest
+    fast_m: float = 0.006  # noise from frame to frame
+
+
+USUAL = KeypointErrors()
+
+
+def simulate_keypoints(
+    motion: Motion, keypoints: MarkerSet, seed: int = 0, errors: KeypointErrors = USUAL
+) -> MarkerTake:
+    """Return the keypoints of a moving person with a random person's offsets and errors."""
+    random = np.random.default_rng(seed)
+    count = len(keypoints)
+    own = random.normal(size=(count, 3))
+    own *= random.uniform(*errors.own_m, (count, 1)) / np.linalg.norm(own, axis=1, keepdims=True)
+    take, _ = simulate_markers(motion, keypoints.with_offsets(keypoints.offsets_m + own))
+    # Ornstein-Uhlenbeck processes
+    keep = np.exp(-1.0 / (motion.fps * random.uniform(*errors.slow_s, (count, 1))))
+    slow = random.normal(size=(motion.frames, count, 3))
+    for frame in range(1, motion.frames):
+        slow[frame] = keep * slow[frame - 1] + np.sqrt(1.0 - keep**2) * slow[frame]
+    fast = random.normal(0.0, errors.fast_m, slow.shape)
+    return replace(take, positions_m=take.positions_m + errors.slow_m * slow + fast)
