@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from motion_synthesis import BEHAVIOURS, STYLES, perform, performance
-from motion_synthesis.arm_rotations import arm_rest, hanging_arm, leg_rest, two_bones
+from motion_synthesis.arm_rotations import arm_rest, leg_rest
 from motion_synthesis.bodies import body, prototype_bodies, save_bodies
-from motion_synthesis.curves import Track, pendulum_filtered
 from motion_synthesis.make_assets import clips, motion_of, write_clip, write_performance
 from motion_synthesis.proportions import Body
 from motion_synthesis.sword import gripping, sword_axes
@@ -191,51 +190,6 @@ def test_rate_changes_only_the_sampling():
 
 
 # ---- building blocks
-
-
-def test_track_reproduces_a_ballistic_flight_and_holds_levels():
-    track = Track()
-    track.key(0.0, 1.0)
-    track.key(1.0, 1.0)
-    track.key(1.5, 2.0, 3.0, -9.81)
-    track.key(1.9, 2.0 + 3.0 * 0.4 - 0.5 * 9.81 * 0.16, 3.0 - 9.81 * 0.4, -9.81)
-    times = np.linspace(1.5, 1.9, 9)
-    flight = 2.0 + 3.0 * (times - 1.5) - 0.5 * 9.81 * (times - 1.5) ** 2
-    assert np.allclose(track.sample(times)[:, 0], flight, atol=1e-12)
-    assert np.allclose(track.sample(np.linspace(0.0, 1.0, 20)), 1.0, atol=1e-12)
-
-
-def test_pendulum_leads_the_support_and_ends_over_it():
-    times = np.arange(0.0, 8.0, 0.01)
-    support = np.where(times < 4.0, 0.0, 0.3)[:, None]
-    path = pendulum_filtered(support, 3.1, 0.01)[:, 0]
-    assert abs(path[0]) < 1e-3
-    assert abs(path[-1] - 0.3) < 1e-3
-    assert 0.10 < path[399] < 0.20  # half way when the support changes: the body moved before the foot
-    # x'' = w^2 (x - p) away from the step
-    inside = slice(300, 380)
-    acceleration = np.gradient(np.gradient(path, 0.01), 0.01)[inside]
-    assert np.allclose(acceleration, 3.1**2 * path[inside], atol=0.02)
-
-
-def test_two_bones_reach_and_keep_their_lengths():
-    rng, rest = np.random.default_rng(1), arm_rest("l")
-    start, way = rng.normal(0.0, 0.1, (50, 3)), rng.standard_normal((50, 3))
-    target = start + way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(0.2, 0.52, (50, 1))
-    first, flexion_rad = two_bones(start, target, rng.standard_normal((50, 3)), (0.3, 0.28), rest)
-    bend = rot.from_rotation_vector(rest[1] * flexion_rad[:, None])
-    middle = start + rot.rotate(first, 0.3 * rest[0])
-    end = middle + rot.rotate(rot.multiply(first, bend), 0.28 * rest[0])
-    assert np.allclose(end, target, atol=1e-6)
-
-
-@pytest.mark.parametrize(("side", "s"), [("l", 1.0), ("r", -1.0)])
-def test_arm_angles_include_the_rest_pose_and_hanging(side, s):
-    zero = np.zeros(1)
-    rest = hanging_arm(side, zero, zero + np.pi / 2, zero - np.pi / 6)
-    assert np.allclose(np.abs(rest), rot.identity((1,)), atol=1e-9)
-    for swing, direction in ((0.0, [0.0, -1.0, 0.0]), (np.pi / 2, [0.0, 0.0, 1.0])):
-        assert np.allclose(rot.rotate(hanging_arm(side, zero + swing, zero, zero), [s, 0.0, 0.0]), direction, atol=1e-9)
 
 
 # ---- bodies and assets

@@ -8,7 +8,6 @@ from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.simulated_source import SimulatedSource, open_simulated
 
 SIDES = ("left", "right")
-SQUARE_MM = 80.0  # of the board
 
 
 def record_walk(folder: Path, seconds: float, numbers: range) -> SimulatedSource:

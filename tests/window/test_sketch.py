@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from desktop import BlenderWindow, Desktop
 from pointing import Hand
+from sidebar_steps import opened
 from test_first_hour import keep
 
 FRAMES = 36  # between the keys
@@ -17,7 +18,7 @@ PATH_PX = 220  # down the screen, about two metres ahead of a new character
 
 def with_controls(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
     """Delete the cube of a new file, and add a character with controls."""
-    hand = emptied(desktop, window, name)
+    hand = opened(desktop, window, name)
     hand.toggle("Sketch Motion")
     hand.shot("empty")
     hand.click("Add Controls", sidebar=True)
@@ -28,24 +29,12 @@ def with_controls(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
 
 def with_character(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
     """Delete the cube of a new file, and add a character."""
-    hand = emptied(desktop, window, name)
+    hand = opened(desktop, window, name)
     hand.toggle("Character")
     hand.click("Add Character", sidebar=True)
     window.wait(lambda state: state["armature"], "a character")
     hand.toggle("Character")
     hand.toggle("Sketch Motion")
-    return hand
-
-
-def emptied(desktop: Desktop, window: BlenderWindow, name: str) -> Hand:
-    """Delete the cube of a new file, and open the sidebar."""
-    window.open_tab("Perfanim")
-    hand = Hand(desktop, window, name)
-    hand.away()
-    for key in ("x", "Return"):
-        desktop.key(key)
-        time.sleep(0.7)
-    hand.toggle("Capture")
     return hand
 
 

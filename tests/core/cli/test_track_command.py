@@ -123,40 +123,10 @@ def test_frames_without_the_performer_give_the_background(folder, capsys):
     assert json.loads(capsys.readouterr().out)["visible_fraction"] == 1.0
 
 
-def test_bad_input_is_one_line_and_leaves_nothing(folder, capsys):
-    out = folder / "out" / "take.trc"
-
-    def refused(*command: str) -> str:
-        assert main([*command, "--out", str(out)]) == 1
-        shown = capsys.readouterr()
-        assert shown.err.count("\n") == 1 and shown.out == ""
-        assert not out.exists() and not list(folder.glob("out/*"))
-        return shown.err
-
-    assert "not found" in refused("track", "--cameras", f"{folder}/cameras.toml", "--left", "gone", "--right", "away")
-    assert "cannot be read" in refused("track", "--cameras", "gone.toml", "--left", f"{folder}/left", "--right", "x")
-    assert "no marker set" in refused(*arguments(folder, "--marker-set", "gone"))
-    assert "at most 5 of 9 markers" in refused(*arguments(folder, "--marker-set", "boxing"))
-    assert "--markers must be a whole number from 1 to 200" in refused(*arguments(folder, "--markers", "0"))
-    assert "threshold" in refused(*arguments(folder, "--threshold", "900"))
-    (folder / "right" / "005.png").write_bytes(b"broken")
-    assert "005.png" in refused(*arguments(folder))
-
-
-def test_images_of_another_size_than_the_calibration_are_refused(folder, capsys):
-    for path in (folder / "left").glob("*.png"):
-        cv2.imwrite(str(path), np.zeros((480, 640, 3), np.uint8))
-    assert main(arguments(folder, "--out", str(folder / "take.trc"))) == 1
-    assert "640x480" in capsys.readouterr().err
+def test_too_few_markers_for_the_set_are_told(folder, capsys):
+    assert main(arguments(folder, "--marker-set", "boxing", "--out", str(folder / "take.trc"))) == 1
+    assert "at most 5 of 9 markers" in capsys.readouterr().err
     assert not (folder / "take.trc").exists()
-
-
-def test_a_dark_take_is_told(folder, capsys):
-    for side in ("left", "right"):
-        for path in (folder / side).glob("*.png"):
-            cv2.imwrite(str(path), np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
-    assert main(arguments(folder, "--out", str(folder / "take.trc"))) == 1
-    assert "hardly any markers" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("chosen", [["--left", "left"], ["--camera", "right=right"]])

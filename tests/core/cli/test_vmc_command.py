@@ -17,7 +17,7 @@ from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.formats.vmc.vmc_packets import read_packet
 from perfanim.core.formats.vmc.vmc_udp import Receiver
 from perfanim.core.markers.marker_take import load_take
-from pythonosc.osc_message_builder import OscMessageBuilder
+from trackers_sent import tracker_packet
 
 
 def run(line, once_listening):
@@ -77,10 +77,7 @@ def test_trackers_to_a_marker_take(tmp_path):
     def send(port):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
             for _ in range(3):
-                builder = OscMessageBuilder("/VMC/Ext/Tra/Pos")
-                for value in ("waist", 0.5, 1.0, 2.0, 0.0, 0.0, 0.0, 1.0):
-                    builder.add_arg(value)
-                link.sendto(builder.build().dgram, ("127.0.0.1", port))
+                link.sendto(tracker_packet({"waist": (-0.5, 1.0, 2.0)}), ("127.0.0.1", port))
             link.sendto(b"noise", ("127.0.0.1", port))
 
     facts = run(["--out", tmp_path / "waist.take.npz", "--seconds", "0.01"], send)

@@ -125,19 +125,6 @@ def test_a_changed_header_is_refused(written: Path) -> None:
             open_database(changed_file)
 
 
-def test_missing_and_other_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DatabaseError, match=r"no\.db: cannot be read \(No such file.*; check the path"):
-        open_database(tmp_path / "no.db")
-    with pytest.raises(DatabaseError, match="cannot be read"):
-        open_database(tmp_path)
-    (tmp_path / "a.bvh").write_text("HIERARCHY\n" * 50)
-    with pytest.raises(DatabaseError, match="is a BVH file, no motion database"):
-        open_database(tmp_path / "a.bvh")
-    (tmp_path / "a.pfdb").write_text("a database\n" * 50)
-    with pytest.raises(DatabaseError, match="is not a motion database"):
-        open_database(tmp_path / "a.pfdb")
-
-
 def test_parts_that_do_not_fit_are_refused_without_a_file(tmp_path: Path) -> None:
     rotations, positions = motion()
     path = tmp_path / "m.db"

@@ -16,7 +16,6 @@ from perfanim.core.solver.settings import METHODS, SolveSettings
 FPS = 30.0
 NOISE_M = 0.002
 KNOWN = np.arange(8)
-TORSO = (0, 1, 2, 3)
 
 
 @pytest.fixture(scope="module")

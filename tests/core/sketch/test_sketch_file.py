@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.errors import FormatError, SettingsError
+from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.sketch.sketch_file import Control, Sketch, read_sketch, tilted
 from perfanim.core.sketch.sketch_messages import sketch_from
@@ -78,30 +78,3 @@ def test_messages_keep_curves_and_free_heights():
     table["controls"][0]["drawn_m"] = table["controls"][0]["drawn_m"][:16]
     with pytest.raises(SettingsError, match="damaged"):
         sketch_from(table)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "is not a sketch"),
-        ("frame,time_s,A_x,A_y,A_z\n", "is not a sketch"),
-        (HEAD, "has no keys"),
-        ("control,frame,x,y,z\nhead,1,0,1,0\n", "frame rate"),
-        ("# fps=abc\ncontrol,frame,x,y,z\nhead,1,0,1,0\n", "frame rate"),
-        ("# fps=1e9\ncontrol,frame,x,y,z\nhead,1,0,1,0\n", "frame rate"),
-        (HEAD + "tail,1,0,1,0\n", "line 3: there is no joint 'tail'"),
-        (HEAD + "head,1,0,1\n", "line 3: has 4 fields"),
-        (HEAD + "head,1.5,0,1,0\n", "line 3: lacks a whole frame"),
-        (HEAD + "head,1,,1,0\n", "line 3: lacks a whole frame or a position"),
-        (HEAD + "head,1,inf,1,0\n", "line 3: lacks a whole frame or a position"),
-        (HEAD + "head,1,one,1,0\n", "line 3: has a field that is not a number"),
-        (HEAD + "head,1,5000,1,0\n", "line 3: lies beyond"),
-        (HEAD + "head,1,0,1,0\nhead,90000,0,1,0\n", "frames at most"),
-        (HEAD + "head,1,0,1,0\x00\n", "is not a text file"),
-    ],
-)
-def test_other_files_are_refused_in_one_line(tmp_path, text, message):
-    with pytest.raises(FormatError) as caught:
-        read_sketch(written(tmp_path, text))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)

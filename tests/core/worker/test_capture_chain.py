@@ -30,6 +30,7 @@ from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import Message, MessageKind
 from perfanim.core.worker.restart_point import RestartPoint
 from props import held_poses
+from soak.processes import children, is_running
 
 PATIENCE_S = 180.0
 ROOT_M = 0.3  # a quarter of what two performers are apart: nobody is taken for the other
@@ -215,26 +216,6 @@ def test_bad_requests_are_errors_in_plain_words(request_files: dict[str, Any], t
         finally:
             client.close()
         assert expected in str(error.error())
-
-
-def children(process_id: int) -> list[int]:
-    found = []
-    for status in Path("/proc").glob("[0-9]*/status"):
-        try:
-            lines = status.read_text().splitlines()
-        except OSError:
-            continue
-        if f"PPid:\t{process_id}" in lines:
-            found.append(int(status.parent.name))
-    return found
-
-
-def is_running(process_id: int) -> bool:
-    try:
-        state = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
 
 
 def wait_until_gone(process_ids: list[int]) -> None:

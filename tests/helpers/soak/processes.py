@@ -39,6 +39,15 @@ def children(process_id: int) -> list[int]:
     return found
 
 
+def is_running(process_id: int) -> bool:
+    """Return whether a process runs; one that has ended and is not waited for does not."""
+    try:
+        state = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
 def descendants(process_id: int) -> list[int]:
     """Return the processes that a process and its children have started."""
     return [found for child in children(process_id) for found in (child, *descendants(child))]

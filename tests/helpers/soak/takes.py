@@ -35,7 +35,7 @@ from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
 
-from .processes import HELPERS, Row, children, descendants, simulated_request
+from .processes import HELPERS, Row, children, descendants, is_running, simulated_request
 
 VICTIMS = (
     ("solver", signal.SIGKILL),
@@ -199,18 +199,10 @@ def _left(processes: list[int]) -> list[int]:
     """Return the processes that still run after the time that they have to end."""
     limit_s = time.monotonic() + ENDED_S
     while True:
-        running = [process_id for process_id in processes if _is_running(process_id)]
+        running = [process_id for process_id in processes if is_running(process_id)]
         if not running or time.monotonic() > limit_s:
             return running
         time.sleep(0.05)
-
-
-def _is_running(process_id: int) -> bool:
-    try:
-        state = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()[0]
-    except OSError:
-        return False
-    return state != "Z"
 
 
 if __name__ == "__main__":

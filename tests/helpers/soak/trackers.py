@@ -37,14 +37,12 @@ from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.system.assets import MOTION
 from perfanim.core.worker.client import WorkerClient
 from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
-from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
-from pythonosc.osc_message_builder import OscMessageBuilder
+from trackers_sent import tracker_packet
 
 from .processes import HELPERS, Row, family, memory_mb, simulated_request
 
 RATE = 100_000  # datagrams a second
 KINDS = ("junk", "names", "frames")
-TRACKER = "/VMC/Ext/Tra/Pos"
 FPS = 60.0
 AROUND_S = 5.0  # without a flood, before it and after it
 MOST_LATE_S = 2.0
@@ -169,7 +167,7 @@ def _send(kind: str, port: int, seconds: float, rate: int, seed: int, around_s: 
     """Send markers all the time and a flood for a while; print begin, end and count."""
     take, _ = simulate_markers(read_motion(_walk()), load_marker_set("boxing"))
     step = max(round(take.fps / FPS), 1)
-    frames = [_tracker_packet(dict(zip(take.names, row, strict=True))) for row in take.positions_m[::step].tolist()]
+    frames = [tracker_packet(dict(zip(take.names, row, strict=True))) for row in take.positions_m[::step].tolist()]
     markers = itertools.cycle([*frames, *frames[::-1]])
     packets = itertools.cycle(list(_flood(kind, random.Random(seed))))  # noqa: S311 - no secrets
     burst, sent = round(rate * BURST_S), 0
@@ -199,21 +197,9 @@ def _flood(kind: str, chance: random.Random) -> Iterator[bytes]:
         if kind == "junk":
             yield chance.randbytes(chance.randrange(1, 64))
         elif kind == "names":
-            yield _tracker_packet({f"{chance.randbytes(6).hex()}{number}": (0.0, 1.0, 0.0)})
+            yield tracker_packet({f"{chance.randbytes(6).hex()}{number}": (0.0, 1.0, 0.0)})
         else:
-            yield _tracker_packet({"HEAD": (chance.uniform(-1.0, 1.0), 1.7, 0.0)})
-
-
-def _tracker_packet(places_m: dict[str, Any]) -> bytes:
-    """Return the bundle of one frame; places (3,) in our axes, by name."""
-    bundle = OscBundleBuilder(IMMEDIATELY)
-    for name, (x, y, z) in places_m.items():
-        message = OscMessageBuilder(TRACKER)
-        message.add_arg(name, "s")
-        for number in (-x, y, z, 0.0, 0.0, 0.0, 1.0):
-            message.add_arg(float(number), "f")
-        bundle.add_content(message.build())
-    return bytes(bundle.build().dgram)
+            yield tracker_packet({"HEAD": (chance.uniform(-1.0, 1.0), 1.7, 0.0)})
 
 
 def _say(what: str, number: float) -> None:

@@ -1,19 +1,17 @@
 """Kill processes that write at random moments, or let the disk be full.
 
-By turns a take is recorded at 60 frames/s, a database built over an old one, notes written into a take, a motion
-exported over an old file, and takes solved by `perfanim batch` (one time in 25: it lasts for seconds). The process is
-killed (SIGKILL); every fifth time no file may grow beyond so many bytes instead, as on a full disk (RLIMIT_FSIZE).
+By turns a take is recorded at 60 frames/s, a database built over an old one, notes written into a take, and a motion
+exported over an old file. The process is killed (SIGKILL); every fifth time no file may grow beyond so many bytes
+instead, as on a full disk (RLIMIT_FSIZE).
 
 - What stood before must be whole: the old file or the new one, never a mixture, and nothing else under the name.
 - Of a recording at most 0.25 s may be lost, and all frames before must be as they were given.
 - A full disk must be reported in one line, and leave no temporary file; those of killed processes go at the next start.
-- A killed batch must leave no process, and what another run makes of it must be as without the kill.
 
 POSIX only.
 """
 
 import contextlib
-import hashlib
 import mmap
 import os
 import random
@@ -21,8 +19,6 @@ import resource
 import shutil
 import signal
 import struct
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -44,9 +40,7 @@ from perfanim.core.formats.take_file.take_writer import TakeWriter
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.marker_take import save_take
-from perfanim.core.markers.subject import Subject, save_subject
-from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.system.assets import MOTION
 
@@ -55,7 +49,7 @@ from .processes import Row
 KILLED, FULL = "killed", "disk full"
 MOST_LOST_S = 0.25
 RECORDED_S = 1.5
-FULL_EVERY, BATCH_EVERY = 5, 25
+FULL_EVERY = 5
 FPS = 60
 
 
@@ -86,18 +80,12 @@ class Material:
         for motion, path in zip(self.motions, self.clips, strict=True):
             write_motion(motion, path)
         self.subject = Subject("Anna", default_skeleton(1.7), load_marker_set("boxing"))
-        save_subject(self.subject, folder / "anna.toml")
         self.old = folder / "old.pfdb"
         self.build(self.old, self.clips[:1])
         self.records = [_record(number) for number in range(round(FPS * RECORDED_S) + FPS)]
         self.take = folder / "take.perftake"
         self._record_to(self.take, self.records, 0.0)
-        self.takes = folder / "takes"
-        self.takes.mkdir()
-        for number, motion in enumerate(self.motions):
-            save_take(simulate_markers(sliced(motion, 0, 12), self.subject)[0], self.takes / f"{number}.take.npz")
         self.handed_over = mmap.mmap(-1, 8)
-        self.batch_files: dict[str, str] = {}
 
     @staticmethod
     def build(path: Path, clips: list[Path]) -> None:
@@ -245,58 +233,6 @@ def _left_behind(place: Path, work: Work, fault: str) -> str:
     return f"left behind: {', '.join(left)}" if left else ""
 
 
-def killed_batch(material: Material, place: Path, lasts_s: float, chance: random.Random) -> dict[str, Any]:
-    """Kill a batch of three takes by two processes, run it again, and compare."""
-    after_s = chance.uniform(0.5 * lasts_s, 1.1 * lasts_s) if material.batch_files else None
-    started_s = time.perf_counter()
-    running = _start_batch(material, place)
-    if after_s is not None:
-        time.sleep(max(started_s + after_s - time.perf_counter(), 0.0))
-        running.kill()
-    running.wait()
-    wrong = ""
-    if after_s is not None:
-        limit_s = time.monotonic() + 20.0
-        while _processes_of(place) and time.monotonic() < limit_s:
-            time.sleep(0.05)
-        wrong = "a process is left" if _processes_of(place) else ""
-        _start_batch(material, place).wait()
-    files = {
-        path.name: hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(place.rglob("*"))
-        if path.suffix == ".bvh" or (path.name.startswith(".") and path.name != ".lock")
-    }
-    if after_s is None:
-        material.batch_files = files
-    if not wrong and (files != material.batch_files or len(files) != len(material.motions)):
-        wrong = f"other files than without the kill: {sorted(files)}"
-    return {"work": "batch", "fault": KILLED, "at": round(after_s or 0.0, 3), "wrong": wrong}
-
-
-def _start_batch(material: Material, place: Path) -> subprocess.Popen[bytes]:
-    words = ["batch", str(material.takes), "--database", str(material.old), "--out", str(place), "--jobs", "2"]
-    words += ["--subject", str(material.old.parent / "anna.toml"), "--method", "nearest"]
-    program = "import sys; from perfanim.core.cli.main import main; sys.exit(main(sys.argv[1:]))"
-    return subprocess.Popen(
-        [sys.executable, "-c", program, *words],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-
-
-def _processes_of(place: Path) -> list[int]:
-    """Return the processes that name a folder, or have a file in it open."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            words = (process / "cmdline").read_bytes()
-            opened = [os.readlink(path) for path in (process / "fd").iterdir()]  # noqa: PTH115
-            if str(place).encode() in words or any(path.startswith(str(place)) for path in opened):
-                found.append(int(process.name))
-    return found
-
-
 def rows(count: int, seed: int) -> Iterator[Row]:
     """Yield the row of each disturbed work, by turns."""
     chance = random.Random(seed)  # noqa: S311 - moments, no secrets
@@ -304,17 +240,9 @@ def rows(count: int, seed: int) -> Iterator[Row]:
         folder = Path(name)
         material = Material(folder)
         works = material.works(folder)
-        lasts_s = 0.0
-        if count >= BATCH_EVERY:
-            begun_s = time.perf_counter()
-            killed_batch(material, folder / "batch", 0.0, chance)
-            lasts_s = time.perf_counter() - begun_s
         for number in range(count):
             place = folder / f"place-{number}"
-            if number % BATCH_EVERY == BATCH_EVERY - 1:
-                yield killed_batch(material, place, lasts_s, chance)
-            else:
-                work = list(works)[number % len(works)]
-                fault = FULL if number % FULL_EVERY == FULL_EVERY - 1 else KILLED
-                yield {"work": work} | disturbed(works[work], material, place, fault, chance)
+            work = list(works)[number % len(works)]
+            fault = FULL if number % FULL_EVERY == FULL_EVERY - 1 else KILLED
+            yield {"work": work} | disturbed(works[work], material, place, fault, chance)
             shutil.rmtree(place, ignore_errors=True)

@@ -2,7 +2,7 @@
 
 import pytest
 from perfanim.core.cli.batch.plan import plan_of, read_plan
-from perfanim.core.errors import FormatError, SettingsError
+from perfanim.core.errors import SettingsError
 
 
 @pytest.fixture
@@ -152,13 +152,6 @@ def test_a_folder_of_more_files_than_takes_can_be(plan, monkeypatch, take):
     monkeypatch.setattr("perfanim.core.cli.batch.plan._MOST_FILES", 1)
     with pytest.raises(SettingsError, match="holds more than 1 files"):
         plan(f'[[take]]\ntake = "{take}"')
-
-
-def test_a_plan_that_is_none(plan, tmp_path):
-    with pytest.raises(FormatError, match="not valid TOML"):
-        plan("[[take")
-    with pytest.raises(FormatError, match="cannot be read"):
-        read_plan(tmp_path / "none.toml", {})
 
 
 def _pairs(options):

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 
 import pytest
@@ -19,7 +20,9 @@ from perfanim.core.session.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.lock import lock
 from perfanim.tests.core.cli.batch.conftest import FRAMES, do_here, files, in_others, run
+from soak.processes import is_running
 
+PATIENCE_S = 20.0
 REASONS = {
     "blank": "no frame shows the markers of the torso",
     "broken": "broken.trc, line 3: ends within its header",
@@ -89,7 +92,7 @@ def test_only_what_has_changed_is_done_again(finished, inputs, tmp_path):
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="a kill is a signal")
 def test_killed_in_the_middle_and_started_again(finished, inputs, tmp_path):
     """The batch is killed when two takes are done and its two workers have begun others; what is left is done in
-    another order, by one process. All is as if it had never been interrupted."""
+    another order, by one process. No worker is left, and all is as if it had never been interrupted."""
     script, out = tmp_path / "killed.py", tmp_path / "out"
     given = {"database": str(inputs.database), "subject": str(inputs.subject)}
     script.write_text(f"""
@@ -104,14 +107,20 @@ from perfanim.core.cli.batch import take_server
 def dying(tasks):
     for number, record in enumerate(in_processes(take_server.serve, 2, tasks)):
         if number == 2:
+            started = Path(f"/proc/self/task/{{os.getpid()}}/children")
+            print(started.read_text() if started.exists() else "", flush=True)
             os.kill(os.getpid(), signal.SIGKILL)
         yield record
 
 plan = plan_of([{str(inputs.takes)!r}], {given!r})
 run_batch(plan.takes, Path({str(out)!r}), dying, lambda fraction, text: None)
 """)
-    killed = subprocess.run([sys.executable, str(script)], check=False)
+    killed = subprocess.run([sys.executable, str(script)], stdout=subprocess.PIPE, text=True, check=False)
     assert killed.returncode == -signal.SIGKILL
+    limit_s = time.monotonic() + PATIENCE_S
+    while any(is_running(int(worker)) for worker in killed.stdout.split()):
+        assert time.monotonic() < limit_s, "a worker is left"
+        time.sleep(0.05)
     assert not (out / "summary.html").exists()
     result = run(inputs.plan()[::-1], out, lambda tasks: in_others(1, tasks[::-1]))
     assert 2 <= len(result.finished_before) < len(result.records)

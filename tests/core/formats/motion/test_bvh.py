@@ -103,11 +103,6 @@ def test_every_cut_of_a_file_is_read_or_refused() -> None:
     assert outcomes == {"read", "refused"}
 
 
-def test_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match=r"none\.bvh: cannot be read"):
-        read_bvh(tmp_path / "none.bvh")
-
-
 def test_nothing_is_left_when_the_unit_is_unknown(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="not a unit"):
         write_bvh(random_motion(2), tmp_path / "a.bvh", "parsec")
