@@ -1,6 +1,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.body.skeleton import Skeleton
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
-from perfanim.core.cli import evaluate_command as command
+from perfanim.core.cli.main import main
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.motion.asf import read_asf
 from perfanim.core.formats.motion.bvh import write_bvh
@@ -191,18 +192,15 @@ def test_angle_frames_are_those_of_the_cmu_files(cmu_dir: Path) -> None:
         assert skeleton.angle_orders == ours.angle_orders
 
 
-def test_command(tmp_path: Path, cmu_dir: Path) -> None:
-    import argparse
+def test_command(tmp_path: Path, cmu_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def evaluated(*line: object) -> dict[str, Any]:
+        assert main(["evaluate", *map(str, line), "--json"]) == 0
+        return dict(json.loads(capsys.readouterr().out))
 
-    parser = argparse.ArgumentParser()
-    command.add_parser(parser.add_subparsers())
     motion = walking_on_the_spot()
     write_bvh(motion, tmp_path / "a.bvh")
     write_bvh(turned(motion, "lfemur", 10.0, (1.0, 0.0, 0.0)), tmp_path / "b.bvh")
-    args = parser.parse_args(["evaluate", str(tmp_path / "b.bvh"), "--truth", str(tmp_path / "a.bvh")])
-    result = args.run(args, lambda fraction, text: None)
+    result = evaluated(tmp_path / "b.bvh", "--truth", tmp_path / "a.bvh")
     assert result["deg_per_joint"] == pytest.approx(10.0 / 28.0, abs=1e-4)
-    json.dumps(result)
     asf, amc = cmu_dir / "16" / "16.asf", cmu_dir / "16" / "16_16.amc"
-    args = parser.parse_args(["evaluate", str(amc), "--truth", str(amc), "--skeleton", str(asf)])
-    assert args.run(args, lambda fraction, text: None)["deg_per_angle"] == 0.0
+    assert evaluated(amc, "--truth", amc, "--skeleton", asf)["deg_per_angle"] == 0.0

@@ -190,6 +190,10 @@ CASES = [
     # simulate, evaluate
     ("simulate markers words.bvh --marker-set boxing --out out/a.take.npz", "words.bvh: is not a BVH file"),
     ("simulate markers words.bvh --marker-set boxing --out out/a.doc", "a.doc: has an ending that cannot be written"),
+    *(
+        (f"simulate markers words.bvh --marker-set boxing --out out/a.csv --fps={fps}", "out of range")
+        for fps in ("0", "nan", "-5")
+    ),
     ("simulate cameras words.bvh --out out/studio", "words.bvh: is not a BVH file"),
     ("evaluate words.bvh --truth words.bvh", "words.bvh: is not a BVH file"),
 ]

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.camera import WORLD_FROM_CAMERA, Camera
 from perfanim.core.labelling.labeller import Labeller
 from perfanim.core.labelling.template_labelling import label_by_template
@@ -24,33 +23,6 @@ def limbs(count: int) -> Labeller:
 
 def spread(count: int) -> np.ndarray:
     return np.tile(NOISE_M**2 * np.eye(3), (count, 1, 1))
-
-
-@pytest.mark.parametrize("name", ["boxing", "locomotion", "kendo"])
-@pytest.mark.parametrize("seed", range(4))
-def test_first_frame_is_labelled_with_ghosts_missing_markers_turn_and_size(name, seed):
-    rng = np.random.default_rng(seed)
-    marker_set = load_marker_set(name)
-    template = markers_of(marker_set)
-    person = markers_of(marker_set, rng.uniform(1.55, 1.9))
-    yaw = rot.from_rotation_vector(np.array([0.0, rng.uniform(-0.7, 0.7), 0.0]))
-    shown = np.delete(np.arange(len(person)), rng.integers(len(person)))
-    place = np.array([rng.uniform(-1, 1), 0.9, -3.0])
-    points = rot.rotate(yaw, person[shown]) + place + rng.normal(0, 0.01, (len(shown), 3))
-    ghosts = rng.uniform([-1.5, 0.0, -3.5], [1.5, 2.0, -2.5], (3, 3))
-    order = rng.permutation(len(shown) + 3)
-    labels = label_by_template(np.concatenate((points, ghosts))[order], template)
-    truth = np.concatenate((shown, [-1, -1, -1]))[order]
-    real = truth >= 0
-    np.testing.assert_array_equal(labels[real], truth[real])
-
-
-def test_too_few_points_are_not_labelled():
-    marker_set = load_marker_set("boxing")
-    template = markers_of(marker_set)
-    assert np.all(label_by_template(template[:4], template) == -1)
-    scattered = np.random.default_rng(0).uniform(-4, 4, (9, 3))
-    assert np.all(label_by_template(scattered, template) == -1)
 
 
 def moving(template: np.ndarray, time_s: float) -> np.ndarray:

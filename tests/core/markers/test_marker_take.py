@@ -91,23 +91,6 @@ def test_truncated_files_are_refused(tmp_path: Path) -> None:
             load_take(broken)
 
 
-def test_changed_bytes_are_refused_or_harmless(tmp_path: Path) -> None:
-    save_take(small(), tmp_path / "a.take.npz")
-    whole = bytearray((tmp_path / "a.take.npz").read_bytes())
-    broken = tmp_path / "b.take.npz"
-    refused = 0
-    for position in range(0, len(whole), 13):
-        changed = whole.copy()
-        changed[position] ^= 0x55
-        broken.write_bytes(changed)
-        try:
-            load_take(broken)
-        except TakeError as error:
-            refused += 1
-            assert "b.take.npz" in str(error)
-    assert refused > len(whole) // 13 // 2  # the zip's checksums cover the content; times and the like are left
-
-
 def test_other_files_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "array.npy", np.zeros(3))
     np.savez(tmp_path / "other.npz", a=np.zeros(3))

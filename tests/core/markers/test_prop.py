@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 from perfanim.core.errors import PropError
-from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.point_patterns import match_rigid_pattern
-from perfanim.core.geometry.rigid_transform import transform
 from perfanim.core.markers.prop import Prop, check_distinct, load_prop, prop_names, prop_tables, save_prop
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [0.30, 0.0, 0.0], [0.05, 0.20, 0.0]])
@@ -67,22 +64,3 @@ def test_indistinguishable_props_are_refused():
         with pytest.raises(PropError, match="knife and sword carry the same pattern"):
             check_distinct(pair)
     assert prop_tables(part)["name"] == "knife"
-
-
-def test_pattern_matches_are_all_that_distances_allow():
-    prop, generator = load_prop("sword"), np.random.default_rng(1)
-    turn = rot.to_matrix(rot.from_rotation_vector(generator.normal(size=3)))
-    own = transform(turn, generator.normal(size=3), prop.positions_m)
-    others = generator.uniform(-1.0, 1.0, (8, 3))
-    points = np.concatenate((others[:4], own[[3, 1, 4, 0]], others[4:]))  # one of its five is hidden
-    tolerances = np.full((len(points), len(points)), 0.002)
-    ways = match_rigid_pattern(points, prop.spans_m, tolerances, 3)
-    np.testing.assert_array_equal(ways[0], [7, 5, -1, 4, 6])
-    kept = [{4, 5, 6, 7} >= set(way[way >= 0]) for way in ways]
-    assert all(kept)
-    assert len(ways) == 1 + 4  # all four, and each three of them
-    allowed = np.ones((len(points), len(prop.names)), dtype=bool)
-    allowed[6] = False
-    np.testing.assert_array_equal(
-        match_rigid_pattern(points, prop.spans_m, tolerances, 3, allowed), [[7, 5, -1, 4, -1]]
-    )

@@ -46,15 +46,6 @@ def test_causal_poses_are_those_of_a_live_session(take, live, subject, database)
         np.testing.assert_array_equal(session.step(frame).rotations, pose.rotations)
 
 
-def test_solving_is_repeatable(recorded, take, subject, database):
-    """Also in a session that has solved something else before."""
-    session = Session(subject, database)
-    for _ in range(2):
-        again = solve_take(take, subject, database, SolveSettings(), silent, lambda *_: session)
-        session.reset()
-        np.testing.assert_array_equal(again.motion.rotations, recorded.motion.rotations)
-
-
 def test_motion_before_a_cut_does_not_depend_on_what_follows(take, subject, database):
     """Frames on both sides of a cut are solved as if they were takes of their own."""
     first, cut = 20, take.positions_m.copy()

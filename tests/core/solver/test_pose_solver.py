@@ -119,33 +119,6 @@ def test_hidden_markers_are_tolerated(model, database, noisy, truth, solved, met
     assert degrees_per_joint(model, solutions, part) < all_seen + 6.0
 
 
-def test_single_camera_marker_improves_the_pose(model, database, noisy, true_markers, stage_rig):
-    """The left hand is hidden from one camera, or from both, for the whole second half."""
-    view = stage_rig.cameras[0]
-    blind, seeing = [], []
-    for number, row in enumerate(noisy[:40]):
-        points = row.copy()
-        cameras, image_points = np.full(8, -1), np.full((8, 2), np.nan)
-        if number >= 15:
-            points[HAND] = np.nan
-            cameras[HAND], image_points[HAND] = 0, view.undistort(view.project(row[HAND]))
-        blind.append(Observation.of_points(points))
-        seeing.append(Observation(points, cameras, image_points, stage_rig.cameras))
-    away = [
-        np.mean([
-            np.linalg.norm(solution.markers_m[HAND] - true[HAND])
-            for solution, true in zip(solve(model, database, seen)[15:], true_markers[15:40], strict=True)
-        ])
-        for seen in (blind, seeing)
-    ]  # fmt: skip
-    solutions = solve(model, database, seeing)
-    local = view.to_camera([solution.markers_m[HAND] for solution in solutions[15:]])
-    seen = np.array([observation.image_points[HAND] for observation in seeing[15:]])
-    across = np.linalg.norm(local[:, :2] - seen * local[:, 2:], axis=1)
-    assert away[1] < away[0]
-    assert np.mean(across) < 3.0 * NOISE_M
-
-
 def test_nothing_is_solved_without_torso(model, database, noisy):
     solver = PoseSolver(model, database, SolveSettings())
     hands_only = noisy[0].copy()

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -63,20 +62,6 @@ def test_a_plan_with_bad_takes(folder, capsys):
     printed = capsys.readouterr()
     assert "3 were done before" in printed.out
     assert any(line.split()[:2] == ["other", "bad"] for line in printed.out.splitlines())
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="another limit, of whole paths")
-def test_a_name_too_long_for_the_system_holds_up_no_other_take(folder, tmp_path, capsys):
-    (tmp_path / "plan.toml").write_text(f"""
-        database = '{folder / "all.pfdb"}'
-        subject = '{folder / "walker.toml"}'
-        take = [{{ take = '{folder / "walk.trc"}' }}, {{ take = '{folder / "walk.trc"}', name = "{"a" * 300}" }}]
-        """)
-    assert main(["batch", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out"), "--jobs", "1", "--json"]) == 1
-    long, walk = json.loads(capsys.readouterr().out)["takes"]
-    assert long["reasons"][0].endswith('give the take a shorter name (name = "...")')
-    assert walk["status"] != "bad"
-    assert (tmp_path / "out" / "walk.bvh").exists()
 
 
 def test_good_takes_alone_exit_with_0(folder, tmp_path, capsys):

@@ -8,11 +8,9 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.take_file.take_reader import read_take_file
-from perfanim.core.geometry import rotations as rot
-from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.labelling.take_import import import_take
 from perfanim.core.markers.marker_set import load_marker_set
-from perfanim.core.markers.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import save_subject
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.solver.settings import SolveSettings
@@ -133,66 +131,6 @@ def test_none_that_is_there_is_replaced_and_recorded_takes_are_copied(bring, tmp
     copy, source = (read_take_file(tmp_path / "takes" / f"walk{name}.perftake") for name in (" (3)", ""))
     assert (copy.complete, copy.notes) == (True, source.notes)
     assert [pose.pose.number for pose in copy.poses] == [pose.pose.number for pose in source.poses]
-
-
-@pytest.mark.parametrize(
-    "turn", [np.eye(3), Z_UP, np.diag([-1.0, -1.0, 1.0]), Z_UP.T, np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]])]
-)
-def test_what_is_up_is_told_from_the_performer(walk, subject, turn):
-    found = import_take(replace(walk, positions_m=walk.positions_m @ turn.T), subject.marker_set, "auto")
-    np.testing.assert_allclose(found.positions_m[..., 1], walk.positions_m[..., 1], atol=1e-9)
-    apart = np.linalg.norm(found.positions_m[:, :, None] - found.positions_m[:, None], axis=-1)
-    np.testing.assert_allclose(apart, np.linalg.norm(walk.positions_m[:, :, None] - walk.positions_m[:, None], axis=-1))
-    triple = [np.linalg.det(take.positions_m[0, 1:4] - take.positions_m[0, :1]) for take in (found, walk)]
-    assert triple[0] == pytest.approx(triple[1])  # turned, not mirrored
-
-
-def test_an_axis_that_is_given_is_taken(walk, subject):
-    found = import_take(z_up(walk), subject.marker_set, "z")
-    np.testing.assert_allclose(found.positions_m, walk.positions_m)
-
-
-def test_the_floor_is_found_from_the_feet(walk, subject):
-    lean = rot.to_matrix(rot.from_rotation_vector(np.radians([6.0, 0.0, -4.0])))
-    moved = replace(walk, positions_m=(walk.positions_m @ lean.T + [0.3, -1.2, 2.0]) @ Z_UP.T)
-    found = import_take(moved, subject.marker_set, "feet")
-    lowest = [np.percentile(take.positions_m[..., 1], 1) for take in (found, walk)]
-    assert lowest[0] == pytest.approx(lowest[1], abs=0.02)  # two of the height's standard deviations
-    heights = found.positions_m[..., 1].mean(axis=0), walk.positions_m[..., 1].mean(axis=0)
-    np.testing.assert_allclose(*heights, atol=0.05)
-
-
-def test_markers_are_known_whatever_their_case_and_subject(walk, subject):
-    renamed = replace(walk, names=tuple(f"Anna:{name.lower()}" for name in walk.names))
-    assert import_take(renamed, subject.marker_set, "y").names == subject.marker_set.names
-    doubled = replace(
-        walk,
-        names=(*walk.names, "anna:" + walk.names[0]),
-        positions_m=np.concatenate((walk.positions_m,) * 2, 1)[:, :9],
-    )
-    assert import_take(doubled, subject.marker_set, "y").names == doubled.names
-
-
-def test_markers_without_names_are_told_apart_by_their_places(walk, subject):
-    shuffled = np.random.default_rng(3).permutation(len(walk.names))
-    names = tuple(f"unlabeled_{i}" for i in range(len(walk.names)))
-    other = replace(z_up(walk), names=names, positions_m=z_up(walk).positions_m[:, shuffled])
-    found = import_take(other, subject.marker_set, "auto")
-    np.testing.assert_allclose(found.positions_m, walk.positions_m)
-    with pytest.raises(Exception, match="choose the marker set that was worn"):
-        import_take(replace(other, names=names[:-1], positions_m=other.positions_m[:, :-1]), subject.marker_set, "auto")
-
-
-def test_rays_of_single_cameras_turn_with_the_world(walk, subject, stage_rig):
-    upside_down = np.diag([-1.0, -1.0, 1.0])
-    elsewhere = replace(walk, positions_m=walk.positions_m @ upside_down.T)
-    cameras = np.full(walk.positions_m.shape[:2], -1)
-    cameras[::3, 5] = 1
-    rig = CameraRig(tuple(replace(cam, rotation=cam.rotation @ upside_down.T) for cam in stage_rig.cameras))
-    single = SingleViews(rig, cameras, np.full((*cameras.shape, 2), 0.1))
-    found = import_take(replace(elsewhere, single=single), subject.marker_set, "feet")
-    for before, after in zip(stage_rig.cameras, found.single.rig.cameras, strict=True):
-        np.testing.assert_allclose(after.project(found.positions_m), before.project(walk.positions_m), atol=1e-6)
 
 
 def test_a_full_suit_of_another_system_is_solved_to_a_body(shared_dir, tmp_path, database_file, capsys):

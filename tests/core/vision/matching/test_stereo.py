@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from perfanim.core.geometry.camera import CameraRig
-from perfanim.core.geometry.triangulation import inverse_3x3, triangulate
 from perfanim.core.vision.matching.stereo import StereoMatcher, epipolar_distances, essential_matrix
 
 
@@ -24,45 +23,6 @@ def seen(rig: CameraRig, points: np.ndarray, noise: float, seed: int = 0) -> lis
 
 def normalised(rig: CameraRig, points: np.ndarray) -> np.ndarray:
     return np.stack([camera.undistort(camera.project(points)) for camera in rig.cameras], axis=1)
-
-
-def test_triangulation_is_exact_with_lens_distortion(rig):
-    points = body()
-    found, _, errors = triangulate(rig.cameras, normalised(rig, points), np.ones((12, 2)), 0.5)
-    np.testing.assert_allclose(found, points, atol=1e-9)
-    assert errors.max() < 1e-6
-
-
-def test_triangulation_does_not_depend_on_the_start(rig):
-    noisy = [blobs[:, :2].astype(np.float64) for blobs in seen(rig, body(), 0.5)]
-    coordinates = np.stack([camera.undistort(rows) for camera, rows in zip(rig.cameras, noisy, strict=True)], axis=1)
-    plain = triangulate(rig.cameras, coordinates, np.ones((12, 2)), 0.5)
-    start = plain[0] + np.random.default_rng(2).normal(0, 0.001, plain[0].shape)
-    start[3] = np.nan
-    again = triangulate(rig.cameras, coordinates, np.ones((12, 2)), 0.5, start)
-    np.testing.assert_allclose(again[0], plain[0], atol=1e-6)  # a thousandth of a millimetre
-    np.testing.assert_allclose(again[1], plain[1], rtol=1e-3, atol=1e-9)
-    np.testing.assert_allclose(again[2], plain[2], atol=1e-3)
-
-
-def test_covariance_equals_the_scatter(rig):
-    point = np.array([[0.2, 0.1, -3.0]])
-    rng = np.random.default_rng(1)
-    sigma, draws = 0.4, 4000
-    pixels = np.stack([camera.project(point)[0] for camera in rig.cameras])
-    noisy = pixels + rng.normal(0, sigma, (draws, 2, 2))
-    coordinates = np.stack([camera.undistort(noisy[:, i]) for i, camera in enumerate(rig.cameras)], axis=1)
-    found, covariances, _ = triangulate(rig.cameras, coordinates, np.ones((draws, 2)), sigma)
-    scatter = np.cov(found.T)
-    # a covariance from 4000 draws is known to 2-3 %; the distortion's scale is left out of the prediction
-    np.testing.assert_allclose(np.sqrt(np.diag(covariances[0])), np.sqrt(np.diag(scatter)), rtol=0.12)
-    assert np.all(np.linalg.eigvalsh(covariances[0]) > 0)
-
-
-def test_inverse_by_cofactors_equals_numpys():
-    matrices = np.random.default_rng(0).normal(size=(7, 3, 3))
-    matrices = matrices @ matrices.transpose(0, 2, 1) + np.eye(3)
-    np.testing.assert_allclose(inverse_3x3(matrices) @ matrices, np.broadcast_to(np.eye(3), (7, 3, 3)), atol=1e-10)
 
 
 def test_epipolar_distance_is_the_pixel_error(rig):
