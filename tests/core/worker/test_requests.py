@@ -2,10 +2,6 @@
 
 import copy
 import json
-import os
-import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
@@ -187,20 +183,3 @@ def test_the_kept_backgrounds_are_read_without_trust(tmp_path: Any) -> None:
     write_arrays(path, {"0": np.zeros((4, 6, 3)), "1": np.zeros((4, 5, 3))}, packed=False)
     with pytest.raises(CaptureError, match="a background has mean"):
         _read_backgrounds(path)
-
-
-def test_a_worker_that_hears_nonsense_stops() -> None:
-    program = (
-        "import sys; from perfanim.core.worker.channel import Channel\n"
-        "stopped = Channel(int(sys.argv[1]), '').stop_requested.wait(60)\n"
-        "print(stopped, flush=True)\n"
-    )
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        line = [sys.executable, "-c", program, str(listener.getsockname()[1])]
-        with subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=os.environ) as worker:
-            connection, _ = listener.accept()
-            with connection:
-                connection.sendall(b"GET / HTTP/1.1\r\n\r\n")
-                assert worker.stdout is not None
-                assert worker.stdout.readline() == "True\n"
-            worker.kill()

@@ -4,24 +4,16 @@ import logging
 
 import numpy as np
 import pytest
-from osc_frames import frame_packet
+from osc_frames import frame_packet, message
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.vmc.humanoid import BONES, bone_poses
 from perfanim.core.formats.vmc.vmc_packets import BONE, ROOT, Clock, Placement, read_packet
 from perfanim.core.geometry import rotations as rot
 from pythonosc.osc_bundle import OscBundle
-from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
 from pythonosc.parsing import osc_types
 
 NUMBERS = (0.5, 1.0, 2.0, 0.0, 0.0, 0.0, 1.0)
-
-
-def message(address, *values, tags=None):
-    builder = OscMessageBuilder(address)
-    for value, tag in zip(values, tags or ("s", *"fffffffffffff"), strict=False):
-        builder.add_arg(value, tag)
-    return builder.build().dgram
 
 
 def bundle(*items):

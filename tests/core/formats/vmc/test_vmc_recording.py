@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from osc_frames import frame_packet
+from osc_frames import frame_packet, message
 from perfanim.core.body.motion import resampled, sliced
 from perfanim.core.errors import CaptureError, TakeError
 from perfanim.core.formats.vmc.frame_assembler import LIMITS
@@ -11,17 +11,9 @@ from perfanim.core.formats.vmc.vmc_packets import BONE, ROOT, TIME
 from perfanim.core.formats.vmc.vmc_recording import Recording
 from perfanim.core.formats.vmc.vmc_udp import Receiver, play, record
 from perfanim.core.geometry import rotations as rot
-from pythonosc.osc_message_builder import OscMessageBuilder
 from trackers_sent import tracker_packet
 
 QUIET = lambda *_: None  # noqa: E731
-
-
-def message(address, *values):
-    builder = OscMessageBuilder(address)
-    for value in values:
-        builder.add_arg(value, "s" if isinstance(value, str) else "f")
-    return builder.build().dgram
 
 
 def packets_of(motion):
