@@ -25,7 +25,7 @@ from soak.processes import is_running
 PATIENCE_S = 20.0
 REASONS = {
     "blank": "no frame shows the markers of the torso",
-    "broken": "broken.trc, line 3: ends within its header",
+    "broken": "broken.trc, line 3: has no header values",
     "empty": "is empty",
     "exchanged": "no body fits the markers",
     "foreign": "choose the marker set that was worn",
