@@ -25,6 +25,7 @@ from ..session.capture_setup import CaptureSetup
 from ..session.session_cache import SessionCache
 from ..session.solve_take import solve_recorded, solve_take
 from ..session.solved_take import SolvedTake
+from ..session.steady_motion import motion_of
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import METHODS, SolveSettings
 from ..subjects.refine_body import refine_body
@@ -127,12 +128,13 @@ def solve_markers(
     solved = solve_take(take, worn, opened, settings, progress, cache.session, request.causal)
     check_file(opened)
     if choice:
-        choice["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, solved.motion)
+        body = motion_of(solved.poses_of(), worn, take.name, take.fps)
+        choice["left_out_rms_mm"] = 1e3 * _left_out_rms_m(take, subject, worn, body)
     report = {
         "method": settings.method,
         "marker_set": subject.marker_set.name,
         "markers": sum(name in take.names for name in subject.marker_set.names),
-        "warnings": [*_label_differences(take, subject), *take.notes],
+        "warnings": [*_label_differences(take, subject), *take.notes, *_told_times(solved)],
     }
     return _finished(solved, request, None, report | changes | choice)
 
@@ -194,11 +196,19 @@ def solve_recording(
     has_changed = database is None and identity(opened)["sha256"] != take.setup.database.get("sha256")
     report = {
         "method": settings.method,
-        "warnings": [*take.problems, *([f"{named} has changed since the take was recorded"] if has_changed else [])],
+        "warnings": [
+            *take.problems,
+            *([f"{named} has changed since the take was recorded"] if has_changed else []),
+            *_told_times(solved),
+        ],
         "complete": take.complete,
     }
     finished = _finished(solved, request, floor_of(rig), report | refined)
     return replace(finished, report=finished.report | _recorded_figures(finished, setup))
+
+
+def _told_times(solved: SolvedTake) -> list[str]:
+    return solved.clock.sentences if solved.clock is not None else []
 
 
 def _opened(database: Database | Path | str, cache: SessionCache) -> Database:
@@ -295,4 +305,5 @@ def _finished(solved: SolvedTake, request: SolveRequest, floor_m: float | None, 
         motions = tuple(smooth_motion(motion, request.smooth_hz) for motion in motions)
     if request.feet != "off":
         motions = tuple(hold_feet(motion, request.feet, floor_m) for motion in motions)
-    return replace(solved, motions=motions, report=report)
+    is_finished = request.smooth_hz is not None or request.feet != "off"
+    return replace(solved, motions=motions, is_finished=is_finished, report=report)

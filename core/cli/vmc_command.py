@@ -5,8 +5,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..body.motion import Motion, resampled
 from ..formats.markers.marker_files import WRITABLE, check_ending, is_recorded, write_take
 from ..formats.motion.read_motion import read_motion
@@ -15,7 +13,7 @@ from ..formats.take_file.take_reader import ENDING, read_take_file
 from ..formats.vmc.humanoid import BONES
 from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from ..formats.vmc.vmc_udp import Receiver, play, record
-from ..session.solve_take import resample_uniform
+from ..session.steady_motion import pose_clock, steady_motion
 from ..system.progress import Progress
 from .options import add_command, add_group, add_text, positive, rate_hz
 
@@ -59,9 +57,7 @@ def _port(text: str) -> int:
 
 def run_send(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.0, "reading")
-    motion = _motion(args.motion)
-    if args.rate:
-        motion = resampled(motion, args.rate)
+    motion, warnings = _motion(args.motion, args.rate)
     host, port = args.to
     sent = play(motion, host, port, progress)
     return {
@@ -71,14 +67,19 @@ def run_send(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         "bones": len(BONES),
         "bytes": sent,
         "to": f"{host}:{port}",
+        "warnings": warnings,
     }
 
 
-def _motion(path: str) -> Motion:
+def _motion(path: str, rate_hz: float | None) -> tuple[Motion, list[str]]:
+    """Return a file's motion at a rate, None for its own, and what is to be told about its times."""
     if not is_recorded(path):
-        return read_motion(path)
+        motion = read_motion(path)
+        return resampled(motion, rate_hz or motion.fps), []
     take = read_take_file(path)
-    return resample_uniform(take.recorded_poses_of(), take.setup.subjects()[0], take.notes.name, path)
+    poses = take.recorded_poses_of()
+    clock = pose_clock(poses, path)
+    return steady_motion(poses, take.setup.subjects()[0], take.notes.name, clock.at(rate_hz)), clock.sentences
 
 
 def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -93,8 +94,7 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         facts = {"frames": received, "lost_frames": max(motion.frames - received, 0), "fps": motion.fps}
     else:
         markers = recording.markers(out.name.split(".")[0])
-        write_take(markers, out)
-        lost = int(np.ptp(markers.frame_numbers)) + 1 - markers.frames
+        lost = write_take(markers, out).frames - markers.frames
         facts = {"frames": markers.frames, "lost_frames": lost, "fps": markers.fps, "names": list(markers.names)}
     came = recording.gathering
     return facts | {"packets": came.packets, "malformed": came.malformed, "flooding": came.flooding, "out": str(out)}

@@ -1,10 +1,12 @@
 """Low-pass filters for recorded markers and solved motion."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import solve_banded
 
+from ..body.clock import Clock
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
 from ..errors import SettingsError
@@ -12,6 +14,7 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, runs
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
+from .steady_take import take_clock
 
 _ORDER = 2  # run forwards and backwards: fourth order without lag, as is usual for gait (Winter 2009, section 3.4)
 _PAD = 3 * (_ORDER + 1)  # frames of odd padding, as in SciPy's filtfilt
@@ -23,17 +26,19 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
     Every unbroken stretch of a trajectory is filtered by itself; stretches too short for the filter stay as they are.
 
     Args:
-        take: Take with a steady frame rate.
+        take: Take; its frames may come unevenly.
         cutoff_hz: Frequency at which half the power is left; walking keeps its shape from 6 Hz up.
 
     Raises:
         SettingsError: The frequency is not between 0 and half the frame rate.
     """
-    weights = _low_pass(cutoff_hz, take.fps, take.name)
+    clock = take_clock(take)
+    weights = _low_pass(cutoff_hz, clock.fps, take.name)
     positions = take.positions_m.copy()
     for marker, visible in enumerate(take.visible.T):
         for start, stop in runs(visible):
-            positions[start:stop, marker] = _filter(weights, positions[start:stop, marker])
+            stretch = positions[start:stop, marker]
+            positions[start:stop, marker] = clock.part(start, stop).filtered(stretch, partial(_filter, weights))
     return replace(take, positions_m=positions)
 
 
@@ -44,11 +49,15 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
     those of `smooth_take`.
     """
     weights = _low_pass(cutoff_hz, motion.fps, motion.name)
-    return replace(
-        motion,
-        rotations=rot.normalize(_filter(weights, rot.continuous(motion.rotations))),
-        root_positions_m=_filter(weights, motion.root_positions_m),
-    )
+    rotations = _filter_rotations(weights, motion.rotations)
+    return replace(motion, rotations=rotations, root_positions_m=_filter(weights, motion.root_positions_m))
+
+
+def smooth_poses(clock: Clock, rotations: Array, root_positions_m: Array, cutoff_hz: float) -> tuple[Array, Array]:
+    """Return poses (F, J, 4) and (F, 3) low-passed by their times; cut-off and errors are those of `smooth_take`."""
+    weights = _low_pass(cutoff_hz, clock.fps, "")
+    turns = clock.filtered(rotations, partial(_filter_rotations, weights), is_rotation=True)
+    return turns, clock.filtered(root_positions_m, partial(_filter, weights))
 
 
 def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
@@ -107,6 +116,10 @@ def _filter(weights: Array | None, path: Array) -> Array:
     for _ in range(2):
         extended = _pass(weights, extended)[::-1]
     return extended[_PAD:-_PAD].reshape(path.shape)
+
+
+def _filter_rotations(weights: Array | None, rotations: Array) -> Array:
+    return rot.normalize(_filter(weights, rot.continuous(rotations)))
 
 
 def _pass(weights: Array, rows: Array) -> Array:

@@ -18,6 +18,7 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask, runs
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
+from .steady_take import frame_times
 
 _MID_ERROR = 0.0398  # root mean square of u^2 (1 - u)^2, the shape of a cubic interpolation's error over a gap
 
@@ -83,9 +84,10 @@ def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> Marker
         motion: Motion solved from `widen_gaps` of the take, in its world, frame by frame.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    times_s = frame_times(take)
     carriers = {marker.name: motion.skeleton.index(marker.joint) for marker in marker_set.markers}
     gaps = [gap for gap in find_gaps(take.visible) if take.names[gap.marker] in carriers]
-    fillers = [_Filler(take, gap, joints, turns, carriers[take.names[gap.marker]]) for gap in gaps]
+    fillers = [_Filler(take, times_s, gap, joints, turns, carriers[take.names[gap.marker]]) for gap in gaps]
     drifts = np.array([filler.drift_m for filler in fillers])
     drifts = drifts[np.isfinite(drifts)]
     usual = np.sqrt(np.mean(np.square([*drifts, _S.least_drift_m])))
@@ -102,8 +104,8 @@ def _shoulder(fps: float) -> int:
 class _Filler:
     """Fills one gap from the measured positions beside it."""
 
-    def __init__(self, take: MarkerTake, gap: Gap, joints: Array, turns: Array, carrier: int) -> None:
-        self._fps, self._gap = take.fps, gap
+    def __init__(self, take: MarkerTake, times_s: Array, gap: Gap, joints: Array, turns: Array, carrier: int) -> None:
+        self._fps, self._times_s, self._gap = take.fps, times_s, gap
         self._path = take.positions_m[:, gap.marker]
         self._seen = np.isfinite(self._path[:, 0])
         near = slice(max(0, gap.start - _shoulder(take.fps)), gap.stop + _shoulder(take.fps))
@@ -130,33 +132,39 @@ class _Filler:
         tried = self._tried_m()
         if tried is None or len(self._before) < 2 or len(self._after) < 2:
             return body
-        count = self._gap.frames
-        spline = CubicSpline(rows, self._path[rows], axis=0)(np.arange(self._gap.start, self._gap.stop))
+        hidden_s, span_s = self._hidden_s()
+        spline = CubicSpline(self._times_s[rows], self._path[rows], axis=0)(hidden_s)
         own = np.square(self.drift_m) + _S.earlier_gaps * usual_drift_m**2
         drift = np.sqrt(
             0.5 * own / (1.0 + _S.earlier_gaps)
         )  # the difference of two positions has twice the variance of one
-        steps = np.arange(1, count + 1)
-        from_end_s = np.minimum(steps, count + 1 - steps) / self._fps
+        share = (hidden_s - span_s[0]) / (span_s[1] - span_s[0])
+        from_end_s = np.minimum(hidden_s - span_s[0], span_s[1] - hidden_s)
         body_error = drift * (1.0 - np.exp(-from_end_s / _S.leaving_s)) + _S.least_error_m
-        share = steps / (count + 1)
-        distrust = 1.0 + (count / self._fps / _S.long_s) ** 2
+        distrust = 1.0 + ((hidden_s[-1] - hidden_s[0] + 1.0 / self._fps) / _S.long_s) ** 2
         spline_error = distrust * tried * (share * (1.0 - share)) ** 2 / _MID_ERROR + _S.least_error_m
         weight = (body_error**2 / (body_error**2 + spline_error**2))[:, None]
         return np.asarray(weight * spline + (1.0 - weight) * body)
 
+    def _hidden_s(self) -> tuple[Array, tuple[float, float]]:
+        """Return the times of the gap's frames, and of the frames before and after it."""
+        start, stop = self._gap.start, self._gap.stop
+        hidden_s = self._times_s[start:stop]
+        before_s = self._times_s[start - 1] if start > 0 else hidden_s[0] - 1.0 / self._fps
+        after_s = self._times_s[stop] if stop < len(self._times_s) else hidden_s[-1] + 1.0 / self._fps
+        return hidden_s, (float(before_s), float(after_s))
+
     def _by_body(self) -> Array:
         """Return the positions that the solved joint gives, without a jump at the ends."""
-        count = self._gap.frames
-        steps = np.arange(1, count + 1)[:, None]
+        hidden_s, (start_s, stop_s) = self._hidden_s()
+        since_s, until_s = (hidden_s - start_s)[:, None], (stop_s - hidden_s)[:, None]
         ends = [rows for rows in (self._before, self._after) if len(rows)]
         first, last = (self._place(rows).mean(axis=0) for rows in (ends[0], ends[-1]))
-        places = first + (last - first) * steps / (count + 1)
-        fading = _S.settled_s * self._fps
+        places = first + (last - first) * since_s / (stop_s - start_s)
         if len(self._before):
-            places = places + (self._place(self._before[-1:]) - first) * np.exp(-steps / fading)
+            places = places + (self._place(self._before[-1:]) - first) * np.exp(-since_s / _S.settled_s)
         if len(self._after):
-            places = places + (self._place(self._after[:1]) - last) * np.exp(-(count + 1 - steps) / fading)
+            places = places + (self._place(self._after[:1]) - last) * np.exp(-until_s / _S.settled_s)
         rows = slice(self._gap.start, self._gap.stop)
         return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
 

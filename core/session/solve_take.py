@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..body.motion import Motion
-from ..body.scene_pose import PerformerPose, ScenePose
+from ..body.scene_pose import ScenePose
 from ..database.store import Database
-from ..errors import TakeError
 from ..formats.take_file.take_reader import TakeFile
-from ..geometry import rotations as rot
 from ..markers.filtering import smooth_on_body
-from ..markers.frame_rate import frame_rate
 from ..markers.gap_filling import fill_gaps, widen_gaps
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_take import MarkerTake
@@ -26,6 +23,7 @@ from .multi_target_session import MultiTargetSession
 from .recorded_frames import relabel
 from .session import Session
 from .solved_take import SolvedTake
+from .steady_motion import motion_of, pose_clock, steady_motion
 
 _LIVE_SHARE = 0.7  # share of the progress of `solve_frames` that the live labels take
 _LABELS_SHARE = 0.25  # share of the whole progress that labels take before the solution in both directions
@@ -49,8 +47,9 @@ def solve_take(
     setup = CaptureSetup(take.single.rig if take.single else None, (subject,), (), database, settings)
     frames = list(take_frames(take, subject.marker_set))
     solved = _solve_whole(frames, setup.make_session(sessions), f"solving {take.name}", progress, causal)
-    motion = motion_of(solved.poses_of(), subject, take.name, take.fps)
-    return replace(solved, motions=(motion,), setup=setup, frames=[(0.0, frame) for frame in frames])
+    clock = pose_clock(solved.poses, take.name, take.fps)
+    motion = steady_motion(solved.poses_of(), subject, take.name, clock)
+    return replace(solved, motions=(motion,), clock=clock, setup=setup, frames=[(0.0, frame) for frame in frames])
 
 
 def fill_take(
@@ -61,12 +60,17 @@ def fill_take(
     Args:
         noise_hz: Cut-off to which measured markers are low-passed with the help of the body; None for no filter.
     """
-    solved = solve_take(widen_gaps(take), subject, database, SolveSettings(), progress)
-    filled = fill_gaps(take, subject.marker_set, solved.motion)
+
+    def solved_body(seen: MarkerTake) -> tuple[SolvedTake, Motion]:
+        solved = solve_take(seen, subject, database, SolveSettings(), progress)
+        return solved, motion_of(solved.poses_of(), subject, take.name, take.fps)
+
+    solved, body = solved_body(widen_gaps(take))
+    filled = fill_gaps(take, subject.marker_set, body)
     if noise_hz is None:
         return filled, solved
-    solved = solve_take(filled, subject, database, SolveSettings(), progress)
-    return smooth_on_body(filled, subject.marker_set, solved.motion, noise_hz), solved
+    solved, body = solved_body(filled)
+    return smooth_on_body(filled, subject.marker_set, body, noise_hz), solved
 
 
 def solve_recorded(
@@ -84,17 +88,18 @@ def solve_recorded(
         causal: Find labels and poses from earlier frames only, as live.
 
     Raises:
-        TakeError: There are fewer than two frames.
+        TakeError: There are no two frames with different times.
     """
     name = take.notes.name
     solved = _solve_whole(frames, setup.make_session(sessions), f"solving {name}", progress, causal)
     recorded = [pose for pose in solved.poses if take.is_recorded(pose.number)]
+    clock = pose_clock(recorded, str(take.path))
     motions = tuple(
-        resample_uniform([pose.performers[index] for pose in recorded], subject, name, str(take.path))
+        steady_motion([pose.performers[index] for pose in recorded], subject, name, clock)
         for index, subject in enumerate(setup.performers)
     )
     stamped = [(stamp_s, frame) for (stamp_s, _), frame in zip(take.stamped_frames, frames, strict=True)]
-    return replace(solved, motions=motions, setup=setup, frames=stamped, recording=take)
+    return replace(solved, motions=motions, clock=clock, setup=setup, frames=stamped, recording=take)
 
 
 def _solve_whole(
@@ -141,41 +146,3 @@ def solve_frames(
 
     found, relabelled = relabel(frames, poses, [at for at in begun if at < len(frames)], session, later)
     return SolvedTake(tuple(found), (), np.array(seconds), relabelled)
-
-
-def resample_uniform(poses: Sequence[PerformerPose], subject: Subject, name: str, where: str) -> Motion:
-    """Return recorded poses as a motion of steady rate, with lost frames interpolated.
-
-    Raises:
-        TakeError: There are fewer than two poses, or their numbers do not ascend.
-    """
-    numbers = np.array([pose.number for pose in poses])
-    if len(numbers) < 2 or np.any(np.diff(numbers) < 1):
-        raise TakeError(f"has {len(numbers)} poses that make no motion", where=where, advice="record a longer take")
-    fps = frame_rate(np.array([pose.time_s for pose in poses]), numbers)
-    motion = motion_of(poses, subject, name, fps)
-    wanted = np.arange(numbers[0], numbers[-1] + 1)
-    if len(wanted) == len(numbers):
-        return motion
-    after = np.maximum(np.searchsorted(numbers, wanted), 1)
-    before = after - 1
-    share = ((wanted - numbers[before]) / (numbers[after] - numbers[before]))[:, None]
-    rotations, positions = motion.rotations, motion.root_positions_m
-    return replace(
-        motion,
-        rotations=rot.slerp(
-            rotations[before], rotations[after], np.broadcast_to(share, (len(wanted), len(rotations[0])))
-        ),
-        root_positions_m=positions[before] + share * (positions[after] - positions[before]),
-    )
-
-
-def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
-    """Return poses of a steady rate as a motion of the subject's skeleton."""
-    return Motion(
-        name,
-        fps,
-        subject.skeleton,
-        np.array([pose.rotations for pose in poses]),
-        np.array([pose.root_position_m for pose in poses]),
-    )

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ..body.clock import Clock
 from ..body.foot_lock import floor_of
-from ..body.motion import Motion
+from ..body.motion import Motion, resampled
 from ..body.scene_pose import DoubtfulStretch, PerformerPose, ScenePose, doubtful_stretches
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
@@ -27,6 +28,7 @@ from ..retarget.joint_naming import OWN
 from ..solver.settings import SolveSettings
 from ..system.outputs import check_no_input
 from .capture_setup import CaptureSetup
+from .steady_motion import steady_motion
 from .verdict import Reason, TakeVerdict, judge
 
 
@@ -39,6 +41,8 @@ class SolvedTake:
         motions: Motion of each performer at a steady rate, the first one first.
         seconds: Computing time of each frame (F,), without the second pass of a solve in both directions.
         relabelled: Frames (F,) whose labels were proven by later frames.
+        clock: Times of the poses that the motions show, and the motions' steady rate; None for poses alone.
+        is_finished: The motions are smoothed, or hold the feet: the poses alone do not make them.
         setup: Cameras, performers, props, database and settings of this solve; None for poses alone.
         frames: Marker frames, each with the time at which it arrived, s.
         recording: Recorded take that was solved again; None for a marker take.
@@ -51,6 +55,8 @@ class SolvedTake:
     motions: tuple[Motion, ...]
     seconds: Array
     relabelled: Mask
+    clock: Clock | None = None
+    is_finished: bool = False
     setup: CaptureSetup | None = None
     frames: Sequence[tuple[float, MarkerFrame]] = ()
     recording: TakeFile | None = None
@@ -87,6 +93,16 @@ class SolvedTake:
         facts = self.verdict.facts()
         facts["doubtful"] += [asdict(stretch) for stretch in doubtful_stretches(self.poses_of())]
         return facts
+
+    def motions_at(self, rate_hz: float | None) -> tuple[Motion, ...]:
+        """Return the motions at another rate, laid out by the times of the poses; None for the take's own."""
+        if rate_hz is None or self.setup is None or self.clock is None or self.is_finished:
+            return tuple(motion if rate_hz is None else resampled(motion, rate_hz) for motion in self.motions)
+        poses, clock = self.recorded_poses(), self.clock.at(rate_hz)
+        return tuple(
+            steady_motion([pose.performers[index] for pose in poses], subject, self.motion.name, clock)
+            for index, subject in enumerate(self.setup.performers)
+        )
 
     def poses_of(self, performer: int = 0) -> list[PerformerPose]:
         """Return the poses of one performer, counted from 0."""
@@ -145,11 +161,11 @@ class SolvedTake:
         if is_recorded(path):
             self._save_take(path, capture or {})
             return
-        for motion, out in zip(self.motions, self.motion_paths(path), strict=True):
-            write_motion(motion, out, units, naming, rate_hz)
+        for motion, out in zip(self.motions_at(rate_hz), self.motion_paths(path), strict=True):
+            write_motion(motion, out, units, naming)
         for index, prop in enumerate(self.setup.props if self.setup else ()):
             out = Path(path).with_name(f"{Path(path).stem}.{_plain(prop.name)}.csv")
-            write_prop_csv(self.recorded_poses(), index, prop.name, self.motion.fps, out)
+            write_prop_csv(self.recorded_poses(), index, prop.name, out)
 
     def motion_paths(self, path: Path | str) -> list[Path]:
         """Return the motion file of each performer: `path`, then files named after the further performers."""

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ..body.body_parts import PART_JOINTS, PARTS
+from ..body.clock import Clock, clock_of
 from ..body.motion import Motion
 from ..body.pose_notes import NoteKind
 from ..body.scene_pose import PerformerPose
@@ -23,8 +24,7 @@ from ..formats.markers.recorded_take import take_of_poses
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, runs
 from ..geometry.camera import Camera
-from ..markers.filtering import smooth_motion
-from ..markers.frame_rate import frame_rate
+from ..markers.filtering import smooth_poses
 from ..markers.gap_filling import fill_gaps
 from ..markers.marker_smoothing import smooth_markers
 from ..markers.source_noise import SourceNoise, noise_of
@@ -83,8 +83,9 @@ class TwoWaySolver:
     def _solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
         observations = _smoothed(poses, [self._observation(pose) for pose in poses], self._source)
         trajectories = (_live_trajectory(poses), _backward_trajectory(self._backward, poses, observations, progress))
-        fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
-        return self._calm(self._fitted(poses, _blended(trajectories, fps), fps, observations), fps)
+        clock = clock_of(np.array([pose.time_s for pose in poses]))
+        trajectory = _blended(trajectories, clock.mean_fps)
+        return self._calm(self._fitted(poses, trajectory, clock, observations), clock)
 
     def _observation(self, pose: PerformerPose) -> Observation:
         """Return the markers of a pose, none if they do not fit the body."""
@@ -93,13 +94,13 @@ class TwoWaySolver:
         return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
 
     def _fitted(
-        self, poses: Sequence[PerformerPose], trajectory: _Trajectory, fps: float, observations: Sequence[Observation]
+        self, poses: Sequence[PerformerPose], trajectory: _Trajectory, clock: Clock, observations: Sequence[Observation]
     ) -> list[PerformerPose]:
         """Return the trajectory fitted to the markers, whose gaps it fills itself."""
         model = self._solver.subject
-        motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, fps, _SMOOTH_HZ)
+        motion = self._low_passed(trajectory.rotations, trajectory.root_positions_m, clock, _SMOOTH_HZ)
         marker_set = model.subject.marker_set
-        take = take_of_poses(poses, marker_set.names, "", fps)
+        take = take_of_poses(poses, marker_set.names, "", clock.fps)
         seen = np.array([observation.points_m for observation in observations])
         filled = fill_gaps(replace(take, positions_m=seen), marker_set, motion).positions_m
         observed = [
@@ -130,20 +131,20 @@ class TwoWaySolver:
                 )
         return fitted
 
-    def _calm(self, poses: list[PerformerPose], fps: float) -> list[PerformerPose]:
+    def _calm(self, poses: list[PerformerPose], clock: Clock) -> list[PerformerPose]:
         """Return the poses of a stretch without jitter faster than bodies move."""
-        rotations, cutoff_hz = (
-            np.array([pose.rotations for pose in poses]),
-            min(self._source.calm_hz, _CALM_SHARE * fps),
-        )
-        motion = self._low_passed(rotations, np.array([pose.root_position_m for pose in poses]), fps, cutoff_hz)
+        rotations = np.array([pose.rotations for pose in poses])
+        cutoff_hz = min(self._source.calm_hz, _CALM_SHARE * clock.fps)
+        motion = self._low_passed(rotations, np.array([pose.root_position_m for pose in poses]), clock, cutoff_hz)
         shown = zip(poses, motion.rotations, motion.root_positions_m, strict=True)
         return [replace(pose, rotations=turns, root_position_m=root_m) for pose, turns, root_m in shown]
 
-    def _low_passed(self, rotations: Array, root_positions_m: Array, fps: float, cutoff_hz: float) -> Motion:
-        """Return a low-passed motion; unchanged if its rate has no higher frequencies."""
-        motion = Motion("", fps, self._solver.subject.skeleton, rotations, root_positions_m)
-        return smooth_motion(motion, cutoff_hz) if fps > 2.0 * cutoff_hz else motion
+    def _low_passed(self, rotations: Array, root_positions_m: Array, clock: Clock, cutoff_hz: float) -> Motion:
+        """Return poses low-passed by their times, frame by frame; unchanged if there are no higher frequencies."""
+        poses = rotations, root_positions_m
+        if clock.fps > 2.0 * cutoff_hz:
+            poses = smooth_poses(clock, *poses, cutoff_hz)
+        return Motion("", clock.fps, self._solver.subject.skeleton, *poses)
 
 
 def _has_note(pose: PerformerPose, *kinds: NoteKind) -> bool:

@@ -25,7 +25,7 @@ from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject, save_subject
 from ..session.session import Session
-from ..session.solve_take import motion_of
+from ..session.steady_motion import motion_of
 from ..solver.settings import SolveSettings
 from ..subjects.from_recording import subject_from_recording
 from ..subjects.prototype_bodies import load_bodies

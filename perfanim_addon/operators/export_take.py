@@ -3,13 +3,12 @@
 from pathlib import Path
 
 import bpy
-import numpy as np
 from bpy_extras.io_utils import ExportHelper
 
+from ...core.body.clock import clock_of
 from ...core.errors import PerfanimError, TakeError
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.take_reader import read_take_file, summarise
-from ...core.markers.frame_rate import frame_rate
 from ...core.retarget.joint_naming import OWN
 from .. import take_library
 from ..capture.performer_targets import add_character
@@ -100,19 +99,20 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         title = f"{take.notes.name} ({subject.name})" if count > 1 else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
         if self.kind in _MOTIONS:
-            from ...core.session.solve_take import resample_uniform
+            from ...core.session.steady_motion import pose_clock, steady_motion
 
             performed = [pose.performers[index] for pose in poses]
-            uniform = resample_uniform(performed, subject, take.notes.name, self.path)
-            written = write_motion(uniform, target, naming=naming or OWN, rate=self.rate or None)
+            uniform = steady_motion(
+                performed, subject, take.notes.name, pose_clock(performed, self.path).at(self.rate or None)
+            )
+            written = write_motion(uniform, target, naming=naming or OWN)
             return f"{written.frames} frames of {title} in {target}"
         if not armature and index > 0:
             advice = "choose one under Additional Targets, or click Put on Character"
             raise TakeError("the performer has no character", where=subject.name, advice=advice)
         armature = armature or add_character(context, subject.skeleton)
         times_s, rotations, positions = pose_arrays(poses, index)
-        numbers = np.array([pose.number for pose in poses])
-        fps = self.rate or (frame_rate(times_s, numbers) if len(times_s) > 1 else 1.0)
+        fps = self.rate or clock_of(times_s, stated_fps=1.0 if len(times_s) == 1 else None).fps
         timed = TimedPoses(increasing(times_s), rotations, positions, subject.skeleton)
         count = export_poses(context, armature, target, self.kind, timed, fps, Form(self.meshes, naming, self.scale))
         return f"{count} frames of {title} on {armature} in {target}"

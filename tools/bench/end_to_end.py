@@ -19,7 +19,8 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.session import Session
-from perfanim.core.session.solve_take import motion_of, solve_take
+from perfanim.core.session.solve_take import solve_take
+from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.simulate.calibrated_studio import calibrate_studio, studio_on_floor
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.render import Renderer

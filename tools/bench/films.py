@@ -14,7 +14,8 @@ from perfanim.core.geometry.camera import CameraRig
 from perfanim.core.markers.marker_frame_codec import pack, unpack
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
-from perfanim.core.session.solve_take import motion_of, solve_frames, solve_take
+from perfanim.core.session.solve_take import solve_frames, solve_take
+from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress

@@ -13,7 +13,7 @@ from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.database.store import Database, open_database, save_database
 from perfanim.core.geometry.arrays import Array
 from perfanim.core.session.session import Session
-from perfanim.core.session.solve_take import motion_of
+from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.solver.settings import SolveSettings
 
 from .plots import Line, Panel, check_plots, write_plot

@@ -19,8 +19,9 @@ from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
-from perfanim.core.session.solve_take import motion_of, solve_frames, solve_take
+from perfanim.core.session.solve_take import solve_frames, solve_take
 from perfanim.core.session.solved_take import SolvedTake
+from perfanim.core.session.steady_motion import motion_of
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.system.progress import no_progress

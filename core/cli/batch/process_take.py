@@ -93,7 +93,7 @@ class TakePipeline:
         kinds, naming, rate = options.get("also"), str(options.get("naming", OWN)), options.get("rate")
 
         def write(path: Path) -> None:
-            write_motion(solved.motion, path, naming=naming, rate=rate if isinstance(rate, float) else None)
+            write_motion(solved.motions_at(rate if isinstance(rate, float) else None)[0], path, naming=naming)
 
         for ending in kinds if isinstance(kinds, list) else ():
             self._keep(ending, f"{self._take.name}.{ending}", write)

@@ -58,19 +58,25 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
     figures = {
         "frames": len(poses),
         "fps": motion.fps,
-        "duration_s": motion.frames / motion.fps,
+        "duration_s": motion.duration_s,
         "marker_rms_mm": float(np.sqrt(np.mean(rms_mm**2))) if len(rms_mm) else float("nan"),
         "marker_median_mm": float(np.median(rms_mm)) if len(rms_mm) else float("nan"),
         "marker_worst_mm": float(rms_mm.max()) if len(rms_mm) else float("nan"),
         "confidence": float(np.mean(confidence)),
         "confidence_low": float(np.percentile(confidence, 5)),
         "hidden": float(np.mean(hidden)),
-        "longest_gap_s": max((stop - start for marker in hidden.T for start, stop in runs(marker)), default=0)
-        / motion.fps,
+        "longest_gap_s": _longest_s(poses, hidden),
         "unsolved": float(np.mean(is_unsolved(poses))),
         "foot_skate_cm_s": foot_skate_cm_s(motion),
     }
     return {name: _round(value) for name, value in figures.items()}
+
+
+def _longest_s(poses: Sequence[PerformerPose], hidden: Mask) -> float:
+    """Return the longest time that a marker of a mask (F, M) is hidden, from the frame before to that after it."""
+    times_s = [pose.time_s for pose in poses]
+    edges_s = [times_s[0], *times_s, times_s[-1]]
+    return max((edges_s[stop + 1] - edges_s[start] for marker in hidden.T for start, stop in runs(marker)), default=0.0)
 
 
 def foot_skate_cm_s(motion: Motion) -> float:

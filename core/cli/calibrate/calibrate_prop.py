@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ...body.clock import clock_of
 from ...formats.markers.marker_files import is_recorded, read_take
 from ...formats.take_file.take_reader import read_take_file
 from ...labelling.trajectory_linking import track_markers
-from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
 from ...markers.prop import save_prop
 from ...subjects.prop_calibration import calibrate_prop
@@ -57,5 +57,5 @@ def _trajectories(path: str) -> MarkerTake:
         return read_take(path)
     take = read_take_file(path)
     frames = [replace(frame, labels=np.full(len(frame.points_m), -1)) for frame in take.frames]
-    numbers, times_s = np.array([frame.number for frame in frames]), np.array([frame.time_s for frame in frames])
-    return track_markers(frames, take.notes.name, frame_rate(times_s, numbers)).take
+    clock = clock_of(np.array([frame.time_s for frame in frames]))
+    return track_markers(frames, take.notes.name, clock.fps).take

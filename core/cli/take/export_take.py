@@ -4,16 +4,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...errors import FormatError, SettingsError, TakeError
 from ...formats.markers.marker_files import WRITABLE, check_ending, is_recorded, read_take, write_take
 from ...formats.markers.prop_csv import write_prop_csv
 from ...formats.markers.recorded_take import marker_take
 from ...formats.motion.write_motion import MOTION_ENDINGS, is_motion, write_motion
 from ...formats.take_file.take_reader import ENDING, TakeFile, read_take_file
-from ...markers.frame_rate import frame_rate
-from ...session.solve_take import resample_uniform
+from ...markers.marker_take import MarkerTake
+from ...markers.steady_take import take_clock
+from ...session.steady_motion import pose_clock, steady_motion
 from ...system.progress import Progress
 from ..options import add_command, add_motion_options, add_text
 
@@ -47,8 +46,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             raise FormatError(
                 "holds markers and no motion", where=str(args.take), advice="perfanim solve makes motion of markers"
             )
-        write_take(markers, out)
-        return {"frames": markers.frames, "fps": markers.fps, "warnings": [], "out": str(out)}
+        return _written(markers, out, [])
     take = read_take_file(args.take)
     warnings = list(take.problems)
     unsolved = take.frame_count - len(take.poses)
@@ -59,14 +57,21 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if is_motion(out):
         index = _performer_index(take, args.performer)
         poses, subject = take.recorded_poses_of(index), take.setup.subjects()[index]
-        motion = resample_uniform(poses, subject, take.notes.name, str(args.take))
-        motion = write_motion(motion, out, args.units, args.naming, args.rate)
+        clock = pose_clock(poses, str(args.take))
+        motion = steady_motion(poses, subject, take.notes.name, clock.at(args.rate))
+        write_motion(motion, out, args.units, args.naming)
+        warnings += clock.sentences
         return {"frames": motion.frames, "fps": motion.fps, "warnings": warnings, "out": str(out)}
     if args.performer is not None:
         raise SettingsError("a further performer's motion can be exported, not the markers", where=str(out))
-    markers = marker_take(take)
-    write_take(markers, out)
-    return {"frames": markers.frames, "fps": markers.fps, "warnings": warnings, "out": str(out)}
+    return _written(marker_take(take), out, warnings)
+
+
+def _written(markers: MarkerTake, out: Path, warnings: list[str]) -> dict[str, Any]:
+    """Write markers; return the facts."""
+    written = write_take(markers, out)
+    told = [*warnings, *markers.notes, *take_clock(markers).sentences]
+    return {"frames": written.frames, "fps": written.fps, "warnings": told, "out": str(out)}
 
 
 def _performer_index(take: TakeFile, name: str | None) -> int:
@@ -88,8 +93,12 @@ def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> d
     poses = take.recorded_poses
     if len(poses) < 2:
         raise TakeError(f"has {len(poses)} solved frames", where=str(take.path), advice="solve it again")
-    fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
     index = names.index(name)
-    write_prop_csv(poses, index, name, fps, out)
-    found = sum(pose.props[index].found for pose in poses) / len(poses)
-    return {"frames": len(poses), "fps": fps, "found_fraction": found, "warnings": warnings, "out": str(out)}
+    clock = write_prop_csv(poses, index, name, out)
+    return {
+        "frames": len(clock.steady_s),
+        "fps": clock.fps,
+        "found_fraction": sum(pose.props[index].found for pose in poses) / len(poses),
+        "warnings": [*warnings, *clock.sentences],
+        "out": str(out),
+    }

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ...body.clock import Clock, ClockFault, clock_of
 from ...body.scene_pose import doubtful_stretches
 from ...errors import PerfanimError
 from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
 from ...formats.take_file.take_reader import TakeFile, read_take_file
-from ...markers.frame_rate import frame_rate
+from ...markers.steady_take import take_clock
 from ...markers.subject import Subject
 from ...system.lock import is_locked
 from ...system.progress import Progress
@@ -54,6 +55,8 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
     frames, setup = take.frames, take.setup
     numbers = np.array([frame.number for frame in frames], dtype=np.int64)
     times_s = np.array([frame.time_s for frame in frames])
+    clock = clock_of(times_s) if len(frames) > 1 else None
+    problems = [*take.problems, *_told(clock)]
     subjects = setup.subjects()
     worn = subjects[0].marker_set if subjects else None
     rig = setup.camera_rig()
@@ -62,10 +65,9 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "format": "recorded take",
         "name": take.notes.name,
         "frames": len(frames),
-        "duration_s": float(times_s[-1] - times_s[0]) if len(frames) else 0.0,
-        "fps": frame_rate(times_s, numbers) if len(frames) > 1 else None,
+        **_times(clock),
         "complete": take.complete,
-        "lost_frames": _left_out(numbers),
+        "lost_frames": _left_out(numbers, clock),
         "gaps": len(take.gaps),
         "gaps_s": sum(gap.seconds for gap in take.gaps),
         "markers": len(worn) if worn else None,
@@ -89,7 +91,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
         "events": list(take.events),
         "bytes": take.path.stat().st_size,
         "advice": [] if poses else [_UNSOLVED + ("" if subjects else _NOBODY)],
-        "problems": ["it is being recorded"] if is_locked(take.path) else take.problems,
+        "problems": ["it is being recorded"] if is_locked(take.path) else problems,
     }
 
 
@@ -109,6 +111,7 @@ def _further_performers(take: TakeFile, subjects: Sequence[Subject]) -> list[dic
 
 def _marker_info(path: str) -> dict[str, Any]:
     take, declared = read_take(path), declared_frames(path)
+    clock = take_clock(take)
     promised = (
         f"the header promises {declared} frames: the file was cut off, write it again with the program it is from"
     )
@@ -116,17 +119,31 @@ def _marker_info(path: str) -> dict[str, Any]:
         "format": "marker take",
         "name": take.name,
         "frames": take.frames,
-        "duration_s": float(take.times_s[-1] - take.times_s[0]),
-        "fps": take.fps,
+        **_times(clock),
         "complete": take.frames >= declared,
-        "lost_frames": _left_out(take.frame_numbers) + max(declared - take.frames, 0),
+        "lost_frames": _left_out(take.frame_numbers, clock) + max(declared - take.frames, 0),
         "markers": len(take.names),
         "names": list(take.names),
         "visible_fraction": float(take.visible.mean()),
-        "problems": [promised] * (take.frames < declared),
+        "problems": [*[promised] * (take.frames < declared), *take.notes, *_told(clock)],
     }
 
 
-def _left_out(numbers: Any) -> int:
-    """Return how many frames are missing between the first and the last."""
-    return int(numbers[-1] - numbers[0]) + 1 - len(numbers) if len(numbers) else 0
+def _times(clock: Clock | None) -> dict[str, Any]:
+    """Return duration, rate of the outputs, mean rate, and shortest and longest step."""
+    if clock is None:
+        return {"duration_s": 0.0, "fps": None}
+    steps_ms = [round(1e3 * step_s, 3) for step_s in clock.steps_s]
+    return {"duration_s": clock.source_s, "fps": clock.fps, "mean_fps": clock.mean_fps, "step_ms": steps_ms}
+
+
+def _left_out(numbers: Any, clock: Clock | None) -> int:
+    """Return how many frames are missing between the first and the last, by their numbers or their times."""
+    if clock is None:
+        return 0
+    return max(int(numbers[-1] - numbers[0]) + 1 - len(numbers), clock.lost)
+
+
+def _told(clock: Clock | None) -> list[str]:
+    """Return what else is to be told about the times."""
+    return [note.text for note in clock.notes if note.kind is not ClockFault.LOST] if clock is not None else []

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ...errors import FormatError
 from ...markers.marker_take import MarkerTake, load_take, save_take
+from ...markers.steady_take import steady_take
 from ..take_file.take_reader import ENDING
 from . import c3d, csv_take, qualisys_tsv, trc
 from .c3d import read_c3d
@@ -15,6 +16,7 @@ from .qualisys_tsv import read_tsv
 from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
 
+_OWN = ".take.npz"
 # file name ending -> reader, and reader of the frame count in the header
 _READERS: dict[str, Callable[[Path], MarkerTake]] = {
     ".c3d": read_c3d,
@@ -22,7 +24,7 @@ _READERS: dict[str, Callable[[Path], MarkerTake]] = {
     ".csv": read_csv,
     ".tsv": read_tsv,
     ".npy": read_npy,
-    ".take.npz": load_take,
+    _OWN: load_take,
     ENDING: read_recorded_take,
 }
 _COUNTERS = {
@@ -32,7 +34,7 @@ _COUNTERS = {
     ".tsv": qualisys_tsv.declared_frames,
 }
 READABLE = tuple(_READERS)
-WRITABLE = (".take.npz", ".c3d", ".csv", ".trc")
+WRITABLE = (_OWN, ".c3d", ".csv", ".trc")
 
 
 def is_recorded(path: Path | str) -> bool:
@@ -61,7 +63,7 @@ def declared_frames(path: Path | str) -> int:
 
 def _ending_of(path: Path | str) -> str:
     ending = Path(path).suffix.lower()
-    return ".take.npz" if ending == ".npz" else ending
+    return _OWN if ending == ".npz" else ending
 
 
 def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
@@ -70,8 +72,13 @@ def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
         raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(endings)}")
 
 
-def write_take(take: MarkerTake, path: Path | str) -> None:
-    """Write a take; the file name's ending, of `WRITABLE`, tells the format."""
+def write_take(take: MarkerTake, path: Path | str) -> MarkerTake:
+    """Write a take and return it as written; the file name's ending, of `WRITABLE`, tells the format.
+
+    A `.take.npz` keeps the times of the frames; the other formats state a rate, at which the frames are laid out.
+    """
     check_ending(path)
     ending = next(ending for ending in WRITABLE if Path(path).name.lower().endswith(ending))
-    {".take.npz": save_take, ".c3d": write_c3d, ".csv": write_csv, ".trc": write_trc}[ending](take, path)
+    written = take if ending == _OWN else steady_take(take)
+    {_OWN: save_take, ".c3d": write_c3d, ".csv": write_csv, ".trc": write_trc}[ending](written, path)
+    return written

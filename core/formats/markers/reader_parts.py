@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ...body.clock import ClockFault, clock_of, seconds_of
 from ...errors import FormatError, TakeError
-from ...geometry.arrays import Array
-from ...markers.frame_rate import frame_rate
+from ...geometry.arrays import Array, IntArray
 from ...markers.marker_take import MarkerTake
 from ...system.file_content import decode_text
 from ...system.files import is_over_budget
@@ -114,31 +114,41 @@ def make_take(
     where: str, fps: float, names: Sequence[str], positions_m: Array,
     frame_numbers: Array | None = None, times_s: Array | None = None, name: str = "",
 ) -> MarkerTake:  # fmt: skip
-    """Return a take, with a rate from the times if `fps` is not positive.
+    """Return a take with true times, and a rate that agrees with them.
 
     Infinite positions are missing, and points at the very origin, which many systems write for missing ones.
+
+    Args:
+        fps: Rate that the header states; it need not be positive where there are times.
+        times_s: Times (F,), seconds or a smaller unit, as they are written: rounded, or contradicting the header.
     """
-    if not fps > 0.0 and times_s is not None:
-        fps = _rate_from_times(times_s)
-    if not fps > 0.0:
-        raise FormatError("gives neither a frame rate nor times", where=where, advice="export it with the frame rate")
     seen = np.all(np.isfinite(positions_m), axis=-1) & np.any(positions_m != 0.0, axis=-1)
     positions_m = np.where(seen[..., None], positions_m, np.nan)
     frames = np.arange(len(positions_m))
     if frame_numbers is not None and np.all(np.isfinite(frame_numbers)):
         frames = frame_numbers.astype(np.int64)
-    times = frames / max(fps, 1e-9)
-    if times_s is not None and np.all(np.isfinite(times_s)):
-        times = np.asarray(times_s, dtype=np.float64)
+    fps, times, notes = _clock(where, fps, frames, times_s)
     names = unique_names([each.strip() or "unnamed" for each in names])
     try:
-        return MarkerTake(name or Path(where).stem, fps, names, positions_m, frames, times)
+        return MarkerTake(name or Path(where).stem, fps, names, positions_m, frames, times, notes=notes)
     except TakeError as error:
         raise FormatError(error.what, where=where, advice=error.advice) from error
 
 
-def _rate_from_times(times_s: Array) -> float:
-    try:
-        return frame_rate(times_s)
-    except TakeError:
-        return float("nan")
+def _clock(
+    where: str, stated_fps: float, frames: IntArray, times_s: Array | None
+) -> tuple[float, Array, tuple[str, ...]]:
+    """Return the rate of a file's frames, their times (F,), and what is to be told about them."""
+    stated = stated_fps if stated_fps > 0.0 else None
+    if times_s is not None:
+        known = seconds_of(np.asarray(times_s, dtype=np.float64), stated)
+        with suppress(TakeError):
+            clock = clock_of(known, stated, frames)
+            stated = clock.fps
+            if len(clock.rows) > 1 and np.all(np.isfinite(known)):
+                told = tuple(note.text for note in clock.notes if note.kind is ClockFault.HEADER)
+                return clock.fps, clock.times_s if len(clock.rows) == len(frames) else known, told
+    if stated is None:
+        raise FormatError("gives neither a frame rate nor times", where=where, advice="export it with the frame rate")
+    text = "the times of its frames are incomplete or all the same: their numbers and the rate count"
+    return stated, frames / stated, (text,) * (times_s is not None and len(frames) > 1)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ...body.clock import clock_of
 from ...body.scene_pose import PerformerPose
 from ...errors import TakeError
 from ...geometry.camera import CameraRig
-from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake, SingleViews
 from ..take_file.take_reader import TakeFile, read_take_file
 
@@ -26,8 +26,8 @@ def marker_take(take: TakeFile) -> MarkerTake:
         raise TakeError(
             f"has {len(poses)} solved frames", where=str(take.path), advice="markers are labelled with the poses"
         )
-    fps = frame_rate(np.array([pose.time_s for pose in poses]), np.array([pose.number for pose in poses]))
-    found = take_of_poses(poses, take.setup.subjects()[0].marker_set.names, take.notes.name, fps)
+    clock = clock_of(np.array([pose.time_s for pose in poses]))
+    found = take_of_poses(poses, take.setup.subjects()[0].marker_set.names, take.notes.name, clock.fps)
     return replace(found, times_s=found.times_s - found.times_s[0])
 
 

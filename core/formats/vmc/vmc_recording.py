@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...body.motion import LEAST_FPS, MOST_FPS, Motion
+from ...body.clock import Clock, clock_of
+from ...body.motion import Motion
 from ...errors import TakeError
 from ...geometry import rotations as rot
-from ...geometry.arrays import Array
-from ...markers.frame_rate import frame_rate
 from ...markers.marker_take import MarkerTake
 from .frame_assembler import LIMITS, FrameAssembler, Key, VmcFrame, tracker_names
 from .humanoid import BONES, BonePoses, motion_of_bones
@@ -21,7 +20,6 @@ from .vmc_packets import BONE, ROOT, TRACKERS
 class RecordingSettings:
     """Limits for interpreting recorded frames."""
 
-    same_frame: float = 0.01  # part of a frame below which a time counts as that frame's, as stamps are 32-bit numbers
     turned_rad: float = np.radians(3.0)  # rotation below which a tracker does not measure its rotation
     most_lost: float = 100.0  # lost frames per received one; more mean a clock that jumped, or a pause
 
@@ -58,17 +56,18 @@ class Recording:
             SkeletonError: The bones are not those of an upright body.
         """
         keys = [(BONE, bone) for bone in BONES]
-        frames, times_s, fps = self._with(keys, name, "bones")
+        frames, clock = self._with(keys, name, "bones")
         poses = _fill_missing(frames, [key for key in keys if any(key in frame.placed for frame in frames)])
         poses = _on_root(poses, frames)
-        return motion_of_bones(_at_rate(poses, times_s, fps), name, fps), len(frames)
+        rotations, positions_m = clock.poses(poses.rotations, poses.positions_m)
+        return motion_of_bones(BonePoses(poses.names, positions_m, rotations), name, clock.fps), len(frames)
 
     def markers(self, name: str) -> MarkerTake:
         """Return head set, controllers and trackers as markers, with the points of `tracker_points` if they turn."""
         seen = [
             key for key in dict.fromkeys(key for frame in self._all() for key in frame.placed) if key[0] in TRACKERS
         ]
-        frames, times_s, fps = self._with(seen, name, "trackers")
+        frames, clock = self._with(seen, name, "trackers")
         names, columns = [], []
         for key, own in tracker_names(seen).items():
             there = np.array([key in frame.placed for frame in frames])
@@ -80,18 +79,19 @@ class Recording:
             points[there, 1:] = axis_points(positions, rotations) if turns else 0.0
             names += [own, *axis_names(own)] if turns else [own]
             columns.append(points)
-        numbers = np.round(times_s * fps).astype(np.int64)
-        if np.any(np.diff(numbers) < 1):  # frames of a network may arrive together
-            numbers = np.arange(len(frames))
-        return MarkerTake(name, fps, tuple(names), np.concatenate(columns, axis=1), numbers, times_s)
+        numbers = np.round(clock.times_s * clock.fps).astype(np.int64)
+        if np.any(np.diff(numbers) < 1):  # frames of a network may arrive nearly together
+            numbers = np.arange(len(numbers))
+        positions_m = np.concatenate(columns, axis=1)[clock.rows]
+        return MarkerTake(name, clock.fps, tuple(names), positions_m, numbers, clock.times_s)
 
     def _all(self) -> list[VmcFrame]:
         """Return all frames, including the open one."""
         self._keep(self.gathering.end())
         return self._frames
 
-    def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Array, float]:
-        """Return frames with any of the keys, times (F,) from the first, and the rate."""
+    def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Clock]:
+        """Return frames with any of the keys, and their clock from the first on."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             raise TakeError(
@@ -103,11 +103,9 @@ class Recording:
         clocks_s = np.array([frame.clock_s for frame in frames if frame.clock_s is not None])
         is_steady = len(clocks_s) == len(frames) and bool(np.all(np.diff(clocks_s) > 0.0))
         for times_s in (clocks_s, arrivals_s) if is_steady else (arrivals_s,):
-            from_first_s = times_s - times_s[0]
-            rate = frame_rate(from_first_s, np.arange(len(frames)))
-            fps = float(np.clip(rate, LEAST_FPS, MOST_FPS))  # packets may arrive all at once
-            if from_first_s[-1] * fps < _SETTINGS.most_lost * len(frames):
-                return frames, from_first_s, fps
+            clock = clock_of(times_s - times_s[0])
+            if len(clock.steady_s) < _SETTINGS.most_lost * len(frames):
+                return frames, clock
         raise TakeError("frames arrived too unevenly to be used", where=name, advice="record without a pause")
 
 
@@ -135,20 +133,3 @@ def _on_root(poses: BonePoses, frames: Sequence[VmcFrame]) -> BonePoses:
     positions[:, 0] = root.positions_m[:, 0] + rot.rotate(root.rotations[:, 0], positions[:, 0])
     rotations[:, 0] = rot.multiply(root.rotations[:, 0], rotations[:, 0])
     return BonePoses(poses.names, positions, rotations)
-
-
-def _at_rate(poses: BonePoses, times_s: Array, fps: float) -> BonePoses:
-    """Return the poses at multiples of the frame time."""
-    times_s = np.maximum.accumulate(times_s)
-    wanted = np.arange(round(float(times_s[-1]) * fps) + 1) / fps
-    after = np.clip(np.searchsorted(times_s, wanted), 1, len(times_s) - 1)
-    before = after - 1
-    step = np.maximum(times_s[after] - times_s[before], 1e-9)
-    share = np.clip((wanted - times_s[before]) / step, 0.0, 1.0)
-    share = np.where(np.abs(share - np.round(share)) < _SETTINGS.same_frame, np.round(share), share)
-    positions = poses.positions_m
-    return BonePoses(
-        poses.names,
-        positions[before] + share[:, None, None] * (positions[after] - positions[before]),
-        rot.slerp(poses.rotations[before], poses.rotations[after], share[:, None]),
-    )

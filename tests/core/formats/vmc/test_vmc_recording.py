@@ -76,8 +76,7 @@ def test_lost_and_malformed_packets(truth):
     kept = [at for at in range(12) if at not in (4, 5)]
     expected = motion_of_bones(bone_poses(motion), "all", motion.fps)
     assert rot.angle_between(again.rotations[kept], expected.rotations[kept]).max() < 1e-5
-    lies_between = again.root_positions_m[4] - again.root_positions_m[3]
-    assert 3 * lies_between == pytest.approx(motion.root_positions_m[6] - motion.root_positions_m[3], abs=1e-5)
+    assert again.root_positions_m[[4, 5]] == pytest.approx(motion.root_positions_m[[4, 5]], abs=0.002)
 
 
 def test_a_frame_may_come_in_single_messages_without_a_clock_and_leave_bones_out(truth):

@@ -1,0 +1,43 @@
+"""Marker takes laid out at a steady rate by their times."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..body.clock import Clock, clock_of
+from ..geometry.arrays import Array
+from .marker_take import MarkerTake
+
+
+def take_clock(take: MarkerTake) -> Clock:
+    """Return the clock of a take's frames; where all have one time, their numbers and the nominal rate give it."""
+    clock = clock_of(take.times_s, take.fps, take.frame_numbers)
+    if len(clock.rows) > 1 or take.frames == 1:
+        return clock
+    return clock_of(take.frame_numbers / take.fps, take.fps, take.frame_numbers)
+
+
+def frame_times(take: MarkerTake) -> Array:
+    """Return ascending times (F,) of all frames, s; those without a time of their own lie between their neighbours."""
+    clock = take_clock(take)
+    rows, times_s = clock.rows, clock.times_s
+    between = np.interp(np.arange(take.frames), rows, times_s)
+    beyond = np.arange(take.frames) - np.clip(np.arange(take.frames), rows[0], rows[-1])
+    return between + beyond / clock.fps
+
+
+def steady_take(take: MarkerTake) -> MarkerTake:
+    """Return the take with frames of a steady rate, for files that state one; the take itself where it is steady.
+
+    Positions are interpolated by the times. They are missing in frames lost from a steady rate, between frames that are
+    far apart, and beside frames in which the marker is hidden. Markers that single cameras saw are left out.
+    """
+    clock = take_clock(take)
+    if clock.is_whole and clock.fps == take.fps and np.all(np.diff(take.frame_numbers) == 1):
+        return replace(take, times_s=clock.times_s)
+    visible = take.visible
+    positions = np.stack(
+        [clock.seen(take.positions_m[:, marker], visible[:, marker]) for marker in range(len(take.names))], axis=1
+    )
+    numbers = take.frame_numbers[0] + np.arange(len(positions))
+    return MarkerTake(take.name, clock.fps, take.names, positions, numbers, clock.steady_s, notes=take.notes)

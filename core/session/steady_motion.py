@@ -1,0 +1,44 @@
+"""Poses as motions, laid out by their times."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..body.clock import Clock, clock_of
+from ..body.motion import Motion
+from ..body.scene_pose import PerformerPose, ScenePose
+from ..errors import TakeError
+from ..geometry.arrays import Array
+from ..markers.subject import Subject
+
+
+def pose_clock(
+    poses: Sequence[PerformerPose] | Sequence[ScenePose], where: str, stated_fps: float | None = None
+) -> Clock:
+    """Return the clock of poses.
+
+    Args:
+        stated_fps: Rate of the file that the markers are from; None without one.
+
+    Raises:
+        TakeError: There are no two poses with different times, and no rate is stated.
+    """
+    try:
+        return clock_of(np.array([pose.time_s for pose in poses]), stated_fps)
+    except TakeError as error:
+        what = f"has {len(poses)} poses that make no motion"
+        raise TakeError(what, where=where, advice="record a longer take") from error
+
+
+def steady_motion(poses: Sequence[PerformerPose], subject: Subject, name: str, clock: Clock) -> Motion:
+    """Return poses at the steady rate of their clock, interpolated by their times."""
+    return clock.motion(name, subject.skeleton, *_arrays(poses))
+
+
+def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
+    """Return poses frame by frame, whatever their times: of a steady rate, or compared with a take's frames."""
+    return Motion(name, fps, subject.skeleton, *_arrays(poses))
+
+
+def _arrays(poses: Sequence[PerformerPose]) -> tuple[Array, Array]:
+    return np.array([pose.rotations for pose in poses]), np.array([pose.root_position_m for pose in poses])

@@ -1,0 +1,169 @@
+"""Takes with frames at random times, through every output: how long it lasts, and where the hand is when."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.cli import vmc_command
+from perfanim.core.cli.main import main
+from perfanim.core.formats.markers.marker_files import read_take, write_take
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.formats.take_file.pose_codec import TimedPose
+from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
+from perfanim.core.formats.take_file.whole_take import write_whole_take
+from perfanim.core.geometry import rotations as rot
+from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.prop import load_prop
+from perfanim.core.markers.subject import Subject
+from perfanim.core.simulate.studio.studio_rig import default_rig
+
+from tests.helpers.irregular_takes import (
+    HAND_MARKER,
+    SKELETON,
+    SUIT,
+    hands_at,
+    hands_m,
+    markers_at,
+    poses_at,
+    random_series,
+    scene_poses,
+)
+
+NEAR_M = 0.005
+MOTIONS = ("bvh", "angles.csv", "vrma")
+MARKERS = ("c3d", "trc", "csv")
+
+
+def run(capsys, *line):
+    """Run a command and return its JSON."""
+    assert main([*map(str, line), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def check_duration(series, frames, fps):
+    passed_s = series.true_s[-1] - series.true_s[0]
+    assert abs((frames - 1) / fps - passed_s) < 1.0 / fps + 0.001, (frames, fps, passed_s)
+
+
+def check_hands(series, times_s, hands):
+    """Compare positions (F, 3) of the hand, NaN where unknown, with the true ones at times since the first frame."""
+    away_m = np.linalg.norm(hands - hands_at(series.true_s[0] + times_s), axis=1)
+    assert np.nanmax(away_m) < NEAR_M, np.nanmax(away_m)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Return a function that writes the recorded take of a series."""
+    folder = tmp_path_factory.mktemp("recorded")
+
+    def write(seed, series):
+        subject = Subject("waver", SKELETON, SUIT)
+        setup = TakeSetup.of(default_rig(), [subject], {"method": "lwr"}, {"path": "a.pfdb"}, {}, [load_prop("sword")])
+        poses = scene_poses(series)
+        frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
+        path = folder / f"{seed}.perftake"
+        write_whole_take(path, setup, TakeNotes(f"take {seed}"), frames, [TimedPose(pose, 0.0) for pose in poses])
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_a_recorded_take_keeps_its_time_in_every_output(seed, recorded, tmp_path, capsys, monkeypatch):
+    series = random_series(seed)
+    path = recorded(seed, series)
+    for ending in (*MOTIONS, *MARKERS):
+        told = run(capsys, "take", "export", path, "--out", tmp_path / f"a.{ending}")
+        check_duration(series, told["frames"], told["fps"])
+    motion = read_motion(tmp_path / "a.bvh")
+    check_duration(series, motion.frames, motion.fps)
+    check_hands(series, np.arange(motion.frames) / motion.fps, hands_m(motion.rotations, motion.root_positions_m))
+    times_s, rotations, roots_m = angles_of(tmp_path / "a.angles.csv")
+    check_hands(series, times_s, hands_m(rotations, roots_m))
+    assert times_of_vrma(tmp_path / "a.vrma") == pytest.approx(times_s, abs=1e-5)
+    for ending in MARKERS:
+        check_markers(series, read_take(tmp_path / f"a.{ending}"))
+    told = run(capsys, "take", "export", path, "--out", tmp_path / "half.bvh", "--rate", 30)
+    check_duration(series, told["frames"], 30.0)
+    told = run(capsys, "take", "export", path, "--out", tmp_path / "sword.csv", "--prop", "sword")
+    check_duration(series, told["frames"], told["fps"])
+    rows = table_of(tmp_path / "sword.csv")
+    check_hands(series, rows[:, 1] - rows[0, 1], rows[:, 2:5])
+    sent = []
+    monkeypatch.setattr(vmc_command, "play", lambda motion, *_: sent.append(motion) or 0)
+    told = run(capsys, "vmc", "send", path, "--rate", 60)
+    check_duration(series, told["frames"], 60.0)
+    assert told["duration_s"] == sent[0].duration_s
+    told = run(capsys, "take", "info", path)
+    passed_s = series.true_s[-1] - series.true_s[0]
+    assert told["duration_s"] == pytest.approx(passed_s, abs=0.0011)
+    assert told["mean_fps"] == pytest.approx((len(series.true_s) - 1) / passed_s, rel=0.002)
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_a_marker_file_keeps_its_time_in_every_format(seed, tmp_path, capsys):
+    series = random_series(seed)
+    write_table(series, tmp_path / "in.csv")
+    for ending in MARKERS:
+        told = run(capsys, "take", "export", tmp_path / "in.csv", "--out", tmp_path / f"a.{ending}")
+        check_duration(series, told["frames"], told["fps"])
+        check_markers(series, read_take(tmp_path / f"a.{ending}"))
+
+
+def check_markers(series, take):
+    """A marker file states a rate that agrees with its times, lasts as long, and has the hand where it was."""
+    assert np.diff(take.times_s) == pytest.approx(1.0 / take.fps, abs=2e-6)
+    check_duration(series, take.frames, take.fps)
+    check_hands_of_markers(series, take)
+
+
+def check_hands_of_markers(series, take):
+    true_m = markers_at(series.true_s[0] + take.times_s - take.times_s[0])[:, HAND_MARKER]
+    away_m = np.linalg.norm(take.positions_m[:, HAND_MARKER] - true_m, axis=1)
+    assert np.isfinite(away_m).mean() > 0.5
+    assert np.nanmax(away_m) < NEAR_M
+
+
+def write_table(series, path):
+    """Write the markers of a series as other programs do: the header's rate, and the times as they came."""
+    take = MarkerTake("in", 60.0, SUIT.names, markers_at(series.true_s))
+    write_take(take, path)
+    lines = path.read_text().splitlines()
+    rows = [line.split(",", 2) for line in lines[2:]]
+    rows = [f"{row[0]},{time_s!r},{row[2]}" for row, time_s in zip(rows, series.written_s.tolist(), strict=True)]
+    path.write_text("\n".join([f"# fps={series.stated_fps!r}", lines[1], *rows]) + "\n")
+
+
+def table_of(path):
+    """Return the numbers of a CSV file below its header, NaN for blank ones."""
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    return np.genfromtxt(lines[1:], delimiter=",")
+
+
+def angles_of(path):
+    """Return times (F,), rotations (F, J, 4) and root positions (F, 3) of a table of joint angles."""
+    rows = table_of(path)
+    angles = np.radians(rows[:, 5:]).reshape(len(rows), -1, 3)
+    return rows[:, 1], rot.from_euler(angles, "ZXY"), rows[:, 2:5]
+
+
+def times_of_vrma(path):
+    """Return the key times (F,) of a VRM animation."""
+    data = path.read_bytes()
+    length = struct.unpack_from("<I", data, 12)[0]
+    document, start = json.loads(data[20 : 20 + length]), 28 + length
+    accessor = document["accessors"][document["animations"][0]["samplers"][0]["input"]]
+    view = document["bufferViews"][accessor["bufferView"]]
+    return np.frombuffer(data, "<f4", accessor["count"], start + view["byteOffset"])
+
+
+def test_a_motion_is_compared_with_its_truth_by_time(recorded, tmp_path, capsys):
+    series = random_series(1)
+    run(capsys, "take", "export", recorded("compared", series), "--out", tmp_path / "a.bvh")
+    times_s = series.true_s[0] + np.arange(0.0, series.true_s[-1] - series.true_s[0], 0.01)
+    motion = read_motion(tmp_path / "a.bvh")
+    truth = motion.__class__("truth", 100.0, SKELETON, *poses_at(times_s))
+    assert evaluate(motion, truth)["mpjpe_absolute_mm"] < 2.0
