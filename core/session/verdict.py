@@ -277,7 +277,7 @@ def _rise(starts: Array, ends: Array) -> Array:
 
 
 def _duration_reasons(motion: Motion, duration_s: float) -> list[Reason]:
-    most_s = max(_S.duration_s, _S.duration_share * duration_s) + 0.5 / motion.fps
+    most_s = max(_S.duration_s, _S.duration_share * duration_s) + 1.0 / motion.fps
     if abs(motion.duration_s - duration_s) <= most_s:
         return []
     text = f"the motion lasts {motion.duration_s:.2f} s, its take {duration_s:.2f} s"

@@ -1,13 +1,15 @@
 """Quality of a solved take where the truth is unknown."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...body.motion import Motion
+from ...body.scene_pose import PerformerPose
 from ...body.skeleton import forward_kinematics
-from ...geometry.arrays import runs
+from ...geometry.arrays import Mask, runs
 from ...session.verdict import is_unsolved
 
 if TYPE_CHECKING:
