@@ -19,6 +19,7 @@ from .camera_watch import is_repeated
 from .image_files import open_address
 from .image_header import check_image_size
 from .image_set import ClosableSource, ImageSet, next_number
+from .source_settings import SOURCES
 
 _CONTAINER = re.compile(
     rb"RIFF....AVI |\x1aE\xdf\xa3|....(?:ftyp|moov|mdat|wide|free|skip|pnot)|\x00\x00\x01[\xba\xb3]"
@@ -31,8 +32,10 @@ _TRANSPORT = ((0, 188), (4, 192))  # first mark of a packet and bytes to the nex
 class VideoSource(ClosableSource):
     """Image sets from one video per camera; files can be iterated any number of times.
 
-    Frames are numbered by each video's time stamps; a missing number is a lost frame. A frame that one video lacks, or
-    shows twice while another goes on, is not usable there.
+    Images have the time stamps of their videos, so that a variable rate and lost frames are kept; times that miss a
+    steady rate by less than a quarter of a frame are those of the rate. An image set holds the images of one moment. An
+    image that one video lacks, or shows twice while another goes on, is not usable there. Of videos of different rates
+    the slowest gives the moments.
 
     Args:
         paths: Video files or addresses of films, one per camera.
@@ -47,62 +50,87 @@ class VideoSource(ClosableSource):
 
     def __init__(self, paths: Sequence[str | Path], fps: float = 30.0) -> None:
         self._paths = [str(path) for path in paths]
-        self.warnings: tuple[str, ...] = ()
         self.name = Path(self._paths[0]).stem
-        counts, rates = [], []
+        self._counts, self._rates = [], []
         for path in self._paths:
             capture = _open(path)
-            counts.append(max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0))
-            rates.append(float(capture.get(cv2.CAP_PROP_FPS)))
+            self._counts.append(max(int(capture.get(cv2.CAP_PROP_FRAME_COUNT)), 0))
+            rate = float(capture.get(cv2.CAP_PROP_FPS))
+            self._rates.append(rate if 1.0 <= rate <= 1000.0 else fps)
             capture.release()
-        if len(set(counts)) > 1 and min(counts) > 0:
-            raise CaptureError(
-                "the videos have different lengths: "
-                + ", ".join(f"{Path(p).name} {n} frames" for p, n in zip(self._paths, counts, strict=True)),
-                advice="cut them so that they start and end at the same moments",
-            )
-        self.frames = min(counts)
-        self.fps = rates[0] if 1.0 <= rates[0] <= 1000.0 else fps
+        self._has_rates = max(self._rates) > SOURCES.other_rate * min(self._rates)
+        self._check_lengths()
+        slowest = int(np.argmin(self._rates)) if self._has_rates else 0
+        self.frames, self.fps = min(self._counts), self._rates[slowest]
+        self._lead = slowest
+        rates = ", ".join(f"{Path(p).name} {rate:g}" for p, rate in zip(self._paths, self._rates, strict=True))
+        told = f"the videos have different numbers of images per second ({rates}): they are paired by their times"
+        self._notes = (told,) * self._has_rates
+        self.warnings = self._notes
+
+    def _check_lengths(self) -> None:
+        """Refuse videos that cannot show the same moments."""
+        seconds = [count / rate for count, rate in zip(self._counts, self._rates, strict=True)]
+        is_alike = max(self._rates) <= SOURCES.same_rate * min(self._rates)
+        is_apart = max(seconds) - min(seconds) > SOURCES.end_frames / min(self._rates)
+        if min(self._counts) == 0 or not (len(set(self._counts)) > 1 if is_alike else is_apart):
+            return
+        rows = zip(self._paths, self._counts, seconds, strict=True)
+        lengths = [f"{Path(p).name} {n} frames" + f" in {s:.2f} s" * (not is_alike) for p, n, s in rows]
+        advice = "cut them so that they start and end at the same moments"
+        raise CaptureError("the videos have different lengths: " + ", ".join(lengths), advice=advice)
 
     def __iter__(self) -> Iterator[ImageSet]:
         with ExitStack() as stack:
             captures = [_open(path) for path in self._paths]
             for capture in captures:
                 stack.callback(capture.release)
-            readers = [_Reader(capture, self.fps) for capture in captures]
+            readers = [_Reader(capture, rate) for capture, rate in zip(captures, self._rates, strict=True)]
+            lead = readers[self._lead]
             self._advance(readers, readers)
-            while not self._closed and readers[0].image is not None:
-                number = min(reader.number for reader in readers)
-                current = [reader for reader in readers if reader.number == number]
-                repeated = [reader.is_repeated for reader in readers]
-                usable = tuple(
-                    # a repetition in all videos shows that nothing moved
-                    reader in current and (not reader.is_repeated or all(repeated))
-                    for reader in readers
-                )
-                for reader, use in zip(readers, usable, strict=True):
-                    reader.lost += reader not in current
-                    reader.doubled += reader in current and not use
-                images = tuple(
-                    reader.image if use else np.zeros_like(reader.image)
-                    for reader, use in zip(readers, usable, strict=True)
-                )
-                yield ImageSet(number, (number / self.fps,) * len(images), images, usable=usable)
+            while not self._closed and lead.image is not None:
+                first_s = lead.time_s if self._has_rates else min(reader.time_s for reader in readers)
+                current = [reader for reader in readers if abs(reader.time_s - first_s) <= 0.5 / reader.fps]
+                yield self._image_set(readers, current, first_s)
                 self.warnings = self._warnings(readers)
-                self._advance(readers, current)
+                self._advance(readers, [lead] if self._has_rates else current)
+
+    def _image_set(self, readers: Sequence["_Reader"], current: Sequence["_Reader"], first_s: float) -> ImageSet:
+        """Return the images of the current videos, black ones for the others."""
+        repeated = [reader.is_repeated for reader in readers]
+        usable = tuple(
+            # a repetition in all videos shows that nothing moved
+            reader in current and (not reader.is_repeated or all(repeated))
+            for reader in readers
+        )
+        for reader, use in zip(readers, usable, strict=True):
+            reader.lost += reader not in current
+            reader.doubled += reader in current and not use
+        images = tuple(
+            reader.image if use else np.zeros_like(reader.image) for reader, use in zip(readers, usable, strict=True)
+        )
+        times_s = tuple(reader.time_s if reader in current else first_s for reader in readers)
+        return ImageSet(min(reader.number for reader in current), times_s, images, usable=usable)
 
     def _advance(self, readers: Sequence["_Reader"], current: Sequence["_Reader"]) -> None:
         """Read the next frame of the current videos; at the end, no reader has an image."""
-        before = max(reader.number for reader in readers)
+        lead = readers[self._lead]
+        before = lead.number if self._has_rates else max(reader.number for reader in readers)
         for reader in current:
             reader.read()
+        if self._has_rates and lead.image is not None:
+            for reader in readers:
+                reader.read_until(lead.time_s)
         ended = [path for path, reader in zip(self._paths, readers, strict=True) if reader.image is None]
-        if ended and not all(reader.ends_within(2) for reader in readers):  # the last frames may be lost in one video
+        # the last frames may be lost in one video
+        if ended and not all(reader.ends_within(SOURCES.end_frames / self.fps) for reader in readers):
             raise CaptureError(
                 f"ends after {before + 1} frames, before the other video",
                 where=ended[0],
                 advice="cut both to one length",
             )
+        if ended:
+            lead.image = None
         if ended and before + 1 < self.frames - 1:  # some containers announce a frame too many
             raise CaptureError(
                 f"cannot be read after frame {before + 1} of {self.frames}",
@@ -111,7 +139,7 @@ class VideoSource(ClosableSource):
             )
 
     def _warnings(self, readers: Sequence["_Reader"]) -> tuple[str, ...]:
-        found = []
+        found = list(self._notes)
         for path, reader in zip(self._paths, readers, strict=True):
             if reader.doubled:
                 found.append(f"{Path(path).name} shows {reader.doubled} frame(s) twice; the second were left out")
@@ -123,31 +151,38 @@ class VideoSource(ClosableSource):
         """Yield images of up to `count` moments spread over files of known length."""
         if self.frames <= 0:
             return
-        wanted = {int(i) for i in np.linspace(0, self.frames - 1, count)}
+        wanted = [int(i) for i in np.unique(np.linspace(0, self.frames - 1, count).astype(int))]
         with ExitStack() as stack:
             captures = [_open(path) for path in self._paths]
             for capture in captures:
                 stack.callback(capture.release)
-            for index in range(max(wanted) + 1):
-                # seeking is inexact in many containers
-                if not all(capture.grab() for capture in captures):
-                    return
-                if index in wanted:
-                    yield tuple(_bgr(capture.retrieve()[1]) for capture in captures)
+            at = [-1] * len(captures)
+            for index in wanted:
+                for i, capture in enumerate(captures):
+                    place = round(index * self._rates[i] / self.fps) if self._has_rates else index
+                    # seeking is inexact in many containers
+                    while at[i] < place:
+                        if not capture.grab():
+                            return
+                        at[i] += 1
+                yield tuple(_bgr(capture.retrieve()[1]) for capture in captures)
 
 
 class _Reader:
-    """Reads one video; frames are numbered by its own time stamps."""
+    """Reads one video; frames have the times of its own stamps, from the first frame on."""
 
     def __init__(self, capture: Any, fps: float) -> None:
         self.number = -1
+        self.time_s = 0.0
         self.image: Any = None
         self.is_repeated = False
         self.lost = 0
         self.doubled = 0
+        self.fps = fps
         self._capture = capture
-        self._period_s = 1.0 / fps
+        self._first_s = 0.0
         self._stamp_s = 0.0
+        self._is_steady = True  # so far
 
     def read(self) -> None:
         """Read the next frame; `image` is None at the end."""
@@ -157,16 +192,33 @@ class _Reader:
             return
         image = _bgr(image)
         self.is_repeated = self.image is not None and is_repeated(self.image, image)
+        self.image = image
         stamp_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+        if self.number < 0:
+            self.number, self._first_s, self._stamp_s = 0, stamp_s, stamp_s
+            return
         passed_s = stamp_s - self._stamp_s
-        self.number = next_number(self.number, passed_s, self._period_s) if self.number >= 0 else 0
-        self.image, self._stamp_s = image, stamp_s
+        self._stamp_s = stamp_s
+        self.number = next_number(self.number, passed_s, 1.0 / self.fps)
+        since_s, steady_s = stamp_s - self._first_s, self.number / self.fps
+        if passed_s <= 0.0:  # no time stamp at all
+            self.time_s += 1.0 / self.fps
+            return
+        self._is_steady &= abs(since_s - steady_s) <= SOURCES.stamp_jitter / self.fps
+        self.time_s = steady_s if self._is_steady else max(since_s, self.time_s + SOURCES.least_step / self.fps)
+        if not self._is_steady:
+            self.number = max(self.number, round(self.time_s * self.fps))
 
-    def ends_within(self, frames: int) -> bool:
-        """Read on; return whether the video ended within so many frames."""
-        for _ in range(frames):
-            if self.image is not None:
-                self.read()
+    def read_until(self, time_s: float) -> None:
+        """Read the frame that is the nearest to a moment, or the last one before it."""
+        while self.image is not None and self.time_s < time_s - 0.5 / self.fps:
+            self.read()
+
+    def ends_within(self, seconds: float) -> bool:
+        """Read on; return whether the video ended within so much time."""
+        last_s = self.time_s + seconds + 0.5 / self.fps
+        while self.image is not None and self.time_s < last_s:
+            self.read()
         return self.image is None
 
 

@@ -75,6 +75,16 @@ def test_video_frames_are_numbered_by_time_stamps(monkeypatch: pytest.MonkeyPatc
     np.testing.assert_allclose([image_set.times_s[0] for image_set in sets], np.array(KEPT) / 60)
 
 
+def test_video_of_a_variable_rate_has_the_times_of_its_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
+    stamps_s = np.cumsum(np.random.default_rng(3).uniform(0.010, 0.070, 40)).tolist()
+    monkeypatch.setattr(video_source, "_open", lambda _: PlayedCapture(stamps_s))
+    sets = list(VideoSource([Path("left.mkv"), Path("right.mkv")]))
+    assert len(sets) == 40 and all(all(image_set.usable) for image_set in sets)
+    away_s = np.array([image_set.times_s[1] for image_set in sets]) - (np.array(stamps_s) - stamps_s[0])
+    assert np.abs(away_s).max() < 0.25 / 60
+    assert np.all(np.diff([image_set.number for image_set in sets]) > 0)
+
+
 class PlayedVideo(PlayedCapture):
     """A video with pictures: of each moment another, but doubled ones."""
 

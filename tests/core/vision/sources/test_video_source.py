@@ -43,6 +43,27 @@ def test_videos_of_different_length_are_refused_before_any_frame_is_read(tmp_pat
         VideoSource(paths)
 
 
+def test_videos_of_two_rates_are_paired_in_time(tmp_path):
+    """The slower video shows every second image of the other one."""
+    left = video(tmp_path / "left.avi", 40)
+    writer = cv2.VideoWriter(str(tmp_path / "right.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 12.5, (64, 48))
+    for number in range(20):
+        writer.write(np.full((48, 64, 3), 10 * number, np.uint8))
+    writer.release()
+    for paths in ((left, tmp_path / "right.avi"), (tmp_path / "right.avi", left)):
+        source = VideoSource(paths)
+        assert (source.frames, source.fps) == (20, 12.5)
+        assert "left.avi 25" in source.warnings[0] and "right.avi 12.5" in source.warnings[0]
+        sets = list(source)
+        assert len(sets) == 20 and all(all(s.usable) for s in sets)
+        for s in sets:
+            assert s.times_s == pytest.approx((s.number / 12.5,) * 2)
+            assert abs(int(s.images[0][0, 0, 0]) - int(s.images[1][0, 0, 0])) <= 2
+        assert all(abs(int(a[0, 0, 0]) - int(b[0, 0, 0])) <= 2 for a, b in source.samples(5))
+    with pytest.raises(CaptureError, match=r"short\.avi 15 frames in 1\.20 s"):
+        VideoSource([left, video(tmp_path / "short.avi", 15, 12.5)])
+
+
 def test_missing_and_broken_videos_are_named(tmp_path):
     good = video(tmp_path / "left.avi", 3)
     with pytest.raises(CaptureError, match=r"gone\.avi.*no such video"):
