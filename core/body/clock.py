@@ -228,7 +228,8 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
     has_rate = stated_fps is not None and stated_fps > 0.0
     low, high = (0.5 * stated_fps, 2.0 * stated_fps) if has_rate and stated_fps else (_LEAST_HZ, _MOST_HZ)
     per_tick = (each for each in _SECONDS_PER_TICK if low <= 1.0 / (float(np.median(steps)) * each) <= high)
-    return times * next(per_tick, 1.0)
+    unit_s = next(per_tick, 1.0)
+    return times if unit_s == 1.0 else (times - times[0]) * unit_s
 
 
 def poses_at(times_s: Array, rotations: Array, positions_m: Array, wanted_s: Array) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from ..errors import FormatError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
 from .body_parts import PARTS
+from .clock import CLOCK
 from .joint_angle_frames import with_angle_frames
 from .motion import Motion, resampled, sliced
 from .skeleton import Skeleton, forward_kinematics, joint_angles
@@ -117,12 +118,13 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
 
 def _aligned(motion: Motion, truth: Motion) -> _Pair:
     notes = []
-    if abs(motion.fps - truth.fps) > 1e-3 * motion.fps:
+    if abs(motion.fps - truth.fps) * motion.duration_s > CLOCK.same:
         notes.append(f"truth resampled from {truth.fps:g} to {motion.fps:g} frames per second")
         truth = resampled(truth, motion.fps)
     frames = min(motion.frames, truth.frames)
     if motion.frames != truth.frames:
-        notes.append(f"motion has {motion.frames} frames, truth {truth.frames}; the first {frames} are compared")
+        lasts = f"motion has {motion.frames} frames ({motion.duration_s:.2f} s), truth {truth.frames}"
+        notes.append(f"{lasts} ({truth.duration_s:.2f} s); the first {frames} are compared")
     shared = [name for name in truth.skeleton.names if name in motion.skeleton.names]
     if len(shared) < 2 or shared[0] != truth.skeleton.names[0] or shared[0] != motion.skeleton.names[0]:
         raise FormatError("motion and truth share no joints but one", where=f"{motion.name}, {truth.name}")

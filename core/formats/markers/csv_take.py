@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...body.clock import seconds_of
 from ...errors import FormatError
 from ...geometry.arrays import Array
 from ...markers.marker_take import MarkerTake
@@ -28,7 +29,6 @@ from .reader_parts import (
     make_take,
     metres_of,
     numbers_of,
-    seconds_by_step,
     separator_of,
     table_of,
 )
@@ -196,7 +196,7 @@ def _seconds(times: Array, name: str) -> Array:
     match = _CLOCK.fullmatch(name)
     unit = (match["unit"] or "").lower() if match else ""
     if match and match["stamp"] and not unit:
-        return seconds_by_step(times)
+        return seconds_of(times)
     factor = SECONDS.get(unit[:-7] if unit.endswith("seconds") else unit, 1.0)
     return times if factor == 1.0 else (times - times[0]) * factor
 

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ...body.clock import seconds_of
 from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array
 from ...geometry.npz import read_array
 from ...markers.label_matching import match_best_set
 from ...markers.marker_set import PointKind, load_marker_set
 from ...markers.marker_take import MarkerTake
-from .reader_parts import make_take, seconds_by_step
+from .reader_parts import make_take
 
 BODY = "body_"  # FreeMoCap's prefix of the names of the body's points
 
@@ -100,5 +101,5 @@ def _recorded_times(path: Path, frames: int) -> Array | None:
         stamps = [read_array(file) for file in sorted((folder / "synchronized_videos" / "timestamps").glob("*.npy"))]
         known = [each.astype(np.float64) for each in stamps if each.shape == (frames,) and each.dtype.kind in "iuf"]
         if known:
-            return seconds_by_step(np.mean(known, axis=0))
+            return seconds_of(np.mean(known, axis=0))
     return None

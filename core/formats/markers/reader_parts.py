@@ -47,15 +47,6 @@ SECONDS = {
     "ns": 1e-9,
     "nano": 1e-9,
 }
-_STEPS_S = (1e-3, 1.0)
-
-
-def seconds_by_step(times: Array) -> Array:
-    """Return times (F,) since the first, in seconds: their unit is the one that makes the steps 1 ms to 1 s long."""
-    steps = np.diff(times[np.isfinite(times)])
-    step = float(np.median(steps)) if len(steps) else 0.0
-    factor = next((each for each in SECONDS.values() if _STEPS_S[0] <= step * each < _STEPS_S[1]), 1.0)
-    return np.asarray((times - times[0]) * factor)
 
 
 def frame_count(declared: float) -> int:

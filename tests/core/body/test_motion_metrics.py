@@ -157,7 +157,7 @@ def test_other_rates_and_lengths_are_compared_and_told() -> None:
     assert result["deg_per_joint"] == pytest.approx(0.0, abs=1e-5)
     assert result["notes"] == [
         "truth resampled from 120 to 60 frames per second",
-        "motion has 50 frames, truth 121; the first 50 are compared",
+        "motion has 50 frames (0.82 s), truth 121 (2.00 s); the first 50 are compared",
     ]
 
 
