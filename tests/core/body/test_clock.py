@@ -40,7 +40,7 @@ def test_uneven_frames_have_the_nearest_usual_rate():
     clock = clock_of(times_s)
     assert clock.fps in (24.0, 25.0) and not clock.is_steady
     assert kinds(clock) == [ClockFault.UNEVEN]
-    assert 0.0 <= clock.source_s - (len(clock.steady_s) - 1) / clock.fps < 1.0 / clock.fps
+    assert -0.02 <= clock.source_s * clock.fps - (len(clock.steady_s) - 1) < 1.0
 
 
 @pytest.mark.parametrize("stated", [120.0, 1000.0])
@@ -88,7 +88,7 @@ def test_poses_stay_where_they_are_known_and_are_held_in_long_gaps():
 def test_markers_are_missing_beside_gaps_and_in_lost_frames():
     values = np.arange(6.0)[:, None] * np.ones(3)
     visible = np.array([True, True, False, True, True, True])
-    uneven = clock_of(np.array([0.0, 0.031, 0.064, 0.09, 0.131, 0.4]))
+    uneven = clock_of(np.array([0.0, 0.031, 0.064, 0.09, 0.131, 0.41]))
     found = uneven.seen(values, visible)[:, 0]
     hidden = (uneven.steady_s > 0.032) & (uneven.steady_s < 0.089) | (uneven.steady_s > 0.132)
     assert np.array_equal(np.isnan(found), hidden)
@@ -102,8 +102,7 @@ def test_a_filter_works_at_a_steady_rate_and_gives_the_frames_own_times():
     clock = clock_of(times_s)
     seen = []
     same = clock.filtered(line, lambda rows: seen.append(rows) or rows)
-    assert np.diff(seen[0], axis=0) == pytest.approx(
-        np.tile(np.array([1.0, 2.0, 3.0]) / clock.fps, (len(seen[0]) - 1, 1))
-    )
+    steps = np.diff(seen[0], axis=0) * clock.fps
+    assert steps == pytest.approx(np.tile([1.0, 2.0, 3.0], (len(steps), 1)))
     inside = times_s <= clock.steady_s[-1]
     assert same[inside] == pytest.approx(line[inside])

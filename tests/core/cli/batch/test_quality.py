@@ -50,7 +50,7 @@ def test_figures_of_known_poses(truth):
     take = solved(truth, [0.9, 0.8, 0.7, 0.0], [0.003, 0.004, 0.0, np.nan], [(1, 2), (2, 2), (3, 2), (3, 0)])
     figures = quality_figures(take)
     assert figures["frames"] == 4
-    assert figures["duration_s"] == pytest.approx(4 / FPS)
+    assert figures["duration_s"] == pytest.approx(3 / FPS)
     assert figures["marker_rms_mm"] == pytest.approx(np.sqrt(25.0 / 3.0), abs=1e-3)
     assert (figures["marker_median_mm"], figures["marker_worst_mm"]) == (3.0, 4.0)
     assert figures["confidence"] == pytest.approx(0.6)
