@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.errors import TakeError
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
@@ -81,3 +82,22 @@ def test_wrong_marker_set_is_refused(take, subject, database):
     other = MarkerTake("other", 30.0, ("C7", "LSHO", "RSHO"), np.zeros((2, 3, 3)))
     with pytest.raises(TakeError, match="other: has fewer than three of the torso markers LSHO, RSHO, LWAI, RWAI"):
         solve_take(other, subject, database, SolveSettings(), lambda fraction, text: None)
+
+
+@pytest.mark.parametrize("kept", [np.r_[0:15, 30:60], np.flatnonzero(np.random.default_rng(2).random(60) < 0.6)])
+@pytest.mark.parametrize("causal", [True, False])
+def test_motion_lasts_as_long_as_its_take(truth, subject, database, kept, causal):
+    """Frames numbered without gaps, with times that have some."""
+    whole = simulate_markers(sliced(truth, 0, 60), subject)[0]
+    times_s = 2.0 + kept / truth.fps
+    take = replace(
+        whole, positions_m=whole.positions_m[kept], frame_numbers=np.arange(len(kept)), times_s=np.round(times_s, 3)
+    )
+    solved = solve_take(take, subject, database, SolveSettings(), lambda *_: None, causal=causal)
+    assert len(solved.poses) == len(kept)
+    assert solved.motion.fps == truth.fps
+    assert solved.motion.duration_s == pytest.approx(times_s[-1] - times_s[0])
+    assert "frames are missing" in solved.clock.sentences[0]
+    assert solved.motions_at(12.0)[0].duration_s == pytest.approx(times_s[-1] - times_s[0], abs=1.0 / 12.0)
+    shown = sliced(truth, int(kept[0]), int(kept[-1]) + 1)
+    assert evaluate(solved.motion, shown)["root_position_mm"] < 30.0
