@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from ..body.standard_skeleton import default_skeleton
 from ..database.store import Database
 from ..errors import SettingsError
-from ..markers.label_matching import AUTO, match_labels
+from ..labelling.take_import import import_take
+from ..markers.label_matching import AUTO
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
@@ -77,9 +78,10 @@ def calibrate_subject(
 
     Raises:
         SubjectError: A pose is not held, or too few markers are seen.
+        TakeError: The body has no person's size: the unit of length is wrong.
     """
     worn = choose_worn(marker_set, take)
-    take = match_labels(take.names, worn).rename(take)
+    take = import_take(take, worn, None)
     held = (poses,) if isinstance(poses, str) else tuple(poses)
     if isinstance(poses, str):
         points_m = calibration_points(take, worn, seconds)
@@ -110,8 +112,8 @@ def fit_subject(
 
     Raises:
         SubjectError: Too few frames could be explained.
-        TakeError: The take lacks torso markers.
+        TakeError: The take lacks torso markers, or the body has no person's size.
     """
     worn = choose_worn(marker_set, take)
     start = Subject(name, default_skeleton(height_m), worn)
-    return subject_from_motion(match_labels(take.names, worn).rename(take), start, database, progress)
+    return subject_from_motion(import_take(take, worn, None), start, database, progress)

@@ -9,7 +9,7 @@ from ..formats.markers.marker_files import is_recorded, read_take
 from ..formats.motion.read_motion import read_skeleton
 from ..labelling.take_import import import_take
 from ..markers import subject as subject_files
-from ..markers.label_matching import AUTO, choose_marker_set, load_names, match_labels, rename_labels
+from ..markers.label_matching import AUTO, choose_marker_set, load_names, rename_labels
 from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
@@ -63,9 +63,7 @@ def read_labelled(path: Path | str, names: Names | None) -> MarkerTake:
 
 def fit_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> MarkerTake:
     """Return a take with y up and under the names of a marker set; None for `up` keeps the axes."""
-    if is_unnamed(take):
-        return take
-    return match_labels(take.names, marker_set).rename(take) if up is None else import_take(take, marker_set, up)
+    return import_take(take, marker_set, up)
 
 
 def load_subject(path: Path | str, marker_set: MarkerSet | Path | str | None = None) -> Subject:

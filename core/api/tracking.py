@@ -29,6 +29,7 @@ from ..markers.subject import Subject
 from ..session.multi_target_session import MultiTargetSession
 from ..session.session import Session
 from ..session.solve_take import solve_frames
+from ..session.verdict import VerdictSettings
 from ..system.files import atomic_path
 from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
@@ -256,7 +257,7 @@ def _label(
         "one_camera_fraction": float(np.mean([pose.single_cameras >= 0 for pose in solved.poses_of()])),
         "marker_rms_mm": off_mm,
         "confidence": measured["confidence"],
-        "warnings": [wrong] * (not solved.explains_markers()),
+        "warnings": [wrong] * (off_mm > 1e3 * VerdictSettings().wrong_m),
     }
 
 

@@ -72,8 +72,8 @@ def _add_marker_options(parser: argparse.ArgumentParser) -> None:
     )
     add_text(parser, "--use", "N|NAME,...", use)
     up = (
-        "axis of a marker file that points up: auto for the axis along the standing performer, feet for the floor "
-        "under the feet, which becomes y = 0 (default: the file is taken as it is, y up)"
+        "axis of a marker file that points up: auto for the one along which the performer stands (default), feet for "
+        "the floor under the feet, which becomes y = 0"
     )
     add_choice(parser, "--up", UPS, up)
 
@@ -166,7 +166,7 @@ def _solve_markers(
     worn = choose_marker_set(args.marker_set, take.names, str(args.take)) if args.marker_set is not None else None
     subject = chosen_subject(args, worn)
     assert subject is not None  # noqa: S101 - checked with the options
-    take = fit_take(take, subject.marker_set, args.up)
+    take = fit_take(take, subject.marker_set, args.up or "auto")
     return solve_markers(take, subject, args.database, request, progress, cache)
 
 

@@ -5,34 +5,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..body.calibration_poses import standing
-from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..geometry.camera import CameraRig
 from ..geometry.rigid_transform import principal_axes, transform
-from ..markers.floor_from_feet import floor_points, upright_rotation
+from ..markers.floor_from_feet import floor_points
 from ..markers.label_matching import join_names, match_labels
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
-from ..markers.take_frames import is_unnamed
+from ..markers.take_frames import check_torso, is_unnamed
+from .human_size import check_human_size
 from .trajectory_naming import misfit_of_names_m, name_trajectories
+from .up_axis import TURNS, axis_up
 
 UPS = ("auto", "feet", "y", "z")
 
 _UP = np.array([0.0, 1.0, 0.0])
-_TURNS = {  # rotation from a world with this axis up to one with y up
-    "y": np.eye(3),
-    "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
-    "-y": np.diag([1.0, -1.0, -1.0]),
-    "-z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "x": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-    "-x": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
-}
 
 
-def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
+def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
     Labels are matched by `match_labels`. Where they do not name the torso, the markers of a take with as many markers
@@ -41,21 +33,30 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str) -> MarkerTake:
 
     Args:
         marker_set: Marker set with usual offsets.
-        up: One of `UPS`: the axis of the file that points up; "auto" for the one along which performers stand; "feet"
-            for the floor under the feet, which becomes y = 0.
+        up: One of `UPS`: the axis of the file that points up; "auto" for the one along which the performer stands or
+            sits for most of the take (`axis_up`); "feet" for the floor under the feet, which becomes y = 0; None for
+            the file's axes.
 
     Raises:
-        TakeError: The markers are not the set's, or too few are seen at once to find the vertical.
-        MarkerSetError: The set has no usual offsets.
+        TakeError: The markers are not the set's, the body has no person's size, or too few markers are seen at once to
+            find the vertical.
+        MarkerSetError: The set has no usual offsets, and the floor or the names are to be found by them.
     """
     if is_unnamed(take):
         return take
     match = match_labels(take.names, marker_set)
+    if up is None:
+        named = match.rename(take)
+        check_human_size(named, marker_set)
+        return named
     if not match.has_torso:
-        named = _by_place(take, marker_set, [up] if up in _TURNS else list(_TURNS))
+        if match.label_of and len(take.names) != len(marker_set):
+            check_torso(match.rename(take), marker_set)
+        named = _by_place(take, marker_set, [up] if up in TURNS else list(TURNS))
     else:
         named = match.rename(take)
-        named = _turn(named, _TURNS[up if up in _TURNS else _axis_up(named, marker_set)])
+        named = _turn(named, TURNS[up if up in TURNS else axis_up(named, marker_set)])
+    check_human_size(named, marker_set)
     return _on_floor(named, marker_set.subset(named.names)) if up == "feet" else named
 
 
@@ -72,29 +73,16 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
     found: list[MarkerTake] = []
     for axis in axes:
         try:
-            named = name_trajectories(_turn(take, _TURNS[axis]), marker_set)
+            named = name_trajectories(_turn(take, TURNS[axis]), marker_set)
         except TakeError as error:
             problem = problem or error
             continue
-        if len(axes) == 1 or _axis_up(named, marker_set) == "y":  # lying bodies are recognised, too, but not upright
+        if len(axes) == 1 or axis_up(named, marker_set) == "y":  # lying bodies are recognised, too, but not upright
             found.append(named)
     if found:  # a body that lies or is upside down has some of another's places
         return min(found, key=lambda named: misfit_of_names_m(named, marker_set))
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
     raise TakeError(problem.what if problem else "", where=take.name, advice=advice)
-
-
-def _axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
-    """Return the name of the axis nearest to the performer's mean vertical."""
-    skeleton = default_skeleton()
-    try:
-        up = upright_rotation(take, marker_set.subset(take.names), skeleton, standing(skeleton))[:, 1]
-    except TakeError as error:
-        advice = "say which axis points up"
-        raise TakeError(
-            "too few markers are seen at once to find the vertical", where=take.name, advice=advice
-        ) from error
-    return max(_TURNS, key=lambda axis: float(_UP @ _TURNS[axis] @ up))
 
 
 def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:

@@ -25,14 +25,8 @@ def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame
     if is_unnamed(take):
         yield from _unnamed_frames(take)
         return
+    check_torso(take, marker_set)
     columns = {name: i for i, name in enumerate(take.names)}
-    torso = [marker.name for marker in marker_set.markers if marker.torso]
-    if sum(name in columns for name in torso) < FEWEST_TORSO:
-        raise TakeError(
-            "has fewer than three of the torso markers " + ", ".join(torso),
-            where=take.name,
-            advice="its markers are " + ", ".join(take.names) + "; choose the marker set that was worn",
-        )
     kept = np.array([i for i, name in enumerate(marker_set.names) if name in columns])
     order = [columns[marker_set.names[i]] for i in kept]
     positions = take.positions_m[:, order]
@@ -42,6 +36,17 @@ def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame
         covariances = np.broadcast_to(SIGMA_M**2 * np.eye(3), (int(seen.sum()), 3, 3))
         frame = MarkerFrame(int(number), float(time_s), row[seen], covariances, kept[seen])
         yield frame if single is None else _with_rays(frame, single.cameras[f], single.points[f], kept)
+
+
+def check_torso(take: MarkerTake, marker_set: MarkerSet) -> None:
+    """Raise TakeError for a take with fewer than three of the set's torso markers."""
+    torso = [marker.name for marker in marker_set.markers if marker.torso]
+    if sum(name in take.names for name in torso) < FEWEST_TORSO:
+        raise TakeError(
+            "has fewer than three of the torso markers " + ", ".join(torso),
+            where=take.name,
+            advice="its markers are " + ", ".join(take.names) + "; choose the marker set that was worn",
+        )
 
 
 def is_unnamed(take: MarkerTake) -> bool:

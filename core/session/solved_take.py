@@ -124,10 +124,6 @@ class SolvedTake:
             "confidence": float(np.mean([pose.confidence for pose in first])),
         }
 
-    def explains_markers(self) -> bool:
-        """Return whether solved and measured markers agree within 100 mm RMS; with wrong labels they do not."""
-        return self.summary()["marker_rms_mm"] <= 100.0
-
     def joint_errors_deg(self) -> dict[str, float]:
         """Return the mean expected error of each joint but the root, {} if unknown.
 
@@ -186,7 +182,8 @@ class SolvedTake:
             for pose, stamp_s, seconds in zip(self.poses, stamps_s, self.seconds, strict=True)
         ]
         if take is None:
-            write_whole_take(path, self.setup.tables(capture), TakeNotes(self.motion.name), list(self.frames), poses)
+            notes = TakeNotes(self.motion.name, verdict=self.verdict.text)
+            write_whole_take(path, self.setup.tables(capture), notes, list(self.frames), poses)
             return
         check_no_input(path, [take.path])
         before, tables = take.setup, self.setup.tables(take.setup.capture)
@@ -196,6 +193,7 @@ class SolvedTake:
             take.notes.notes,
             take.notes.rating,
             recorded=take.notes.recorded,
+            verdict=self.verdict.text,
         )
         events = [bytes(chunk.payload) for chunk in take.chunks if chunk.kind == ChunkKind.EVENT]
         tables = replace(tables, created=before.created, software=before.software)

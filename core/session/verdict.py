@@ -9,8 +9,9 @@ import numpy as np
 
 from ..body.body_parts import PART_JOINTS
 from ..body.motion import Motion
+from ..body.posture import posture_of
 from ..body.scene_pose import DoubtfulStretch, PerformerPose
-from ..body.skeleton import Skeleton, forward_kinematics
+from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
 from ..body.standing import girth_scale, stature_m
 from ..geometry.arrays import Array, Mask, runs
@@ -24,9 +25,8 @@ _LONG_BONES = {"femur": "thigh", "tibia": "shank", "humerus": "upper arm", "radi
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Limits of a good motion. They are met by all CMU and Bandai takes, crawls, cartwheels and ladders."""
+    """Limits of a good motion besides `PostureSettings`, met by all CMU and Bandai takes, crawls and cartwheels."""
 
-    samples: int = 600  # most frames that posture and floor are judged by
     unsolved: float = 0.2  # share of frames without a pose of their own
     wrong_m: float = 0.1  # median distance of markers and body over the take, from which no body was found
     limb_m: float = 0.08  # the same of one limb's markers: a hand's width
@@ -35,8 +35,6 @@ class VerdictSettings:
     shortest_m: float = 0.6  # stature of a small child
     tallest_m: float = 2.4
     bone_factor: float = 2.0  # a limb's bone relative to the rest of the body and to usual proportions
-    upright: float = 0.5  # cosine of the trunk's or the thighs' lean, reached while a body sits, crawls or stands
-    upright_share: float = 0.1  # share of the take that a body is upright at least
     hover_m: float = 0.3  # height of the lower foot's joint above the floor
     hover_share: float = 0.1  # share of the take that a foot is lower than that at least
     sink_m: float = 0.15  # depth of the lower foot below the floor in most frames
@@ -250,30 +248,20 @@ def _size_reasons(skeleton: Skeleton) -> list[Reason]:
 
 def _posture_reasons(motion: Motion, has_floor: bool) -> list[Reason]:
     """Return what is wrong with the way the body stands in the world."""
-    step = max(1, motion.frames // _S.samples)
-    skeleton, index = motion.skeleton, motion.skeleton.index
-    positions = forward_kinematics(skeleton, motion.rotations[::step], motion.root_positions_m[::step])[0]
-    hips, knees = (positions[:, [index(side + bone) for side in "lr"]] for bone in ("femur", "tibia"))
-    trunk = _rise(positions[:, 0], positions[:, index("upperneck")])
-    upright = np.maximum(trunk, _rise(knees, hips).mean(axis=1))
-    if np.percentile(upright, 100.0 * (1.0 - _S.upright_share)) < _S.upright:
-        text = "upside down" if np.median(trunk) < -_S.upright else "lying down"
+    posture = posture_of(motion)
+    if posture.is_never_upright:
+        text = "upside down" if posture.is_upside_down else "lying down"
         advice = "check which axis of the take points up"
         return [Reason(ReasonKind.UPRIGHT, f"the body is {text} for the whole take; {advice}")]
     if not has_floor:
         return []
-    lower = positions[:, [index(name) for name in _FEET], 1].min(axis=1)
+    feet = [motion.skeleton.index(name) for name in _FEET]
+    lower = posture.positions_m[:, feet, 1].min(axis=1)
     lowest, usual = (float(np.percentile(lower, 100.0 * share)) for share in (_S.hover_share, 0.5))
     if lowest > _S.hover_m or usual < -_S.sink_m:
         place = f"{lowest:.2f} m above" if lowest > _S.hover_m else f"{-usual:.2f} m below"
         return [Reason(ReasonKind.FLOOR, f"the feet are {place} the floor (y = 0)")]
     return []
-
-
-def _rise(starts: Array, ends: Array) -> Array:
-    """Return the cosines between upwards and the ways (..., 3) from starts to ends."""
-    way = ends - starts
-    return np.asarray(way[..., 1] / np.maximum(np.linalg.norm(way, axis=-1), 1e-9))
 
 
 def _duration_reasons(motion: Motion, duration_s: float) -> list[Reason]:

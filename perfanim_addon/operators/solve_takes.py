@@ -9,6 +9,7 @@ from ...core.errors import SettingsError, TakeError
 from ...core.formats.markers.marker_files import READABLE
 from ...core.formats.take_file.take_reader import summarise, unused_path
 from ...core.labelling.take_import import UPS
+from ...core.session.verdict import GOOD
 from ...core.solver.settings import METHODS
 from ...core.system.files import is_file
 from .. import take_library
@@ -73,7 +74,8 @@ class PERFANIM_OT_solve_take(DialogOperator, TakeOperator, SolvingOperator, bpy.
         name = summarise(self._target).notes.name
         solved = f"{summary['frames']} frames solved as {name}"
         text = put_on_character(context, self._target) if self.put_on else solved
-        return "; ".join((text, *summary["warnings"]))
+        refused = [summary["verdict"]] * (summary["verdict"] != GOOD)
+        return "; ".join((text, *refused, *summary["warnings"]))
 
 
 class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operator):

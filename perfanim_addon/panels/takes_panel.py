@@ -10,6 +10,7 @@ from ...core.errors import PerfanimError
 from ...core.formats.take_file.take_edits import append_notes
 from ...core.formats.take_file.take_reader import TakeSummary, summarise
 from ...core.formats.take_file.take_setup import MOST_STARS
+from ...core.session.verdict import GOOD
 from ...core.solver.settings import SolveSettings
 from .. import take_library
 from ..capture.live_capture import running_capture
@@ -73,7 +74,7 @@ class PERFANIM_UL_takes(panel_drawing.RowList, bpy.types.UIList):
         if take is None or not take.complete:
             row.label(text=item.title, icon="ERROR")
         else:
-            row.prop(item, "title", text="", emboss=False, icon="REC")
+            row.prop(item, "title", text="", emboss=False, icon="ERROR" if why_not_good(take) else "REC")
         facts = row.row()
         facts.alignment = "RIGHT"  # no wider than its text, to leave room for long names
         facts.label(text=f"{'★' * item.rating}  {_length(take)}" if take and take.complete else "cut off")
@@ -113,6 +114,8 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     column = layout.column(align=True)
     for text in (take.created.replace("T", " ")[:16], size_of(take), origin_of(take)):
         panel_drawing.draw_text(context, column, text, "BLANK1")
+    if why_not_good(take):
+        panel_drawing.draw_text(context, column, why_not_good(take), "ERROR")
     column = property_column(layout)
     draw_props(column, item, "rating", "notes")
     layout.operator("perfanim.play_take", icon="ARMATURE_DATA").path = item.path
@@ -126,6 +129,11 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
     row.operator("perfanim.delete_take", text="", icon="TRASH").path = item.path
     layout.operator("perfanim.refine_performer", icon="USER").path = item.path
     _draw_refined(context, layout, item.path)
+
+
+def why_not_good(take: TakeSummary) -> str:
+    """Return the verdict of a take's solve, "" where it is good or unknown."""
+    return take.notes.verdict if take.notes.verdict != GOOD else ""
 
 
 def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: str) -> None:

@@ -69,7 +69,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if not 0.0 < args.seconds <= 60.0:
         raise SettingsError(f"--seconds {args.seconds:g} is out of range", advice="give more than 0, up to 60")
     progress(0.0, "reading")
-    take = part(read_labelled(args.take, args.names), args.frames)
+    take = read_labelled(args.take, args.names)
     if args.refine and (not args.database or args.height is not None):
         raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None
@@ -80,6 +80,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         marker_set = before.marker_set
     else:
         marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
+    take = part(fit_take(take, marker_set, None if is_recorded(args.take) else "auto"), args.frames)
     name = args.name or (before.name if before else Path(args.out).stem)
     if args.database:
         if known:
@@ -124,7 +125,7 @@ def _from_motion(
     database = open_database(args.database)
     if before:
         worn = replace(before.wearing(marker_set), name=name)
-        result = refine_body(fit_take(take, marker_set, None), worn, database, progress)
+        result = refine_body(take, worn, database, progress)
         subject, changes = worthwhile(worn, result)
         return subject, {"changes": changes} | _changes(result)
     height_m = 1.7 if args.height is None else args.height

@@ -115,12 +115,11 @@ def _import_one(
     take = replace(take, name=take_name(out))  # so that takes of one name differ in lists
     solved = solve_markers(take, subject, database, SolveRequest(args.method), progress)
     solved.save(out, capture={"imported": str(path), "up": args.up})
-    figures = solved.summary()
-    if not solved.explains_markers():
-        off = f"{figures['marker_rms_mm']:.0f} mm off"
-        warnings.append(f"no body explains the markers of {path.name} ({off}): check marker set and performer")
+    if not solved.verdict.is_good:
+        warnings.append(f"{path.name}: {solved.verdict.text}")
+    facts = solved.summary() | {"verdict": solved.verdict.text}
     matched = {"marker_set": subject.marker_set.name, "markers": len(subject.marker_set) - len(lacking)}
-    return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | figures
+    return {"take": path.name, "warnings": warnings, "out": str(out)} | matched | facts
 
 
 def _copy_recorded(path: Path, folder: Path) -> dict[str, Any]:

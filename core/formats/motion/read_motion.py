@@ -8,6 +8,7 @@ import numpy as np
 
 from ...body.motion import Motion
 from ...body.motion_cleaning import Defect
+from ...body.posture import turned_upright
 from ...body.skeleton import Skeleton
 from ...body.source_motion import frame_range, source_of_motion
 from ...body.standard_skeleton import JOINT_NAMES
@@ -22,6 +23,7 @@ from .bvh import read_bvh
 from .motion_sources import SkeletonNames
 
 _NOT_FINITE = "numbers that are not finite"
+_UPSIDE_DOWN = Defect("the body is upside down in all frames", 0, 0, "turned over")
 
 
 def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
@@ -69,7 +71,18 @@ class MotionParts:
 
 
 def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") -> MotionParts:
-    """Return the motion of a file in parts without gaps; other errors are those of `read_motion`."""
+    """Return the motion of a file in parts without gaps, with y up; other errors are those of `read_motion`."""
+    read = _read_parts(path, skeleton, name)
+    turned = [turned_upright(part.motion) for part in read.parts]
+    if not all(turned):  # parts of one file share its world
+        return read
+    parts = tuple(
+        replace(part, motion=motion) for part, motion in zip(read.parts, turned, strict=True) if motion is not None
+    )
+    return MotionParts(parts, (*read.defects, _UPSIDE_DOWN))
+
+
+def _read_parts(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     suffix = path.suffix.lower()
     if suffix == ".amc":
         return _read_amc(path, skeleton, name or path.stem)

@@ -74,7 +74,7 @@ def test_good_takes_alone_exit_with_0(folder, tmp_path, capsys):
 
 
 def test_takes_with_z_up_stand(folder, tmp_path, capsys):
-    """As `perfanim solve --up` brings them in; Motive's prefix of the performer's name does not matter either."""
+    """As `perfanim solve` brings them in; Motive's prefix of the performer's name does not matter either."""
     walk = read_take(folder / "walk.trc")
     turned = walk.positions_m @ np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]).T
     names = tuple(f"Anna:{name}" for name in walk.names)
@@ -87,7 +87,6 @@ def test_takes_with_z_up_stand(folder, tmp_path, capsys):
         take = '{folder / "walk.trc"}'
         [[take]]
         take = "turned.c3d"
-        up = "auto"
         """)
     assert main(["batch", str(tmp_path / "plan.toml"), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 0
     capsys.readouterr()

@@ -108,7 +108,8 @@ def test_markers_that_no_body_explains_are_told(bring, tmp_path, walk):
     write_take(exchanged, tmp_path / "exchanged.csv")
     (row,) = bring(tmp_path / "exchanged.csv", options=("--up", "y"))["takes"]
     assert row["marker_rms_mm"] > 100.0
-    assert "no body explains the markers of exchanged.csv" in row["warnings"][0]
+    assert row["warnings"][0] == f"exchanged.csv: {row['verdict']}"
+    assert "from its markers" in row["verdict"] or "no body fits the markers" in row["verdict"]
 
 
 def test_nothing_that_can_be_used_is_an_error(tmp_path, subject_file, database_file, capsys):

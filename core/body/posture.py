@@ -1,0 +1,88 @@
+"""How a body stands in the world, and motion of files whose world is upside down."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array
+from .motion import Motion
+from .skeleton import Skeleton, forward_kinematics
+
+
+@dataclass(frozen=True)
+class PostureSettings:
+    """When a body stands upside down for a whole motion."""
+
+    samples: int = 600  # most frames that are looked at
+    upright: float = 0.5  # cosine between up and the trunk or the thighs, reached while a body sits, crawls or stands
+    upright_share: float = 0.1  # share of the frames that a body is upright at least, if it is at all
+
+
+_S = PostureSettings()
+_ENDS = ("root", "head", "lhand", "rhand")
+_HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])  # about x
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Posture of a body in F frames of a motion.
+
+    Args:
+        positions_m: Joints (F, J, 3).
+        trunk: (F,) cosine between up and the way from the hips to the neck.
+        upright: (F,) the same of the trunk or the thighs, whichever is more upright.
+    """
+
+    skeleton: Skeleton
+    positions_m: Array
+    trunk: Array
+    upright: Array
+
+    @property
+    def is_never_upright(self) -> bool:
+        """Whether the body lies, or is upside down, in the whole motion."""
+        return bool(np.percentile(self.upright, 100.0 * (1.0 - _S.upright_share)) < _S.upright)
+
+    @property
+    def is_upside_down(self) -> bool:
+        """Whether the body is upside down in the whole motion."""
+        return self.is_never_upright and bool(np.median(self.trunk) < -_S.upright)
+
+    @property
+    def world_is_upside_down(self) -> bool:
+        """Whether the body is upside down and not on its hands or hanging: below the floor, or with raised hands."""
+        root, head, *hands = (self.positions_m[:, self.skeleton.index(name), 1] for name in _ENDS)
+        is_below = np.median(root) < 0.0
+        return self.is_upside_down and bool(is_below or np.median(np.minimum(*hands) - head) > 0.0)
+
+
+def posture_of(motion: Motion) -> Posture:
+    """Return the posture in frames spread over a motion."""
+    step = -(-motion.frames // _S.samples)
+    skeleton, index = motion.skeleton, motion.skeleton.index
+    positions = forward_kinematics(skeleton, motion.rotations[::step], motion.root_positions_m[::step])[0]
+    hips, knees = (positions[:, [index(side + bone) for side in "lr"]] for bone in ("femur", "tibia"))
+    trunk = _rise(positions[:, 0], positions[:, index("upperneck")])
+    return Posture(skeleton, positions, trunk, np.maximum(trunk, _rise(knees, hips).mean(axis=1)))
+
+
+def turned_upright(motion: Motion) -> Motion | None:
+    """Return a motion whose world is upside down turned over, None for any other.
+
+    Who stands on the hands or hangs by the feet is above the floor, with the hands below the head.
+    """
+    if not posture_of(motion).world_is_upside_down:
+        return None
+    positions = motion.root_positions_m * [1.0, -1.0, -1.0]
+    height_m = float(np.median(positions[:, 1]))
+    positions[:, 1] += 2.0 * max(0.0, -height_m)  # a body that was turned alone stays above the floor
+    rotations = motion.rotations.copy()
+    rotations[:, 0] = rot.multiply(_HALF_TURN, rotations[:, 0])
+    return replace(motion, rotations=rotations, root_positions_m=positions)
+
+
+def _rise(starts: Array, ends: Array) -> Array:
+    """Return the cosines between upwards and the ways (..., 3) from starts to ends."""
+    way = ends - starts
+    return np.asarray(way[..., 1] / np.maximum(np.linalg.norm(way, axis=-1), 1e-9))

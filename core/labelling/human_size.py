@@ -1,0 +1,94 @@
+"""Size of the person in a take, which tells a wrong unit of length."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..body.calibration_poses import standing
+from ..body.standard_skeleton import default_skeleton
+from ..body.standing import stature_m
+from ..errors import TakeError
+from ..geometry.arrays import Array
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+
+
+@dataclass(frozen=True)
+class HumanSizeSettings:
+    """Range of people, and of mistakes."""
+
+    shortest_m: float = 0.72
+    tallest_m: float = 4.0  # labels on other places of the trunk make a person up to twice as large
+    samples: int = 200  # frames that are looked at
+    same_unit: float = 1.6  # factor up to which a person of the default skeleton's size is taken to be the cause
+
+
+_S = HumanSizeSettings()
+# what the numbers seem to be, and what the file calls them, by the factor of the size
+_MISTAKES = {
+    1e-3: ("metres", "millimetres"),
+    1e-2: ("metres", "centimetres"),
+    1e-1: ("centimetres", "millimetres"),
+    1e1: ("millimetres", "centimetres"),
+    1e2: ("centimetres", "metres"),
+    1e3: ("millimetres", "metres"),
+    1.0 / 25.4: ("inches", "millimetres"),
+    1.0 / 2.54: ("inches", "centimetres"),
+    25.4: ("millimetres", "inches"),
+}
+
+
+def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
+    """Refuse a take whose person is no person's size.
+
+    The torso hardly bends, so the distances of its markers tell the size; a take without two of them tells none.
+
+    Args:
+        take: Take under the names of the set.
+
+    Raises:
+        TakeError: The person is smaller than an infant or a giant; names the size, and the unit that would fit.
+    """
+    scale = _scale(take, marker_set)
+    size_m = scale * stature_m(default_skeleton())
+    if not np.isfinite(scale) or _S.shortest_m <= size_m <= _S.tallest_m:
+        return
+    factor = min(_MISTAKES, key=lambda known: abs(np.log(scale / known)))
+    told, advice = "", "check its unit of length"
+    if abs(np.log(scale / factor)) < np.log(_S.same_unit):
+        numbers, called = _MISTAKES[factor]
+        told, advice = (
+            f" (the numbers seem to be {numbers}, the file calls them {called})",
+            f"give {numbers} as its unit",
+        )
+    raise TakeError(f"the body is {_length(size_m)} tall{told}", where=take.name, advice=advice)
+
+
+def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
+    """Return how many times as large as the default body the torso is, NaN if unknown."""
+    worn = [
+        marker
+        for marker in marker_set.markers
+        if marker.torso and marker.offset_m is not None and marker.name in take.names
+    ]
+    if len(worn) < 2:
+        return float("nan")
+    skeleton = default_skeleton()
+    usual = marker_set.subset([marker.name for marker in worn]).positions_on(skeleton, standing(skeleton))
+    step = max(1, take.frames // _S.samples)
+    places = take.positions_m[::step, [take.names.index(marker.name) for marker in worn]]
+    first, second = np.triu_indices(len(worn), 1)
+    apart = np.linalg.norm(places[:, first] - places[:, second], axis=-1)
+    known = np.isfinite(apart).any(axis=0)
+    if not known.any():
+        return float("nan")
+    expected: Array = np.linalg.norm(usual[first] - usual[second], axis=-1)
+    return float(np.nanmedian(apart[:, known], axis=0).sum() / expected[known].sum())
+
+
+def _length(metres: float) -> str:
+    """Return a length for people, in a unit of its size."""
+    for unit, name in ((1e3, "km"), (1.0, "m"), (1e-2, "cm")):
+        if metres >= unit:
+            return f"{metres / unit:.2g} {name}"
+    return f"{1e3 * metres:.2g} mm"

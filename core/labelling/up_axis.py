@@ -1,0 +1,95 @@
+"""The axis of a take's world that points up, by the body that moves in it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..body.calibration_poses import standing
+from ..body.standard_skeleton import default_skeleton
+from ..errors import TakeError
+from ..geometry.arrays import Array
+from ..geometry.rigid_transform import kabsch
+from ..markers.marker_set import FEWEST_TORSO, MarkerSet
+from ..markers.marker_take import MarkerTake
+
+TURNS = {  # rotation from a world with this axis up to one with y up
+    "y": np.eye(3),
+    "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "-y": np.diag([1.0, -1.0, -1.0]),
+    "-z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "x": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "-x": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+}
+
+
+@dataclass(frozen=True)
+class UpAxisSettings:
+    """Weights of the evidence, chosen on CMU and Bandai takes and on bodies that crawl, sit, lie down and get up."""
+
+    samples: int = 60  # frames that are looked at
+    fewest: int = 4  # markers that show the posture of the whole body
+    body: float = 0.7  # of the mean cosine between the axis and a standing body's vertical, fitted to all markers
+    trunk: float = 0.3  # the same of the markers of the torso: who sits has it upright
+    moves: float = 0.7  # per metre that the top of the body moves along the axis more than its bottom: the floor holds
+    most_moves_m: float = 0.5
+    usual: float = 0.2  # of the two axes that programs write upwards
+    outliers: float = 5.0  # percent of the frames at either end
+
+
+_S = UpAxisSettings()
+_USUAL = ("y", "z")
+
+
+def axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
+    """Return the axis, one of `TURNS`, that points up in a take with the set's names.
+
+    A body stands or sits upright for most of a take, its head above its feet; who lies down, crawls or turns over for
+    a while moves the head up and down, and the lowest point of the body stays on the floor.
+
+    Raises:
+        TakeError: Too few markers are seen at once.
+    """
+    names = [name for name in marker_set.names if name in take.names]
+    worn = marker_set.subset(names)
+    rows = take.positions_m[:, [take.names.index(name) for name in worn.names]]
+    seen = np.isfinite(rows[..., 0])
+    whole = np.flatnonzero(seen.sum(axis=1) >= _S.fewest)
+    if not seen.any():
+        return "y"  # nothing to turn
+    if not len(whole):
+        raise TakeError(
+            "too few markers are seen at once to find the vertical", where=take.name, advice="say which axis points up"
+        )
+    chosen = whole[np.unique(np.linspace(0, len(whole) - 1, _S.samples).astype(int))]
+    rows, seen = rows[chosen], seen[chosen]
+    template, torso = _usual_places(worn), worn.torso
+    body = _mean_up(template, rows, seen, _S.fewest)
+    trunk = _mean_up(template, rows, seen & torso, FEWEST_TORSO)
+    evidence = {}
+    for name, (_, axis, _) in TURNS.items():
+        posture = _S.body * float(body @ axis) + _S.trunk * float(trunk @ axis)
+        evidence[name] = posture + _S.moves * _top_moves_m(rows @ axis) + _S.usual * (name in _USUAL)
+    return max(evidence, key=lambda name: evidence[name])
+
+
+def _usual_places(marker_set: MarkerSet) -> Array:
+    """Return the markers (M, 3) on a standing body; those without a usual offset at their joints."""
+    skeleton = default_skeleton()
+    offsets = np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in marker_set.markers])
+    return marker_set.with_offsets(offsets).positions_on(skeleton, standing(skeleton))
+
+
+def _mean_up(template: Array, rows: Array, seen: Array, fewest: int) -> Array:
+    """Return the mean over frames of the vertical (3,) of the template fitted to the seen markers."""
+    ups: list[Array] = []
+    for row, own in zip(rows, seen, strict=True):
+        if own.sum() >= fewest:
+            ups.append(kabsch(template[own], row[own], np.ones(int(own.sum())))[0][:, 1])
+    return np.mean(ups, axis=0) if ups else np.zeros(3)
+
+
+def _top_moves_m(heights: Array) -> float:
+    """Return how much more the top of the body moves than its bottom, of marker heights (F, M)."""
+    shares = (_S.outliers, 100.0 - _S.outliers)
+    top, bottom = (np.ptp(np.percentile(ends, shares)) for ends in (np.nanmax(heights, 1), np.nanmin(heights, 1)))
+    return float(np.clip(top - bottom, -_S.most_moves_m, _S.most_moves_m))
