@@ -102,7 +102,7 @@ CASES = [
         SOLVE.replace("walk.take.npz", "hands.take.npz"),
         "fewer than three of the torso markers.*; choose the marker set",
     ),
-    (SOLVE + " --marker-set two-webcams", "fewer than three of the torso markers Center1"),
+    (SOLVE + " --marker-set two-webcams", "those of the set two-webcams Center1, Center2"),
     (SOLVE + " --marker-set gone", "there is no marker set or file 'gone'; shipped sets: .*boxing"),
     (SOLVE + " --marker-set two-torso.toml", "at least 3 markers with torso = true"),
     (SOLVE.replace("walk.db", "gone.db"), "gone.db: cannot be read .*check the path"),
