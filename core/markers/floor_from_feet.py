@@ -17,6 +17,7 @@ from ..geometry.rigid_transform import kabsch, transform
 from .filtering import smooth_take
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
+from .steady_take import frame_times
 
 _FOOT_JOINTS = ("lfoot", "rfoot", "ltoes", "rtoes")
 
@@ -103,13 +104,13 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
 def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
     """Return (N, 3) level-frame points of the floor below markers of resting feet."""
     columns, radius = _columns(take, marker_set), round(take.fps)
-    heights = _usual_heights(marker_set, skeleton)
+    heights, times_s = _usual_heights(marker_set, skeleton), frame_times(take)
     found = []
     for marker, item in enumerate(marker_set.markers):
         if item.joint not in _FOOT_JOINTS:
             continue
         path = take.positions_m[:, columns[marker]] @ upright
-        speed = np.linalg.norm(np.gradient(path, axis=0), axis=1) * take.fps if len(path) > 1 else np.zeros(1)
+        speed = np.linalg.norm(np.gradient(path, times_s, axis=0), axis=1) if len(path) > 1 else np.zeros(1)
         height = np.where(np.isfinite(path[:, 1]), path[:, 1], np.inf)
         padded = np.pad(height, radius, mode="edge")
         lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * radius + 1).min(axis=1)

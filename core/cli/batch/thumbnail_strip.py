@@ -54,12 +54,16 @@ def _poses(solved: SolvedTake) -> Image:
 def _bar(solved: SolvedTake) -> Image:
     """Return a bar of the least confidence over time, black where no pose is."""
     width = _POSES * _CELL[0]
-    frames, poses = len(solved.poses), solved.poses_of()
+    poses = solved.poses_of()
+    times_s = np.array([pose.time_s for pose in poses])
+    edges_s = np.linspace(times_s.min(), times_s.max(), width + 1)
+    edges = np.append(np.searchsorted(times_s, edges_s)[:-1], len(poses))
     confidence = np.array([pose.confidence for pose in poses])
     unsolved = is_unsolved(poses)
     row = np.empty((width, 3))
     for column in range(width):
-        part = slice(column * frames // width, max((column + 1) * frames // width, column * frames // width + 1))
+        first = min(int(edges[column]), len(poses) - 1)
+        part = slice(first, max(int(edges[column + 1]), first + 1))
         colour = [np.interp(confidence[part].min(), (0.0, 0.5, 1.0), channel) for channel in _COLOURS.T]
         row[column] = _UNSOLVED if unsolved[part].any() else colour
     return np.broadcast_to(np.rint(row).astype(np.uint8), (_BAR, width, 3))
