@@ -351,7 +351,7 @@ def _step_notes(clock: Clock) -> list[ClockNote]:
     if clock.lost:
         text = (
             f"{clock.lost} of {len(clock.steady_s)} frames are missing, at most {most_s:.2f} s in a row "
-            f"({clock.mean_fps:.1f} frames per second on average): motion is interpolated there"
+            f"({clock.mean_fps:.1f} frames per second on average): motion is interpolated there, markers are not"
         )
         return [ClockNote(ClockFault.LOST, text), *_long_note(most_s)]
     return []

@@ -31,7 +31,7 @@ LOST = (20, 21, 22)  # frames that the cameras left out
 FPS = 30.0
 TOLD = (
     "3 of 60 frames are missing, at most 0.13 s in a row (28.5 frames per second on average): "
-    "motion is interpolated there"
+    "motion is interpolated there, markers are not"
 )
 
 
