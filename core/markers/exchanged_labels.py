@@ -1,0 +1,200 @@
+"""Labels that were exchanged for a while, found by continuity and by distances on the body, and put back.
+
+Two markers exchange their labels at a seam where both trajectories jump, and where each goes on as the other did. How
+much better that explains the positions is summed over the stretches of a take (Viterbi 1967), with what distances to
+the markers say that keep theirs: along bones they hardly change.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ..geometry.arrays import Array, IntArray
+from .trajectory_seams import SeamScale, after, before, cost
+
+
+@dataclass(frozen=True)
+class ExchangeSettings:
+    """Settings of `undo_exchanges`; chosen as those of `SeamSettings`."""
+
+    jump_m: float = 0.03  # miss that both trajectories need somewhere
+    jump_sigmas: float = 4.0  # the same in standard deviations
+    possible: float = 6.0  # evidence at a seam, nats, from which it is a candidate
+    change: float = 9.0  # cost of each end of an exchange, nats
+    frame: float = 0.01  # cost of each exchanged frame, nats: of two explanations the shorter is meant
+    apart: int = 2  # seams beside a candidate that show the same jump
+    partners: int = 3  # markers whose distance is compared
+    rigid_m: float = 0.03  # largest standard deviation of a distance that is compared
+    least_rigid_m: float = 0.01  # least one: skin
+    most_body: float = 15.0  # most evidence of distances for or against a stretch: their other marker may be exchanged, too
+    independent_s: float = 0.25  # time after which a distance is a new measurement
+    most: int = 200  # exchanges that are put back
+
+
+_S = ExchangeSettings()
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Frames from `first` to `last`, in which two markers (columns) had each other's labels."""
+
+    first: int
+    last: int
+    markers: tuple[int, int]
+
+
+def undo_exchanges(times_s: Array, points_m: Array) -> tuple[Array, list[Exchange]]:
+    """Return trajectories (F, M, 3) with exchanged labels put back, and what was exchanged.
+
+    Args:
+        times_s: Ascending times (F,).
+        points_m: Trajectories (F, M, 3), NaN where hidden.
+    """
+    search = _Search(times_s, points_m)
+    found: list[Exchange] = []
+    while len(found) < _S.most and (best := search.best()):
+        found += best
+        search.put_back(best)
+    return search.points_m, found
+
+
+class _Search:
+    """Finds the best explained pair, again after each that was put back."""
+
+    def __init__(self, times_s: Array, points_m: Array) -> None:
+        self._times_s, self.points_m = times_s, points_m.copy()
+        self._scale = SeamScale(times_s, points_m)
+        self._distances = RigidDistances(points_m)
+        self._frame_weight = float(np.median(np.diff(times_s))) / _S.independent_s
+        markers = range(points_m.shape[1])
+        self._jumps = {marker: self._jumps_somewhere(marker) for marker in markers}
+        self._found = {pair: self._exchanges(*pair) for pair in combinations(markers, 2) if self._worth(*pair)}
+
+    def best(self) -> list[Exchange]:
+        """Return the exchanges of the pair with the most evidence."""
+        gains = {pair: gain for pair, (gain, _) in self._found.items() if gain > 0.0}
+        return self._found[max(gains, key=gains.__getitem__)][1] if gains else []
+
+    def put_back(self, exchanges: list[Exchange]) -> None:
+        """Exchange the labels again, and look anew at all pairs of these markers."""
+        changed = exchanges[0].markers
+        for each in exchanges:
+            rows = slice(each.first, each.last + 1)
+            self.points_m[rows, list(changed)] = self.points_m[rows, list(changed[::-1])]
+        for marker in changed:
+            self._jumps[marker] = self._jumps_somewhere(marker)
+        for pair in combinations(range(self.points_m.shape[1]), 2):
+            if set(pair) & set(changed):
+                self._found.pop(pair, None)
+                if self._worth(*pair) and pair != changed:
+                    self._found[pair] = self._exchanges(*pair)
+
+    def _worth(self, a: int, b: int) -> bool:
+        return self._jumps[a] and self._jumps[b]
+
+    def _jumps_somewhere(self, marker: int) -> bool:
+        rows = np.flatnonzero(np.isfinite(self.points_m[:, marker, 0]))
+        if len(rows) < 4:
+            return False
+        times_s, path = self._times_s[rows], self.points_m[rows, marker]
+        misses = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
+        sigmas = self._scale.of(marker, times_s, misses)
+        return bool(np.any((misses > _S.jump_m) & (misses > _S.jump_sigmas * sigmas)))
+
+    def _exchanges(self, a: int, b: int) -> tuple[float, list[Exchange]]:
+        """Return the evidence, nats, for the most likely exchanges of two markers, and these."""
+        rows = np.flatnonzero(np.isfinite(self.points_m[:, [a, b], 0]).all(axis=1))
+        if len(rows) < 6:
+            return 0.0, []
+        times_s, paths = self._times_s[rows], (self.points_m[rows, a], self.points_m[rows, b])
+        come, go = [before(times_s, path) for path in paths], [after(times_s, path) for path in paths]
+        misses = np.array([[np.linalg.norm(c - g, axis=1) for g in go] for c in come])
+        sigmas = np.maximum(
+            self._scale.of(a, times_s, misses[0, 0]), self._scale.of(b, times_s, misses[1, 1])
+        )
+        costs = np.nan_to_num(cost(misses / sigmas))
+        gains = costs[0, 0] + costs[1, 1] - costs[0, 1] - costs[1, 0]
+        at = _candidates(gains, np.diff(rows))
+        if not len(at):
+            return 0.0, []
+        frames = self._frame_weight * self._distances.cost_of_exchange(self.points_m[rows], a, b)
+        sums = np.concatenate(([0.0], np.cumsum(frames)))
+        edges = np.concatenate(([0], at + 1, [len(rows)]))
+        body = np.clip(np.diff(sums[edges]), -_S.most_body, _S.most_body)
+        gain, states = _most_likely(gains[at], body + _S.frame * np.diff(edges))
+        stretches = [
+            Exchange(int(rows[start]), int(rows[stop - 1]), (a, b))
+            for start, stop, state in _merged(edges, states)
+            if state
+        ]
+        return gain, stretches
+
+
+def _candidates(gains: Array, steps: IntArray) -> IntArray:
+    """Return the seams at which labels may have been exchanged: most evidence around, or a gap."""
+    padded = np.pad(gains, _S.apart, constant_values=-np.inf)
+    most = np.lib.stride_tricks.sliding_window_view(padded, 2 * _S.apart + 1).max(axis=1)
+    return np.flatnonzero((gains >= most) & (gains > _S.possible))
+
+
+def _most_likely(gains: Array, exchanged: Array) -> tuple[float, IntArray]:
+    """Return the evidence for, and the states (K + 1,) of the stretches between K seams: 1 for exchanged.
+
+    Args:
+        gains: Evidence (K,) that the state changes.
+        exchanged: Cost (K + 1,) of each stretch when exchanged.
+    """
+    totals, origins = np.array([0.0, exchanged[0]]), []
+    for gain, cost_here in zip(gains, exchanged[1:], strict=True):
+        changed = totals[::-1] - gain + _S.change
+        origins.append(np.where(changed < totals, [1, 0], [0, 1]))
+        totals = np.minimum(totals, changed) + np.array([0.0, cost_here])
+    states = [int(np.argmin(totals))]
+    for origin in reversed(origins):
+        states.append(int(origin[states[-1]]))
+    return -float(totals.min()), np.array(states[::-1])
+
+
+def _merged(edges: IntArray, states: IntArray) -> list[tuple[int, int, int]]:
+    """Return (start, stop, state) of runs of equal states between edges."""
+    cuts = np.concatenate(([0], np.flatnonzero(np.diff(states)) + 1, [len(states)]))
+    return [(int(edges[i]), int(edges[j]), int(states[i])) for i, j in zip(cuts[:-1], cuts[1:], strict=True)]
+
+
+class RigidDistances:
+    """Distances of each marker to others that hardly change in this take."""
+
+    def __init__(self, points_m: Array) -> None:
+        markers = points_m.shape[1]
+        self._usual, self._sigmas = np.full((2, markers, markers), np.inf)
+        for a, b in combinations(range(markers), 2):
+            apart = np.linalg.norm(points_m[:, a] - points_m[:, b], axis=-1)
+            apart = apart[np.isfinite(apart)]
+            if len(apart) < 10:
+                continue
+            middle = np.median(apart)
+            sigma = 1.48 * np.median(np.abs(apart - middle))
+            self._usual[a, b] = self._usual[b, a] = middle
+            self._sigmas[a, b] = self._sigmas[b, a] = max(sigma, _S.least_rigid_m) if sigma < _S.rigid_m else np.inf
+
+    def partners(self, marker: int, without: int | None = None) -> IntArray:
+        """Return the markers whose distance changes least, without one."""
+        sigmas = self._sigmas[marker].copy()
+        if without is not None:
+            sigmas[without] = np.inf
+        order = np.argsort(sigmas, kind="stable")[: _S.partners]
+        return order[np.isfinite(sigmas[order])]
+
+    def cost_of_exchange(self, points_m: Array, a: int, b: int) -> Array:
+        """Return how much worse (N,) the distances are, nats, when two markers are exchanged in frames (N, M, 3)."""
+        total = np.zeros(len(points_m))
+        for marker, other in ((a, b), (b, a)):
+            for partner in self.partners(marker, other):
+                usual, sigma = self._usual[marker, partner], self._sigmas[marker, partner]
+                own, theirs = (
+                    cost((np.linalg.norm(points_m[:, each] - points_m[:, partner], axis=-1) - usual) / sigma)
+                    for each in (marker, other)
+                )
+                total += np.nan_to_num(theirs - own)
+        return total

@@ -1,0 +1,272 @@
+"""Faults of the labels of a take: exchanged markers, frozen stretches, wild points.
+
+A label is believed where its trajectory goes on as a body can. Exchanged labels are put back, other faults are made
+missing positions. Both directions of time are looked at, so this is for takes that are whole.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from ..geometry.arrays import Array, IntArray, Mask, runs
+from .exchanged_labels import Exchange, RigidDistances, undo_exchanges
+from .marker_take import MarkerTake, SingleViews
+from .trajectory_seams import SeamScale, after, before, cost
+
+
+class FaultKind(Enum):
+    """What is wrong with labels."""
+
+    EXCHANGED = "exchanged"
+    FROZEN = "frozen"
+    WILD = "wild"
+
+
+@dataclass(frozen=True)
+class DoubtfulStretch:
+    """Frames of a take in which labels are wrong.
+
+    Args:
+        first, last: Frames of the take, from 0, both included.
+        labels: The markers.
+        kind: What is wrong.
+        undone: Whether the labels were put right; otherwise the positions count as missing.
+    """
+
+    first: int
+    last: int
+    labels: tuple[str, ...]
+    kind: FaultKind
+    undone: bool
+
+    def sentence(self, frame_numbers: Sequence[int] | IntArray) -> str:
+        """Return what is wrong and what was done.
+
+        Args:
+            frame_numbers: Numbers (F,) of the take's frames.
+        """
+        start, stop = (int(frame_numbers[at]) for at in (self.first, self.last))
+        frames = f"frame {start}" if start == stop else f"frames {start} to {stop}"
+        markers = " and ".join([", ".join(self.labels[:-1]), self.labels[-1]]) if self.labels[1:] else self.labels[0]
+        return f"{frames}: {markers} {_WHAT[self.kind]}"
+
+
+_WHAT = {
+    FaultKind.EXCHANGED: "had each other's labels; these were put back",
+    FaultKind.FROZEN: "stood still while the body moved; taken as missing",
+    FaultKind.WILD: "jumped away and back; taken as missing",
+}
+
+
+@dataclass(frozen=True)
+class FaultSettings:
+    """Settings of `correct_labels`; chosen as those of `SeamSettings`."""
+
+    still_sigmas: float = 0.1  # step of a marker, in standard deviations of its misses, that counts as none
+    still_m: float = 1e-7  # step that counts as none whatever the noise: rounding of conversions
+    still_frames: int = 3  # equal positions from which a marker stands still
+    still_evidence: float = 9.0  # evidence, nats, that it did not come to rest or did not leave as bodies do
+    still_harm_m: float = 0.01  # distance from where its motion leads that matters
+    all_still: float = 0.6  # share of the other markers that stand still at once when the recording hung
+    jump_m: float = 0.03  # distance of wild points from where the motion leads
+    jump_sigmas: float = 5.0  # miss at a seam where wild points may begin or end
+    wild_s: float = 0.5  # longest stretch that can be wild
+    wild_evidence: float = 20.0  # evidence, nats, for wild points
+    wild_point: float = 1.5  # the same for each of them
+    edge: float = 0.5  # miss at either end of wild points, as a share of their distance; else it is a step
+    together: float = 0.3  # distance of other markers on the bone, as a share of the point's, when the whole bone jumps
+    wild_sigmas: float = 6.0  # distance from where the motion leads, in standard deviations of that
+
+
+_S = FaultSettings()
+
+
+def correct_labels(take: MarkerTake) -> tuple[MarkerTake, tuple[DoubtfulStretch, ...]]:
+    """Return a take whose faulty labels are put back or missing, and the stretches where that was so, by time."""
+    if take.frames < 6:
+        return take, ()
+    points_m, exchanges = undo_exchanges(take.times_s, take.positions_m)
+    found = _exchanged_stretches(exchanges, take.names)
+    scale = SeamScale(take.times_s, points_m)
+    frozen = _frozen(take.times_s, points_m, scale)
+    points_m = np.where(frozen[..., None], np.nan, points_m)
+    wild = _wild(take.times_s, points_m, scale)
+    points_m = np.where(wild[..., None], np.nan, points_m)
+    found += _stretches(frozen, take.names, FaultKind.FROZEN) + _stretches(wild, take.names, FaultKind.WILD)
+    if not found:
+        return take, ()
+    single = take.single and _exchanged_views(take.single, exchanges)
+    found.sort(key=lambda each: (each.first, each.last, each.labels))
+    return replace(take, positions_m=points_m, single=single), tuple(found)
+
+
+# ---- exchanged labels
+
+
+def _exchanged_stretches(exchanges: Sequence[Exchange], names: Sequence[str]) -> list[DoubtfulStretch]:
+    """Return exchanges as stretches; pairs that changed at the same time are one."""
+    together: dict[tuple[int, int], list[int]] = {}
+    for each in exchanges:
+        together.setdefault((each.first, each.last), []).extend(each.markers)
+    return [
+        DoubtfulStretch(first, last, tuple(names[i] for i in sorted(set(markers))), FaultKind.EXCHANGED, True)
+        for (first, last), markers in together.items()
+    ]
+
+
+def _exchanged_views(single: SingleViews, exchanges: Sequence[Exchange]) -> SingleViews:
+    cameras, points = single.cameras.copy(), single.points.copy()
+    for each in exchanges:
+        rows, pair = slice(each.first, each.last + 1), list(each.markers)
+        cameras[rows, pair] = cameras[rows, pair[::-1]]
+        points[rows, pair] = points[rows, pair[::-1]]
+    return SingleViews(single.rig, cameras, points)
+
+
+def _stretches(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[DoubtfulStretch]:
+    return [
+        DoubtfulStretch(start, stop - 1, (names[marker],), kind, False)
+        for marker, column in enumerate(faulty.T)
+        for start, stop in runs(column)
+    ]
+
+
+# ---- markers that stand still
+
+
+def _frozen(times_s: Array, points_m: Array, scale: SeamScale) -> Mask:
+    """Return where (F, M) markers keep a position that the motion before or after contradicts."""
+    steps = np.linalg.norm(np.diff(points_m, axis=0), axis=-1)
+    still = steps <= np.maximum(_S.still_m, _S.still_sigmas * scale.usual)
+    seen = np.isfinite(steps)
+    frozen = np.zeros(points_m.shape[:2], dtype=bool)
+    for marker in range(points_m.shape[1]):
+        others = np.arange(points_m.shape[1]) != marker
+        for start, stop in runs(still[:, marker]):
+            if stop - start + 1 < _S.still_frames:
+                continue
+            beside = seen[start:stop, others].sum()
+            if beside and still[start:stop, others].sum() > _S.all_still * beside:
+                continue
+            if _contradicted(times_s, points_m[:, marker], start, stop, float(scale.usual[marker])):
+                frozen[start + 1 : stop + 1, marker] = True
+    return frozen
+
+
+def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: float) -> bool:
+    """Return whether a path (F, 3) that stands still from one frame to another does not come to rest or leave so."""
+    evidence, harm_m = 0.0, 0.0
+    for frames, end, sense in ((np.arange(first + 1)[::-1], first, 1.0), (np.arange(last, len(path)), last, -1.0)):
+        rows = frames[np.isfinite(path[frames, 0])][:3]
+        if len(rows) < 3:
+            continue
+        # continued from outside to the middle of the first step beyond the last free position
+        outer = rows[:2] if sense > 0.0 else rows[1:]
+        middle_s = 0.5 * (times_s[end] + times_s[end + 1]) if sense > 0.0 else 0.5 * (times_s[rows[0]] + times_s[rows[1]])
+        velocity = (path[outer[0]] - path[outer[1]]) / (times_s[outer[0]] - times_s[outer[1]])
+        miss = float(np.linalg.norm(path[outer[0]] + (middle_s - times_s[outer[0]]) * velocity - path[end]))
+        lasting_s = times_s[last] - times_s[first]
+        evidence += float(cost(np.array(miss / sigma_m)))
+        harm_m = max(harm_m, miss, float(np.linalg.norm(velocity)) * lasting_s)
+    return evidence > _S.still_evidence and harm_m > _S.still_harm_m
+
+
+# ---- wild points
+
+
+def _wild(times_s: Array, points_m: Array, scale: SeamScale) -> Mask:
+    """Return where (F, M) markers are where neither before nor after leads them."""
+    wild = np.zeros(points_m.shape[:2], dtype=bool)
+    distances = RigidDistances(points_m)
+    for marker in range(points_m.shape[1]):
+        beside = points_m[:, distances.partners(marker)]
+        rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))
+        wild[_WildSearch(times_s, points_m[:, marker], beside, scale, marker).all(rows), marker] = True
+    return wild
+
+
+class _WildSearch:
+    """Takes positions out of one trajectory while that explains the others better.
+
+    Args:
+        path: The trajectory (F, 3).
+        beside: Trajectories (F, N, 3) of markers on the same bone.
+    """
+
+    def __init__(self, times_s: Array, path: Array, beside: Array, scale: SeamScale, marker: int) -> None:
+        self._times_s, self._path, self._beside = times_s, path, beside
+        self._scale, self._marker = scale, marker
+
+    def all(self, rows: IntArray) -> IntArray:
+        """Return the frames of wild points among those where the marker is seen."""
+        kept = rows
+        while len(kept) > 6:
+            taken = self._best(kept)
+            if not len(taken):
+                break
+            kept = np.delete(kept, taken)
+        return np.setdiff1d(rows, kept)
+
+    def _best(self, rows: IntArray) -> IntArray:
+        """Return the indices into rows of the wild points with the most evidence for each; none without."""
+        times_s, path = self._times_s[rows], self._path[rows]
+        misses = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
+        sigmas = self._scale.of(self._marker, times_s, misses)
+        torn = np.flatnonzero((misses > 0.5 * _S.jump_m) & (misses > _S.jump_sigmas * sigmas))
+        best, taken = 0.0, np.empty(0, dtype=np.int64)
+        for i, start in enumerate(torn):
+            for stop in torn[i + 1 :]:
+                if times_s[stop] - times_s[start] > _S.wild_s:
+                    break
+                points = np.arange(start + 1, stop + 1)
+                gain = self._gain(rows, points, misses, sigmas) / len(points)
+                if gain > best:
+                    best, taken = gain, points
+        return taken
+
+    def _gain(self, rows: IntArray, points: IntArray, misses: Array, sigmas: Array) -> float:
+        """Return the evidence, nats, that points are wild, less what it takes."""
+        start, stop = max(points[0] - 4, 0), min(points[-1] + 5, len(rows))
+        if points[0] - start < 2 or stop - 1 - points[-1] < 2:
+            return 0.0
+        near, bridge = np.delete(rows[start:stop], points - start), points[0] - start - 1
+        times_s, path = self._times_s[near], self._path[near]
+        usual = float(np.median(sigmas[start : stop - 1]))
+        sigma = np.full(len(near) - 1, usual)
+        sigma[bridge] = self._scale.over(self._marker, times_s[bridge + 1] - times_s[bridge]) * max(
+            1.0, usual / float(self._scale.usual[self._marker])
+        )
+        away = _away(self._times_s, self._path[:, None], rows, points)[:, 0]
+        least = float(np.linalg.norm(away, axis=-1).min())
+        if least < max(_S.jump_m, _S.wild_sigmas * sigma[bridge]):
+            return 0.0
+        if min(misses[points[0] - 1], misses[points[-1]]) < _S.edge * least or self._is_body(rows, points, away):
+            return 0.0
+        left = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
+        now = float(np.nansum(cost(misses[start : stop - 1] / usual)))
+        return now - float(np.nansum(cost(left / sigma))) - _S.wild_evidence - _S.wild_point * len(points)
+
+    def _is_body(self, rows: IntArray, points: IntArray, away: Array) -> bool:
+        """Return whether most markers on the same bone jump away from their trajectories, too."""
+        others = np.linalg.norm(_away(self._times_s, self._beside, rows, points), axis=-1).max(axis=0)
+        others = others[np.isfinite(others)]
+        return len(others) > 0 and bool(np.median(others) > _S.together * np.linalg.norm(away, axis=-1).max())
+
+
+def _away(times_s: Array, points_m: Array, rows: IntArray, points: IntArray) -> Array:
+    """Return how far (n, M, 3) trajectories (F, M, 3) are from cubics through two positions before and two after.
+
+    Args:
+        rows: Frames in which there are positions.
+        points: Successive indices into these.
+    """
+    beside = rows[[points[0] - 2, points[0] - 1, points[-1] + 1, points[-1] + 2]]
+    known_s, wanted_s = times_s[beside], times_s[rows[points]]
+    weights = np.ones((len(wanted_s), 4))
+    for i in range(4):
+        for j in range(4):
+            if i != j:
+                weights[:, i] *= (wanted_s - known_s[j]) / (known_s[i] - known_s[j])
+    return np.asarray(points_m[rows[points]] - np.einsum("nk,kmc->nmc", weights, points_m[beside]))

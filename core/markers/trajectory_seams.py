@@ -1,0 +1,107 @@
+"""Seams of trajectories: what two neighbouring positions would have to be, seen from before and from after.
+
+At a seam, the moment between two successive positions, a trajectory is continued in a straight line from the two
+positions before and from the two after. Where a marker accelerates steadily, both meet; how far they miss each other
+is scaled by how far the same trajectory's continuations usually do, over gaps of the same length and at the same time.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry.arrays import Array, IntArray
+
+_MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
+_FEWEST = 10  # seams needed for an estimate
+
+
+@dataclass(frozen=True)
+class SeamSettings:
+    """How far continuations miss each other in true trajectories; chosen on the CMU subjects 05, 14, 16, 127, 135."""
+
+    least_m: float = 0.3e-3  # least standard deviation of a coordinate: rounding, skin
+    beside: int = 8  # seams on either side that show how sudden the motion is just then
+    gaps: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # steps between the positions beside a seam that are tried out
+
+
+_S = SeamSettings()
+
+
+def before(times_s: Array, points_m: Array) -> Array:
+    """Return positions (N - 1, 3) at the seams of N positions, continued from before; NaN at the first."""
+    middle_s = 0.5 * (times_s[1:] + times_s[:-1])
+    found = np.full((len(times_s) - 1, 3), np.nan)
+    share = (middle_s[1:] - times_s[1:-1]) / (times_s[1:-1] - times_s[:-2])
+    found[1:] = points_m[1:-1] + share[:, None] * (points_m[1:-1] - points_m[:-2])
+    return found
+
+
+def after(times_s: Array, points_m: Array) -> Array:
+    """Return positions (N - 1, 3) at the seams of N positions, continued from after; NaN at the last."""
+    return before(-times_s[::-1], points_m[::-1])[::-1]
+
+
+def cost(misses: Array) -> Array:
+    """Return the negative log likelihood, nats, of misses in standard deviations: a Cauchy distribution in space."""
+    return np.asarray(2.0 * np.log1p(misses * misses))
+
+
+class SeamScale:
+    """Standard deviations (M, by gap) of the misses of a take's trajectories.
+
+    Args:
+        times_s: Ascending times (F,).
+        points_m: Trajectories (F, M, 3), NaN where hidden.
+    """
+
+    def __init__(self, times_s: Array, points_m: Array) -> None:
+        frames, markers = points_m.shape[:2]
+        self._step_s = float(np.median(np.diff(times_s)))
+        self._at_gap = np.full((markers, len(_S.gaps)), np.nan)
+        for column, gap in enumerate(_S.gaps):
+            if frames < gap + 3 + _FEWEST:
+                break
+            ends = points_m[: frames - gap - 2], points_m[1 : frames - gap - 1], points_m[gap + 1 : -1], points_m[gap + 2 :]
+            half = 0.5 * gap
+            miss = np.linalg.norm((1 + half) * (ends[1] - ends[2]) - half * (ends[0] - ends[3]), axis=-1)
+            known = np.isfinite(miss).sum(axis=0) >= _FEWEST
+            self._at_gap[known, column] = np.nanmedian(miss[:, known], axis=0) / _MEDIAN_LENGTH
+        self._complete()
+
+    @property
+    def usual(self) -> Array:
+        """Standard deviations (M,) of misses between successive frames."""
+        return self._at_gap[:, 0]
+
+    def over(self, marker: int, elapsed_s: Array) -> Array:
+        """Return the standard deviations of misses over times without a position."""
+        gaps = np.log(np.maximum(elapsed_s / self._step_s, 1.0))
+        return np.asarray(np.exp(np.interp(gaps, np.log(_S.gaps), np.log(self._at_gap[marker]))))
+
+    def _complete(self) -> None:
+        """Give unknown entries those of the other markers, or of shorter gaps; longer gaps are never better known."""
+        for column in range(len(_S.gaps)):
+            known = np.isfinite(self._at_gap[:, column])
+            usual = np.median(self._at_gap[known, column]) if known.any() else np.nan
+            self._at_gap[~known, column] = usual
+        self._at_gap[:, 0] = np.fmax(self._at_gap[:, 0], _S.least_m)
+        self._at_gap = np.fmax.accumulate(self._at_gap, axis=1)
+
+    def of(self, marker: int, times_s: Array, misses_m: Array) -> Array:
+        """Return the standard deviations (N - 1,) of misses at the seams of positions at times (N,).
+
+        Where a trajectory misses by more for a while, its motion is sudden: the median there counts.
+        """
+        usual = self.over(marker, np.diff(times_s))
+        ratios = np.concatenate((np.full(_S.beside, np.nan), misses_m / usual, np.full(_S.beside, np.nan)))
+        windows = np.lib.stride_tricks.sliding_window_view(ratios, 2 * _S.beside + 1)
+        return np.asarray(usual * np.maximum(_medians(windows) / _MEDIAN_LENGTH, 1.0))
+
+
+def _medians(rows: Array) -> Array:
+    """Return the medians (N,) of rows (N, K) without their NaN; 0 where there is nothing else."""
+    ordered = np.sort(rows, axis=1)  # NaN last
+    counts = np.isfinite(rows).sum(axis=1)
+    each: IntArray = np.arange(len(rows))
+    middle = ordered[each, np.maximum(counts - 1, 0) // 2]
+    return np.where(counts > 0, middle, 0.0)
