@@ -70,7 +70,8 @@ class FaultSettings:
     still_evidence: float = 9.0  # evidence, nats, that it did not come to rest or did not leave as bodies do
     still_harm_m: float = 0.01  # distance from where its motion leads that matters
     all_still: float = 0.6  # share of the other markers that stand still at once when the recording hung
-    jump_m: float = 0.03  # distance of wild points from where the motion leads
+    quantile: float = 0.3  # of the distances of wild points: the one that counts
+    jump_m: float = 0.04  # distance of wild points from where the motion leads
     jump_sigmas: float = 5.0  # miss at a seam where wild points may begin or end
     wild_s: float = 0.5  # longest stretch that can be wild
     wild_evidence: float = 20.0  # evidence, nats, for wild points
@@ -239,12 +240,14 @@ class _WildSearch:
             1.0, usual / float(self._scale.usual[self._marker])
         )
         away = _away(self._times_s, self._path[:, None], rows, points)[:, 0]
-        least = float(np.linalg.norm(away, axis=-1).min())
+        least = float(np.quantile(np.linalg.norm(away, axis=-1), _S.quantile))
         if least < max(_S.jump_m, _S.wild_sigmas * sigma[bridge]):
             return 0.0
         if min(misses[points[0] - 1], misses[points[-1]]) < _S.edge * least or self._is_body(rows, points, away):
             return 0.0
         left = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
+        if left[bridge] > _S.edge * least:  # the trajectory goes on elsewhere: a step
+            return 0.0
         now = float(np.nansum(cost(misses[start : stop - 1] / usual)))
         return now - float(np.nansum(cost(left / sigma))) - _S.wild_evidence - _S.wild_point * len(points)
 
