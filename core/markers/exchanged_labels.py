@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, IntArray, Mask
 from .trajectory_seams import SeamScale, after, before, cost
 
 
@@ -44,14 +44,15 @@ class Exchange:
     markers: tuple[int, int]
 
 
-def undo_exchanges(times_s: Array, points_m: Array) -> tuple[Array, list[Exchange]]:
+def undo_exchanges(times_s: Array, points_m: Array, neighbours: Mask) -> tuple[Array, list[Exchange]]:
     """Return trajectories (F, M, 3) with exchanged labels put back, and what was exchanged.
 
     Args:
         times_s: Ascending times (F,).
         points_m: Trajectories (F, M, 3), NaN where hidden.
+        neighbours: Whether two markers (M, M) are on the same or on neighbouring bones.
     """
-    search = _Search(times_s, points_m)
+    search = _Search(times_s, points_m, neighbours)
     found: list[Exchange] = []
     while len(found) < _S.most and (best := search.best()):
         found += best
@@ -62,10 +63,10 @@ def undo_exchanges(times_s: Array, points_m: Array) -> tuple[Array, list[Exchang
 class _Search:
     """Finds the best explained pair, again after each that was put back."""
 
-    def __init__(self, times_s: Array, points_m: Array) -> None:
+    def __init__(self, times_s: Array, points_m: Array, neighbours: Mask) -> None:
         self._times_s, self.points_m = times_s, points_m.copy()
         self._scale = SeamScale(times_s, points_m)
-        self._distances = RigidDistances(points_m)
+        self._distances = RigidDistances(points_m, neighbours)
         self._frame_weight = float(np.median(np.diff(times_s))) / _S.independent_s
         markers = range(points_m.shape[1])
         self._jumps = {marker: self._jumps_somewhere(marker) for marker in markers}
@@ -163,12 +164,12 @@ def _merged(edges: IntArray, states: IntArray) -> list[tuple[int, int, int]]:
 
 
 class RigidDistances:
-    """Distances of each marker to others that hardly change in this take."""
+    """Distances of each marker to others on the same or on neighbouring bones that hardly change in this take."""
 
-    def __init__(self, points_m: Array) -> None:
+    def __init__(self, points_m: Array, neighbours: Mask) -> None:
         markers = points_m.shape[1]
         self._usual, self._sigmas = np.full((2, markers, markers), np.inf)
-        for a, b in combinations(range(markers), 2):
+        for a, b in zip(*np.nonzero(np.triu(neighbours, 1)), strict=True):
             apart = np.linalg.norm(points_m[:, a] - points_m[:, b], axis=-1)
             apart = apart[np.isfinite(apart)]
             if len(apart) < 10:

@@ -10,9 +10,11 @@ from enum import Enum
 
 import numpy as np
 
+from ..body.scene_pose import DoubtfulStretch
 from ..geometry.arrays import Array, IntArray, Mask, runs
 from .exchanged_labels import Exchange, RigidDistances, undo_exchanges
 from .marker_take import MarkerTake, SingleViews
+from .subject import Subject
 from .trajectory_seams import SeamScale, after, before, cost
 
 
@@ -24,46 +26,43 @@ class FaultKind(Enum):
     WILD = "wild"
 
 
+_WHAT = {
+    FaultKind.EXCHANGED: "had each other's labels, put back",
+    FaultKind.FROZEN: "stood still while the body moved, taken as missing",
+    FaultKind.WILD: "jumped away and back, taken as missing",
+}
+
+
 @dataclass(frozen=True)
-class DoubtfulStretch:
-    """Frames of a take in which labels are wrong.
+class LabelFault:
+    """Frames of a take in which labels were wrong.
 
     Args:
         first, last: Frames of the take, from 0, both included.
         labels: The markers.
-        kind: What is wrong.
-        undone: Whether the labels were put right; otherwise the positions count as missing.
+        kind: What was wrong.
     """
 
     first: int
     last: int
     labels: tuple[str, ...]
     kind: FaultKind
-    undone: bool
 
-    def sentence(self, frame_numbers: Sequence[int] | IntArray) -> str:
-        """Return what is wrong and what was done.
-
-        Args:
-            frame_numbers: Numbers (F,) of the take's frames.
-        """
-        start, stop = (int(frame_numbers[at]) for at in (self.first, self.last))
+    def stretch(self, take: MarkerTake) -> DoubtfulStretch:
+        """Return the stretch of the take, with what was wrong and what was done in words."""
+        start, stop = (int(take.frame_numbers[at]) for at in (self.first, self.last))
         frames = f"frame {start}" if start == stop else f"frames {start} to {stop}"
         markers = " and ".join([", ".join(self.labels[:-1]), self.labels[-1]]) if self.labels[1:] else self.labels[0]
-        return f"{frames}: {markers} {_WHAT[self.kind]}"
-
-
-_WHAT = {
-    FaultKind.EXCHANGED: "had each other's labels; these were put back",
-    FaultKind.FROZEN: "stood still while the body moved; taken as missing",
-    FaultKind.WILD: "jumped away and back; taken as missing",
-}
+        start_s, stop_s = (float(take.times_s[at] - take.times_s[0]) for at in (self.first, self.last))
+        reason = f"{markers} {_WHAT[self.kind]} ({frames})"
+        return DoubtfulStretch(start_s, stop_s, reason, "", self.first, self.last)
 
 
 @dataclass(frozen=True)
 class FaultSettings:
     """Settings of `correct_labels`; chosen as those of `SeamSettings`."""
 
+    fewest_frames: int = 8  # shortest take that shows what is usual
     still_sigmas: float = 0.1  # step of a marker, in standard deviations of its misses, that counts as none
     still_m: float = 1e-7  # step that counts as none whatever the noise: rounding of conversions
     still_frames: int = 3  # equal positions from which a marker stands still
@@ -84,51 +83,67 @@ class FaultSettings:
 _S = FaultSettings()
 
 
-def correct_labels(take: MarkerTake) -> tuple[MarkerTake, tuple[DoubtfulStretch, ...]]:
-    """Return a take whose faulty labels are put back or missing, and the stretches where that was so, by time."""
-    if take.frames < 6:
+def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tuple[LabelFault, ...]]:
+    """Return a take whose faulty labels are put back or missing, and where that was so, by time.
+
+    Args:
+        take: Take under the names of the subject's markers; other trajectories stay as they are.
+        subject: Who wears the markers on which joints.
+    """
+    worn = [marker for marker in subject.marker_set.markers if marker.name in take.names]
+    if take.frames < _S.fewest_frames or not worn or np.any(np.diff(take.times_s) <= 0.0):
         return take, ()
-    points_m, exchanges = undo_exchanges(take.times_s, take.positions_m)
-    found = _exchanged_stretches(exchanges, take.names)
+    columns, names = [take.names.index(marker.name) for marker in worn], [marker.name for marker in worn]
+    joints = [subject.skeleton.index(marker.joint) for marker in worn]
+    points_m, exchanges = undo_exchanges(take.times_s, take.positions_m[:, columns], _neighbours(subject, joints))
+    faults = _exchanged(exchanges, names)
     scale = SeamScale(take.times_s, points_m)
-    frozen = _frozen(take.times_s, points_m, scale)
-    points_m = np.where(frozen[..., None], np.nan, points_m)
-    wild = _wild(take.times_s, points_m, scale)
-    points_m = np.where(wild[..., None], np.nan, points_m)
-    found += _stretches(frozen, take.names, FaultKind.FROZEN) + _stretches(wild, take.names, FaultKind.WILD)
-    if not found:
+    for kind, find in ((FaultKind.FROZEN, _frozen), (FaultKind.WILD, _wild)):
+        faulty = find(take.times_s, points_m, scale, _neighbours(subject, joints))
+        points_m = np.where(faulty[..., None], np.nan, points_m)
+        faults += _missing(faulty, names, kind)
+    if not faults:
         return take, ()
-    single = take.single and _exchanged_views(take.single, exchanges)
-    found.sort(key=lambda each: (each.first, each.last, each.labels))
-    return replace(take, positions_m=points_m, single=single), tuple(found)
+    positions_m = take.positions_m.copy()
+    positions_m[:, columns] = points_m
+    single = take.single and _exchanged_views(take.single, exchanges, columns)
+    faults.sort(key=lambda each: (each.first, each.last, each.labels))
+    return replace(take, positions_m=positions_m, single=single), tuple(faults)
+
+
+def _neighbours(subject: Subject, joints: Sequence[int]) -> Mask:
+    """Return whether two markers are carried by one joint, or by a joint and its parent (M, M)."""
+    parents = subject.skeleton.parents[joints]
+    own = np.array(joints)
+    return np.asarray((own[:, None] == own) | (own[:, None] == parents) | (parents[:, None] == own))
 
 
 # ---- exchanged labels
 
 
-def _exchanged_stretches(exchanges: Sequence[Exchange], names: Sequence[str]) -> list[DoubtfulStretch]:
+def _exchanged(exchanges: Sequence[Exchange], names: Sequence[str]) -> list[LabelFault]:
     """Return exchanges as stretches; pairs that changed at the same time are one."""
     together: dict[tuple[int, int], list[int]] = {}
     for each in exchanges:
         together.setdefault((each.first, each.last), []).extend(each.markers)
     return [
-        DoubtfulStretch(first, last, tuple(names[i] for i in sorted(set(markers))), FaultKind.EXCHANGED, True)
+        LabelFault(first, last, tuple(names[i] for i in sorted(set(markers))), FaultKind.EXCHANGED)
         for (first, last), markers in together.items()
     ]
 
 
-def _exchanged_views(single: SingleViews, exchanges: Sequence[Exchange]) -> SingleViews:
+def _exchanged_views(single: SingleViews, exchanges: Sequence[Exchange], columns: Sequence[int]) -> SingleViews:
     cameras, points = single.cameras.copy(), single.points.copy()
     for each in exchanges:
-        rows, pair = slice(each.first, each.last + 1), list(each.markers)
+        rows, pair = slice(each.first, each.last + 1), [columns[marker] for marker in each.markers]
         cameras[rows, pair] = cameras[rows, pair[::-1]]
         points[rows, pair] = points[rows, pair[::-1]]
     return SingleViews(single.rig, cameras, points)
 
 
-def _stretches(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[DoubtfulStretch]:
+def _missing(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[LabelFault]:
     return [
-        DoubtfulStretch(start, stop - 1, (names[marker],), kind, False)
+        LabelFault(start, stop - 1, (names[marker],), kind)
         for marker, column in enumerate(faulty.T)
         for start, stop in runs(column)
     ]
@@ -137,7 +152,7 @@ def _stretches(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[Doub
 # ---- markers that stand still
 
 
-def _frozen(times_s: Array, points_m: Array, scale: SeamScale) -> Mask:
+def _frozen(times_s: Array, points_m: Array, scale: SeamScale, neighbours: Mask) -> Mask:
     """Return where (F, M) markers keep a position that the motion before or after contradicts."""
     steps = np.linalg.norm(np.diff(points_m, axis=0), axis=-1)
     still = steps <= np.maximum(_S.still_m, _S.still_sigmas * scale.usual)
@@ -177,10 +192,10 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
 # ---- wild points
 
 
-def _wild(times_s: Array, points_m: Array, scale: SeamScale) -> Mask:
+def _wild(times_s: Array, points_m: Array, scale: SeamScale, neighbours: Mask) -> Mask:
     """Return where (F, M) markers are where neither before nor after leads them."""
     wild = np.zeros(points_m.shape[:2], dtype=bool)
-    distances = RigidDistances(points_m)
+    distances = RigidDistances(points_m, neighbours)
     for marker in range(points_m.shape[1]):
         beside = points_m[:, distances.partners(marker)]
         rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))

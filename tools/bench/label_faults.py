@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from perfanim.core.geometry.arrays import Array, Mask
-from perfanim.core.markers.label_faults import DoubtfulStretch, FaultKind
+from perfanim.core.markers.label_faults import FaultKind, LabelFault
 from perfanim.core.markers.marker_take import MarkerTake
 
 _LEAST_M = 0.02  # a fault moves a marker at least so far; frozen feet that stand are none
@@ -28,7 +28,7 @@ class Fault:
     """
 
     name: str
-    stretch: DoubtfulStretch
+    stretch: LabelFault
     wrong: Mask
 
 
@@ -66,7 +66,7 @@ def with_faults(take: MarkerTake, names: Sequence[str], seed: int) -> tuple[Mark
 
 def _made(
     take: MarkerTake, name: str, generator: np.random.Generator
-) -> tuple[DoubtfulStretch, Array] | None:
+) -> tuple[LabelFault, Array] | None:
     """Return a fault at a random place, and the positions (n, M, 3) of its frames."""
     frames = int(generator.integers(1, _WILD_FRAMES + 1))
     if name != "wild":
@@ -94,12 +94,12 @@ def _made(
         labels = tuple(side + each[1:] for each in left for side in "LR")
         if not labels:
             return None
-    return DoubtfulStretch(first, first + frames - 1, labels, kind, False), changed
+    return LabelFault(first, first + frames - 1, labels, kind), changed
 
 
 def scored(
-    take: MarkerTake, corrected: MarkerTake, found: Sequence[DoubtfulStretch], faults: Sequence[Fault]
-) -> tuple[list[dict[str, Any]], list[DoubtfulStretch]]:
+    take: MarkerTake, corrected: MarkerTake, found: Sequence[LabelFault], faults: Sequence[Fault]
+) -> tuple[list[dict[str, Any]], list[LabelFault]]:
     """Return a row for each fault, and the stretches that name none.
 
     Args:
