@@ -17,6 +17,7 @@ from ..formats.take_file.take_reader import TakeFile
 from ..geometry.arrays import runs
 from ..geometry.camera import CameraRig
 from ..markers.filtering import smooth_motion, smooth_take
+from ..markers.label_faults import correct_labels
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop
 from ..markers.subject import Subject
@@ -49,6 +50,12 @@ class SolveRequest:
     ] = False
     refine_body: Annotated[
         bool, About("first correct the performer's bones and marker offsets by this take; no file is changed")
+    ] = False
+    trust_labels: Annotated[
+        bool,
+        About(
+            "take a marker take's labels as they are (default: exchanged, frozen and wild ones are found, see doubtful)"
+        ),
     ] = False
     smooth_hz: Annotated[
         float | None,
@@ -121,6 +128,8 @@ def solve_markers(
     """
     cache = cache or SessionCache()
     opened, settings = _opened(database, cache), SolveSettings(method=request.method or "best")
+    checked = not (request.trust_labels or request.causal or is_unnamed(take))
+    take, faults = correct_labels(take, subject) if checked else (take, ())
     if request.smooth_hz is not None:
         take = smooth_take(take, request.smooth_hz)
     subject, changes = _refined(take, subject, opened, request, progress)
@@ -136,6 +145,7 @@ def solve_markers(
         "markers": sum(name in take.names for name in subject.marker_set.names),
         "warnings": [*_label_differences(take, subject), *take.notes, *_told_times(solved)],
     }
+    solved = replace(solved, corrected=tuple(fault.stretch(take) for fault in faults))
     return _finished(solved, request, None, report | changes | choice)
 
 

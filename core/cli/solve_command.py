@@ -41,6 +41,7 @@ def add_parser(subparsers: Any) -> None:
         method="--method",
         causal="--causal",
         refine_body="--refine-body",
+        trust_labels="--trust-labels",
         smooth_hz="--smooth HZ",
         feet="--feet",
     )

@@ -6,7 +6,7 @@ the markers say that keep theirs: along bones they hardly change.
 """
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -27,7 +27,9 @@ class ExchangeSettings:
     partners: int = 3  # markers whose distance is compared
     rigid_m: float = 0.03  # largest standard deviation of a distance that is compared
     least_rigid_m: float = 0.01  # least one: skin
-    most_body: float = 15.0  # most evidence of distances for or against a stretch: their other marker may be exchanged, too
+    most_body: float = (
+        15.0  # most evidence of distances for or against a stretch: their other marker may be exchanged, too
+    )
     independent_s: float = 0.25  # time after which a distance is a new measurement
     most: int = 200  # exchanges that are put back
 
@@ -111,9 +113,7 @@ class _Search:
         times_s, paths = self._times_s[rows], (self.points_m[rows, a], self.points_m[rows, b])
         come, go = [before(times_s, path) for path in paths], [after(times_s, path) for path in paths]
         misses = np.array([[np.linalg.norm(c - g, axis=1) for g in go] for c in come])
-        sigmas = np.maximum(
-            self._scale.of(a, times_s, misses[0, 0]), self._scale.of(b, times_s, misses[1, 1])
-        )
+        sigmas = np.maximum(self._scale.of(a, times_s, misses[0, 0]), self._scale.of(b, times_s, misses[1, 1]))
         costs = np.nan_to_num(cost(misses / sigmas))
         gains = costs[0, 0] + costs[1, 1] - costs[0, 1] - costs[1, 0]
         at = _candidates(gains, np.diff(rows))
@@ -160,7 +160,7 @@ def _most_likely(gains: Array, exchanged: Array) -> tuple[float, IntArray]:
 def _merged(edges: IntArray, states: IntArray) -> list[tuple[int, int, int]]:
     """Return (start, stop, state) of runs of equal states between edges."""
     cuts = np.concatenate(([0], np.flatnonzero(np.diff(states)) + 1, [len(states)]))
-    return [(int(edges[i]), int(edges[j]), int(states[i])) for i, j in zip(cuts[:-1], cuts[1:], strict=True)]
+    return [(int(edges[i]), int(edges[j]), int(states[i])) for i, j in pairwise(cuts)]
 
 
 class RigidDistances:

@@ -180,7 +180,9 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
             continue
         # continued from outside to the middle of the first step beyond the last free position
         outer = rows[:2] if sense > 0.0 else rows[1:]
-        middle_s = 0.5 * (times_s[end] + times_s[end + 1]) if sense > 0.0 else 0.5 * (times_s[rows[0]] + times_s[rows[1]])
+        middle_s = (
+            0.5 * (times_s[end] + times_s[end + 1]) if sense > 0.0 else 0.5 * (times_s[rows[0]] + times_s[rows[1]])
+        )
         velocity = (path[outer[0]] - path[outer[1]]) / (times_s[outer[0]] - times_s[outer[1]])
         miss = float(np.linalg.norm(path[outer[0]] + (middle_s - times_s[outer[0]]) * velocity - path[end]))
         lasting_s = times_s[last] - times_s[first]

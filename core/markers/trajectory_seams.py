@@ -61,7 +61,12 @@ class SeamScale:
         for column, gap in enumerate(_S.gaps):
             if frames < gap + 3 + _FEWEST:
                 break
-            ends = points_m[: frames - gap - 2], points_m[1 : frames - gap - 1], points_m[gap + 1 : -1], points_m[gap + 2 :]
+            ends = (
+                points_m[: frames - gap - 2],
+                points_m[1 : frames - gap - 1],
+                points_m[gap + 1 : -1],
+                points_m[gap + 2 :],
+            )
             half = 0.5 * gap
             miss = np.linalg.norm((1 + half) * (ends[1] - ends[2]) - half * (ends[0] - ends[3]), axis=-1)
             known = np.isfinite(miss).sum(axis=0) >= _FEWEST

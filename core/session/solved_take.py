@@ -49,6 +49,7 @@ class SolvedTake:
         report: Warnings and figures of this solve, by their names in the `solve` command's JSON object.
         findings: Reasons against the first performer's motion that the take's markers give.
         faults: Stretches with labels that are still wrong, of the first performer.
+        corrected: Stretches whose wrong labels were put right, or left out, before the solve.
     """
 
     poses: tuple[ScenePose, ...]
@@ -63,6 +64,7 @@ class SolvedTake:
     report: dict[str, Any] = field(default_factory=dict)
     findings: tuple[Reason, ...] = ()
     faults: tuple[DoubtfulStretch, ...] = ()
+    corrected: tuple[DoubtfulStretch, ...] = ()
 
     @property
     def motion(self) -> Motion:
@@ -89,9 +91,9 @@ class SolvedTake:
         )
 
     def verdict_facts(self) -> dict[str, Any]:
-        """Return the verdict's entries of the `solve` command's JSON object, with stretches of little confidence."""
+        """Return the verdict's entries of the `solve` command's JSON object, with all stretches in doubt."""
         facts = self.verdict.facts()
-        facts["doubtful"] += [asdict(stretch) for stretch in doubtful_stretches(self.poses_of())]
+        facts["doubtful"] += [asdict(each) for each in (*self.corrected, *doubtful_stretches(self.poses_of()))]
         return facts
 
     def motions_at(self, rate_hz: float | None) -> tuple[Motion, ...]:

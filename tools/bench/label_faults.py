@@ -64,9 +64,7 @@ def with_faults(take: MarkerTake, names: Sequence[str], seed: int) -> tuple[Mark
     return replace(take, positions_m=positions), faults
 
 
-def _made(
-    take: MarkerTake, name: str, generator: np.random.Generator
-) -> tuple[LabelFault, Array] | None:
+def _made(take: MarkerTake, name: str, generator: np.random.Generator) -> tuple[LabelFault, Array] | None:
     """Return a fault at a random place, and the positions (n, M, 3) of its frames."""
     frames = int(generator.integers(1, _WILD_FRAMES + 1))
     if name != "wild":
@@ -121,9 +119,11 @@ def scored(
         for fault in faults
     ]
     alarms = [
-        each for each in found
+        each
+        for each in found
         if not any(
-            each.first <= fault.stretch.last + 1 and each.last >= fault.stretch.first - 1
+            each.first <= fault.stretch.last + 1
+            and each.last >= fault.stretch.first - 1
             and set(each.labels) & set(fault.stretch.labels)
             for fault in faults
         )

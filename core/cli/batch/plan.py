@@ -43,7 +43,8 @@ class Holds(Enum):
 _COMMANDS = {
     "track": "cameras left right camera background fps floor no_time_offset marker_set",
     "label": "database subject skeleton",
-    "solve": "marker_set database subject skeleton names use up method feet units naming smooth rate refine_body",
+    "solve": "marker_set database subject skeleton names use up method feet units naming smooth rate refine_body "
+    "trust_labels",
     "retarget": "to blender map root_motion",
 }
 _PATHS = {
@@ -89,6 +90,7 @@ class TakeOptions:
     smooth: Annotated[_Number, _rate("cut-off of the low-pass filter of markers and motion", "Hz")] = None
     rate: Annotated[_Number, _rate("rate of the motion")] = None
     refine_body: Annotated[_Switch, About("whether bones and marker offsets are fitted to the take first")] = None
+    trust_labels: Annotated[_Switch, About("whether the labels of marker takes are taken as they are")] = None
     also: Annotated[_Texts, About("kinds of further files of each motion", choices=ALSO)] = None
     to: Annotated[_Text, _text("character file to retarget to")] = None
     blender: Annotated[_Text, _text("Blender that retargets")] = None

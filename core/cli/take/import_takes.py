@@ -116,6 +116,7 @@ def _import_one(
     solved = solve_markers(take, subject, database, SolveRequest(args.method), progress)
     warnings += [*take.notes, *(solved.clock.sentences if solved.clock is not None else [])]
     solved.save(out, capture={"imported": str(path), "up": args.up})
+    warnings += [f"{path.name}: {stretch.reason}" for stretch in solved.corrected]
     if not solved.verdict.is_good:
         warnings.append(f"{path.name}: {solved.verdict.text}")
     facts = solved.summary() | {"verdict": solved.verdict.text}

@@ -1,5 +1,7 @@
 """Takes solved and saved as scripts do it."""
 
+from dataclasses import replace
+
 import numpy as np
 import perfanim
 import pytest
@@ -87,3 +89,19 @@ def test_poses_without_their_markers_make_no_recorded_take(solved, tmp_path):
     bare = SolvedTake(solved.poses, solved.motions, solved.seconds, solved.relabelled)
     with pytest.raises(perfanim.PerfanimError, match="the markers of these poses are unknown"):
         bare.save(tmp_path / "walk.perftake")
+
+
+def test_exchanged_labels_are_put_back_and_told_unless_trusted(take, subject, database):
+    positions = take.positions_m.copy()
+    feet = [take.names.index(name) for name in ("LFOO", "RFOO")]
+    positions[15:27, feet] = positions[15:27, feet[::-1]]
+    faulty = replace(take, positions_m=positions)
+    untouched, corrected, trusted = (
+        perfanim.solve(each, subject, database, perfanim.SolveRequest("nearest", trust_labels=trust))
+        for each, trust in ((take, False), (faulty, False), (faulty, True))
+    )
+    np.testing.assert_array_equal(corrected.motion.rotations, untouched.motion.rotations)
+    told = corrected.verdict_facts()["doubtful"]
+    assert any("LFOO and RFOO" in each["reason"] and (each["first"], each["last"]) == (15, 26) for each in told)
+    assert untouched.corrected == trusted.corrected == ()
+    assert not np.allclose(trusted.motion.rotations, untouched.motion.rotations)
