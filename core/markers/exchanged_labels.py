@@ -21,7 +21,11 @@ class ExchangeSettings:
     jump_m: float = 0.03  # miss that both trajectories need somewhere
     jump_sigmas: float = 4.0  # the same in standard deviations
     possible: float = 6.0  # evidence at a seam, nats, from which it is a candidate
+    possible_in_gap: float = -3.0  # the same of one in a gap, where markers are exchanged more often than found there
+    gap: int = 3  # steps from which both are counted as hidden meanwhile
     change: float = 9.0  # cost of each end of an exchange, nats
+    change_in_gap: float = 6.0  # the same in a gap
+    at_end: float = 9.0  # cost of being exchanged when the take begins or ends
     frame: float = 0.01  # cost of each exchanged frame, nats: of two explanations the shorter is meant
     apart: int = 2  # seams beside a candidate that show the same jump
     partners: int = 3  # markers whose distance is compared
@@ -116,14 +120,17 @@ class _Search:
         sigmas = np.maximum(self._scale.of(a, times_s, misses[0, 0]), self._scale.of(b, times_s, misses[1, 1]))
         costs = np.nan_to_num(cost(misses / sigmas))
         gains = costs[0, 0] + costs[1, 1] - costs[0, 1] - costs[1, 0]
-        at = _candidates(gains, np.diff(rows))
+        hidden = np.diff(rows) >= _S.gap
+        at = _candidates(gains, hidden)
         if not len(at):
             return 0.0, []
         frames = self._frame_weight * self._distances.cost_of_exchange(self.points_m[rows], a, b)
         sums = np.concatenate(([0.0], np.cumsum(frames)))
         edges = np.concatenate(([0], at + 1, [len(rows)]))
         body = np.clip(np.diff(sums[edges]), -_S.most_body, _S.most_body)
-        gain, states = _most_likely(gains[at], body + _S.frame * np.diff(edges))
+        gain, states = _most_likely(
+            gains[at] - np.where(hidden[at], _S.change_in_gap, _S.change), body + _S.frame * np.diff(edges)
+        )
         stretches = [
             Exchange(int(rows[start]), int(rows[stop - 1]), (a, b))
             for start, stop, state in _merged(edges, states)
@@ -132,25 +139,26 @@ class _Search:
         return gain, stretches
 
 
-def _candidates(gains: Array, steps: IntArray) -> IntArray:
-    """Return the seams at which labels may have been exchanged: most evidence around, or a gap."""
+def _candidates(gains: Array, hidden: Mask) -> IntArray:
+    """Return the seams at which labels may have been exchanged: most evidence around, or in a gap."""
     padded = np.pad(gains, _S.apart, constant_values=-np.inf)
     most = np.lib.stride_tricks.sliding_window_view(padded, 2 * _S.apart + 1).max(axis=1)
-    return np.flatnonzero((gains >= most) & (gains > _S.possible))
+    return np.flatnonzero(((gains >= most) & (gains > _S.possible)) | (hidden & (gains > _S.possible_in_gap)))
 
 
 def _most_likely(gains: Array, exchanged: Array) -> tuple[float, IntArray]:
     """Return the evidence for, and the states (K + 1,) of the stretches between K seams: 1 for exchanged.
 
     Args:
-        gains: Evidence (K,) that the state changes.
+        gains: Evidence (K,) that the state changes, less the cost of a change.
         exchanged: Cost (K + 1,) of each stretch when exchanged.
     """
-    totals, origins = np.array([0.0, exchanged[0]]), []
+    totals, origins = np.array([0.0, exchanged[0] + _S.at_end]), []
     for gain, cost_here in zip(gains, exchanged[1:], strict=True):
-        changed = totals[::-1] - gain + _S.change
+        changed = totals[::-1] - gain
         origins.append(np.where(changed < totals, [1, 0], [0, 1]))
         totals = np.minimum(totals, changed) + np.array([0.0, cost_here])
+    totals[1] += _S.at_end
     states = [int(np.argmin(totals))]
     for origin in reversed(origins):
         states.append(int(origin[states[-1]]))

@@ -12,10 +12,10 @@ import numpy as np
 
 from ..body.scene_pose import DoubtfulStretch
 from ..geometry.arrays import Array, IntArray, Mask, runs
-from .exchanged_labels import Exchange, RigidDistances, undo_exchanges
+from .exchanged_labels import Exchange, undo_exchanges
 from .marker_take import MarkerTake, SingleViews
 from .subject import Subject
-from .trajectory_seams import SeamScale, after, before, cost
+from .trajectory_seams import MEDIAN_LENGTH, SeamScale, after, before, cost
 
 
 class FaultKind(Enum):
@@ -67,17 +67,24 @@ class FaultSettings:
     still_m: float = 1e-7  # step that counts as none whatever the noise: rounding of conversions
     still_frames: int = 3  # equal positions from which a marker stands still
     still_evidence: float = 9.0  # evidence, nats, that it did not come to rest or did not leave as bodies do
-    still_harm_m: float = 0.01  # distance from where its motion leads that matters
+    still_step: float = 3.0  # most evidence, nats, of each step without the marker's noise
+    rounded: float = 3.0  # least noise, in steps of rounding, that rounding cannot hide
+    quietest: float = 0.05  # share of a marker's misses that are less than its noise
+    still_harm_m: float = 0.01  # jump at either end that matters without noise
+    still_drift_m: float = 0.05  # distance by which the speed at either end leads away that matters, too
+    still_drift_evidence: float = 14.0  # evidence, nats, that the latter takes
     all_still: float = 0.6  # share of the other markers that stand still at once when the recording hung
     quantile: float = 0.3  # of the distances of wild points: the one that counts
-    jump_m: float = 0.04  # distance of wild points from where the motion leads
-    jump_sigmas: float = 5.0  # miss at a seam where wild points may begin or end
+    jump_m: float = 0.055  # distance of wild points from where the motion leads
+    jump_sigmas: float = 4.0  # miss at a seam where wild points may begin or end
     wild_s: float = 0.5  # longest stretch that can be wild
-    wild_evidence: float = 20.0  # evidence, nats, for wild points
+    wild_evidence: float = 22.0  # evidence, nats, for wild points
     wild_point: float = 1.5  # the same for each of them
+    beside: int = 6  # seams on either side of wild points that show how sudden the motion is just then
     edge: float = 0.5  # miss at either end of wild points, as a share of their distance; else it is a step
+    bridge_sigmas: float = 3.0  # miss between before and after wild points that noise explains
     together: float = 0.3  # distance of other markers on the bone, as a share of the point's, when the whole bone jumps
-    wild_sigmas: float = 6.0  # distance from where the motion leads, in standard deviations of that
+    wild_sigmas: float = 4.0  # distance from where the motion leads, in standard deviations of that
 
 
 _S = FaultSettings()
@@ -95,11 +102,13 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
         return take, ()
     columns, names = [take.names.index(marker.name) for marker in worn], [marker.name for marker in worn]
     joints = [subject.skeleton.index(marker.joint) for marker in worn]
-    points_m, exchanges = undo_exchanges(take.times_s, take.positions_m[:, columns], _neighbours(subject, joints))
+    steps = _steps_between(subject, joints)
+    points_m, exchanges = undo_exchanges(take.times_s, take.positions_m[:, columns], steps <= 1)
     faults = _exchanged(exchanges, names)
     scale = SeamScale(take.times_s, points_m)
-    for kind, find in ((FaultKind.FROZEN, _frozen), (FaultKind.WILD, _wild)):
-        faulty = find(take.times_s, points_m, scale, _neighbours(subject, joints))
+    for kind in (FaultKind.FROZEN, FaultKind.WILD):
+        frozen = kind is FaultKind.FROZEN
+        faulty = _frozen(take.times_s, points_m, scale) if frozen else _wild(take.times_s, points_m, scale, steps)
         points_m = np.where(faulty[..., None], np.nan, points_m)
         faults += _missing(faulty, names, kind)
     if not faults:
@@ -111,11 +120,15 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
     return replace(take, positions_m=positions_m, single=single), tuple(faults)
 
 
-def _neighbours(subject: Subject, joints: Sequence[int]) -> Mask:
-    """Return whether two markers are carried by one joint, or by a joint and its parent (M, M)."""
-    parents = subject.skeleton.parents[joints]
-    own = np.array(joints)
-    return np.asarray((own[:, None] == own) | (own[:, None] == parents) | (parents[:, None] == own))
+def _steps_between(subject: Subject, joints: Sequence[int]) -> IntArray:
+    """Return how many bones lead from the joint of one marker to that of another (M, M)."""
+    lineages = []
+    for joint in joints:
+        lineage = [joint]
+        while (parent := int(subject.skeleton.parents[lineage[-1]])) >= 0:
+            lineage.append(parent)
+        lineages.append(frozenset(lineage))
+    return np.array([[len(own ^ other) for other in lineages] for own in lineages])
 
 
 # ---- exchanged labels
@@ -152,11 +165,12 @@ def _missing(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[LabelF
 # ---- markers that stand still
 
 
-def _frozen(times_s: Array, points_m: Array, scale: SeamScale, neighbours: Mask) -> Mask:
+def _frozen(times_s: Array, points_m: Array, scale: SeamScale) -> Mask:
     """Return where (F, M) markers keep a position that the motion before or after contradicts."""
     steps = np.linalg.norm(np.diff(points_m, axis=0), axis=-1)
     still = steps <= np.maximum(_S.still_m, _S.still_sigmas * scale.usual)
     seen = np.isfinite(steps)
+    steps_noise = _evidence_of_steps(times_s, points_m, steps)
     frozen = np.zeros(points_m.shape[:2], dtype=bool)
     for marker in range(points_m.shape[1]):
         others = np.arange(points_m.shape[1]) != marker
@@ -166,40 +180,72 @@ def _frozen(times_s: Array, points_m: Array, scale: SeamScale, neighbours: Mask)
             beside = seen[start:stop, others].sum()
             if beside and still[start:stop, others].sum() > _S.all_still * beside:
                 continue
-            if _contradicted(times_s, points_m[:, marker], start, stop, float(scale.usual[marker])):
+            noiseless = steps_noise[marker] * int((steps[start:stop, marker] <= _S.still_m).sum())
+            if noiseless > _S.still_evidence or _contradicted(
+                times_s, points_m[:, marker], start, stop, float(scale.usual[marker])
+            ):
                 frozen[start + 1 : stop + 1, marker] = True
     return frozen
 
 
+def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
+    """Return the evidence (M,), nats, of each step of length 0 that a position was filled in: it has no noise.
+
+    Only noise counts that the marker has when it is quietest, and that is more than the rounding of the take.
+    """
+    moved = steps[np.isfinite(steps) & (steps > _S.still_m)]
+    rounding_m = max(float(moved.min()), _S.still_m) if len(moved) else np.inf
+    evidence = np.zeros(points_m.shape[1])
+    for marker in range(points_m.shape[1]):
+        rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))
+        if len(rows) < _S.fewest_frames:
+            continue
+        misses = np.linalg.norm(
+            before(times_s[rows], points_m[rows, marker]) - after(times_s[rows], points_m[rows, marker]), axis=1
+        )
+        misses = misses[misses > _S.still_m]
+        noise = float(np.quantile(misses, _S.quietest)) / rounding_m if len(misses) else 0.0
+        evidence[marker] = min(np.log(noise), _S.still_step) if noise > _S.rounded else 0.0
+    return evidence
+
+
 def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: float) -> bool:
-    """Return whether a path (F, 3) that stands still from one frame to another does not come to rest or leave so."""
-    evidence, harm_m = 0.0, 0.0
-    for frames, end, sense in ((np.arange(first + 1)[::-1], first, 1.0), (np.arange(last, len(path)), last, -1.0)):
-        rows = frames[np.isfinite(path[frames, 0])][:3]
+    """Return whether a path (F, 3) that stands still from one frame to another does not come to rest or leave so.
+
+    Args:
+        sigma_m: Usual standard deviation of its misses.
+    """
+    evidence = jump_m = drift_m = 0.0
+    come, go = np.arange(first + 1)[::-1], np.arange(last, len(path))
+    for frames, end in ((come, first), (go, last)):
+        # the last value is true where positions were filled with it, so the motion before leads there and beyond
+        rows = frames[np.isfinite(path[frames, 0])][: 3 + _S.beside][0 if end == first else 1 :]
         if len(rows) < 3:
             continue
-        # continued from outside to the middle of the first step beyond the last free position
-        outer = rows[:2] if sense > 0.0 else rows[1:]
-        middle_s = (
-            0.5 * (times_s[end] + times_s[end + 1]) if sense > 0.0 else 0.5 * (times_s[rows[0]] + times_s[rows[1]])
-        )
-        velocity = (path[outer[0]] - path[outer[1]]) / (times_s[outer[0]] - times_s[outer[1]])
-        miss = float(np.linalg.norm(path[outer[0]] + (middle_s - times_s[outer[0]]) * velocity - path[end]))
-        lasting_s = times_s[last] - times_s[first]
-        evidence += float(cost(np.array(miss / sigma_m)))
-        harm_m = max(harm_m, miss, float(np.linalg.norm(velocity)) * lasting_s)
-    return evidence > _S.still_evidence and harm_m > _S.still_harm_m
+        step = 1 if end == first else -1
+        other = end + step if end == first else rows[0]
+        middle_s = 0.5 * (times_s[end] + times_s[end + 1]) if end == first else 0.5 * (times_s[end] + times_s[other])
+        velocity = (path[rows[0]] - path[rows[1]]) / (times_s[rows[0]] - times_s[rows[1]])
+        miss = float(np.linalg.norm(path[rows[0]] + (middle_s - times_s[rows[0]]) * velocity - path[end]))
+        outside = np.linalg.norm(before(times_s[rows], path[rows]) - after(times_s[rows], path[rows]), axis=1)
+        sudden = float(np.nanmedian(outside)) / MEDIAN_LENGTH if np.isfinite(outside).any() else 0.0
+        evidence += float(cost(np.array(miss / max(sigma_m, sudden))))
+        jump_m = max(jump_m, miss)
+        drift_m = max(drift_m, float(np.linalg.norm(velocity)) * (times_s[last] - times_s[first]))
+    if jump_m > _S.still_harm_m:
+        return evidence > _S.still_evidence
+    return drift_m > _S.still_drift_m and evidence > _S.still_drift_evidence
 
 
 # ---- wild points
 
 
-def _wild(times_s: Array, points_m: Array, scale: SeamScale, neighbours: Mask) -> Mask:
+def _wild(times_s: Array, points_m: Array, scale: SeamScale, steps: IntArray) -> Mask:
     """Return where (F, M) markers are where neither before nor after leads them."""
     wild = np.zeros(points_m.shape[:2], dtype=bool)
-    distances = RigidDistances(points_m, neighbours)
-    for marker in range(points_m.shape[1]):
-        beside = points_m[:, distances.partners(marker)]
+    for marker, row in enumerate(steps):
+        nearest = np.where(np.arange(len(row)) == marker, len(row) + row.max(), row)
+        beside = points_m[:, (nearest == nearest.min()) & (nearest <= row.max())]
         rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))
         wild[_WildSearch(times_s, points_m[:, marker], beside, scale, marker).all(rows), marker] = True
     return wild
@@ -239,19 +285,26 @@ class _WildSearch:
                 if times_s[stop] - times_s[start] > _S.wild_s:
                     break
                 points = np.arange(start + 1, stop + 1)
-                gain = self._gain(rows, points, misses, sigmas) / len(points)
+                gain = self._gain(rows, points, misses) / len(points)
                 if gain > best:
                     best, taken = gain, points
         return taken
 
-    def _gain(self, rows: IntArray, points: IntArray, misses: Array, sigmas: Array) -> float:
+    def _usual(self, points: IntArray, misses: Array) -> float:
+        """Return the standard deviation of misses beside points, without the seams that they touch."""
+        first, last = points[0] - 2, points[-1] + 2
+        beside = np.concatenate((misses[max(first - _S.beside, 0) : max(first, 0)], misses[last : last + _S.beside]))
+        usual = float(np.nanmedian(beside)) / MEDIAN_LENGTH if np.isfinite(beside).any() else 0.0
+        return max(usual, float(self._scale.usual[self._marker]))
+
+    def _gain(self, rows: IntArray, points: IntArray, misses: Array) -> float:
         """Return the evidence, nats, that points are wild, less what it takes."""
         start, stop = max(points[0] - 4, 0), min(points[-1] + 5, len(rows))
         if points[0] - start < 2 or stop - 1 - points[-1] < 2:
             return 0.0
         near, bridge = np.delete(rows[start:stop], points - start), points[0] - start - 1
         times_s, path = self._times_s[near], self._path[near]
-        usual = float(np.median(sigmas[start : stop - 1]))
+        usual = self._usual(points, misses)
         sigma = np.full(len(near) - 1, usual)
         sigma[bridge] = self._scale.over(self._marker, times_s[bridge + 1] - times_s[bridge]) * max(
             1.0, usual / float(self._scale.usual[self._marker])
@@ -263,7 +316,9 @@ class _WildSearch:
         if min(misses[points[0] - 1], misses[points[-1]]) < _S.edge * least or self._is_body(rows, points, away):
             return 0.0
         left = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
-        if left[bridge] > _S.edge * least:  # the trajectory goes on elsewhere: a step
+        if left[bridge] > max(
+            _S.edge * least, _S.bridge_sigmas * sigma[bridge]
+        ):  # the trajectory goes on elsewhere: a step
             return 0.0
         now = float(np.nansum(cost(misses[start : stop - 1] / usual)))
         return now - float(np.nansum(cost(left / sigma))) - _S.wild_evidence - _S.wild_point * len(points)

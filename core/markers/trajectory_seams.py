@@ -11,7 +11,7 @@ import numpy as np
 
 from ..geometry.arrays import Array, IntArray
 
-_MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
+MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
 _FEWEST = 10  # seams needed for an estimate
 
 
@@ -70,7 +70,7 @@ class SeamScale:
             half = 0.5 * gap
             miss = np.linalg.norm((1 + half) * (ends[1] - ends[2]) - half * (ends[0] - ends[3]), axis=-1)
             known = np.isfinite(miss).sum(axis=0) >= _FEWEST
-            self._at_gap[known, column] = np.nanmedian(miss[:, known], axis=0) / _MEDIAN_LENGTH
+            self._at_gap[known, column] = np.nanmedian(miss[:, known], axis=0) / MEDIAN_LENGTH
         self._complete()
 
     @property
@@ -100,7 +100,7 @@ class SeamScale:
         usual = self.over(marker, np.diff(times_s))
         ratios = np.concatenate((np.full(_S.beside, np.nan), misses_m / usual, np.full(_S.beside, np.nan)))
         windows = np.lib.stride_tricks.sliding_window_view(ratios, 2 * _S.beside + 1)
-        return np.asarray(usual * np.maximum(_medians(windows) / _MEDIAN_LENGTH, 1.0))
+        return np.asarray(usual * np.maximum(_medians(windows) / MEDIAN_LENGTH, 1.0))
 
 
 def _medians(rows: Array) -> Array:
