@@ -36,6 +36,9 @@ _BENCHES = {
     "suits": _Bench(
         "recorded suits solved with nine of their markers: distance of the others", options=("suits", "baseline")
     ),
+    "label-faults": _Bench(
+        "faults of labels put into takes at random places: found, limbs when solved, false alarms", options=("seed",)
+    ),
     "sketch": _Bench("a body from keys of eight takes, with five and with three controls"),
     "joint-angles": _Bench("joint angles of the embedded motion beside those of people"),
     "speed": _Bench("time of detection, of two streams to labelled points, of solve and import"),

@@ -1,13 +1,29 @@
-"""Faults of labels put into takes at random places, and how many of them are found."""
+"""Faults of labels put into takes at random places: how many are found, and what they cost when they are solved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from perfanim.core.api.solving import SolveRequest, solve_markers
+from perfanim.core.body.motion import Motion, resampled, sliced
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.body.standard_skeleton import default_skeleton
+from perfanim.core.database.store import open_database
+from perfanim.core.formats.motion.motion_sources import MotionFile, motion_files
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry.arrays import Array, Mask
-from perfanim.core.markers.label_faults import FaultKind, LabelFault
+from perfanim.core.markers.label_faults import FaultKind, LabelFault, correct_labels
+from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
+from perfanim.core.markers.subject import Subject
+from perfanim.core.simulate.simulated_markers import simulate_markers
+
+from .run import Rows, Run
+from .scenarios import BANDAI, CMU, FPS, LABEL_FAULTS, LABELLED_TAKES, LABELS_CHOSEN_ON
+from .solving import true_subject
+from .tables import groups
 
 _LEAST_M = 0.02  # a fault moves a marker at least so far; frozen feet that stand are none
 _WILD_M = (0.05, 0.17)  # distance of wild points
@@ -15,6 +31,10 @@ _WILD_FRAMES = 3  # most in a row
 _LASTS_S = (0.1, 1.0)  # exchanges and frozen stretches
 _APART_S = 0.5  # between two faults
 _TRIES = 100
+_NOISE_MM = 1.0
+_SOLVED_S = 6.0  # of each take that is solved
+_EVERY = 6  # of the many clips of the other studio, one of so many is looked at
+_ERRORS = ("mpjpe_mm", "main_bone_direction_deg")
 
 
 @dataclass(frozen=True)
@@ -129,3 +149,86 @@ def scored(
         )
     ]
     return rows, alarms
+
+
+def label_faults(run: Run, seed: int = 0) -> dict[str, Any]:
+    """Put faults into takes that the settings were not chosen on; find them, and solve with and without them.
+
+    Returns:
+        found (by marker set and fault), limbs (errors of each take as ratios to the one without faults), alarms (in
+        clean takes), alarms_per_10_min, outputs.
+    """
+    folders = run.folders((CMU, BANDAI))
+    with motion_files(folders) as files:
+        chosen = [file for file in files if file.stem.split("_")[0] not in LABELS_CHOSEN_ON]
+        chosen = [file for at, file in enumerate(chosen) if "dataset" not in file.stem or at % _EVERY == 0]
+        jobs: dict[str, tuple[Any, ...]] = {file.stem: (file, seed + at) for at, file in enumerate(chosen)}
+        looked = run.each("label-faults-found", _look, jobs, lambda each: each[0])
+    database = run.embedded().path
+    takes = {take.title: (run.read(take), database, seed + at) for at, take in enumerate(LABELLED_TAKES)}
+    limbs = [row for rows in run.each("label-faults-limbs", _limbs, takes, lambda rows: rows) for row in rows]
+    rows = [row for each in looked for row in each[0]]
+    alarms = [row for each in looked for row in each[1]]
+    seconds = sum(each[2] for each in looked)
+    found = [
+        {
+            "markers": markers,
+            "fault": fault,
+            "put_in": len(of),
+            "found": round(float(np.mean([r["found"] for r in of])), 4),
+        }
+        | {"left_wrong": round(float(np.mean([r["left_wrong"] for r in of])), 4)}
+        for (markers, fault), of in groups(rows, "markers", "fault").items()
+    ]
+    figures: dict[str, Any] = {
+        "found": found,
+        "found_share": round(float(np.mean([row["found"] for row in rows])), 4),
+        "limbs": limbs,
+        "clean_s": round(seconds, 1),
+        "alarms": alarms,
+        "alarms_per_10_min": round(600.0 * len(alarms) / seconds, 3),
+    }
+    return run.write("label-faults", figures, {"": rows, "limbs": limbs, "alarms": alarms})
+
+
+def _look(file: MotionFile, seed: int) -> tuple[Rows, Rows, float]:
+    """Return a row for each fault put into a take, one for each false alarm in the clean take, and its seconds."""
+    motion = read_motion(file.path, file.skeleton)
+    motion = resampled(motion, FPS) if motion.fps > FPS else motion
+    rows, alarms, seconds = [], [], 0.0
+    for name, faults in LABEL_FAULTS.items():
+        subject = Subject(name, default_skeleton(), load_marker_set(name))
+        clean, _ = simulate_markers(motion, subject.marker_set, _NOISE_MM, seed=seed)
+        seconds += clean.frames / clean.fps
+        of = {"take": file.stem, "markers": name}
+        alarms += [of | _row(fault) for fault in correct_labels(clean, subject)[1]]
+        faulty, put_in = with_faults(clean, faults, seed)
+        corrected, found = correct_labels(faulty, subject)
+        rows += [of | row for row in scored(clean, corrected, found, put_in)[0]]
+    return rows, alarms, seconds
+
+
+def _row(fault: LabelFault) -> dict[str, Any]:
+    return {"first": fault.first, "last": fault.last, "kind": fault.kind.value, "labels": " ".join(fault.labels)}
+
+
+def _limbs(truth: Motion, database: Path, seed: int) -> Rows:
+    """Return the errors of a take with faults, corrected and trusted, as ratios to those without."""
+    frames = min(round(_SOLVED_S * truth.fps), truth.frames)
+    first = (truth.frames - frames) // 2
+    truth = sliced(truth, first, first + frames)
+    subject, opened = true_subject(truth), open_database(database)
+    clean, _ = simulate_markers(truth, subject, _NOISE_MM, seed=seed)
+    faulty, put_in = with_faults(clean, next(iter(LABEL_FAULTS.values())), seed)
+    ways = {"untouched": (clean, False), "corrected": (faulty, False), "trusted": (faulty, True)}
+    errors = {
+        way: evaluate(solve_markers(take, subject, opened, SolveRequest(trust_labels=trust)).motion, truth)
+        for way, (take, trust) in ways.items()
+    }
+    row = {"take": truth.name, "frames": frames, "faults": len(put_in)}
+    return [
+        row
+        | {"way": way}
+        | {f"{unit}_ratio": round(errors[way][unit] / errors["untouched"][unit], 4) for unit in _ERRORS}
+        for way in ("corrected", "trusted")
+    ]

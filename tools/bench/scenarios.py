@@ -96,6 +96,14 @@ SUITS = {
     "gait": "trc/BTKData/TRCSamples/Gait.trc",
     "ballet": "trc/BTKData/TRCSamples/MOTEK/ballet_reduced.trc",
 }
+# CMU subjects that the settings of label faults were chosen on
+LABELS_CHOSEN_ON = ("05", "14", "16", "127", "135")
+# faults of labels by the marker set that they are put into, see `with_faults`
+LABEL_FAULTS = {
+    "boxing": ("FOO", "HAN", "sides", "frozen", "frozen", "wild", "wild"),
+    "cmu-41": ("KNE", "WRA", "sides", "frozen", "frozen", "wild", "wild"),
+}
+LABELLED_TAKES = (*(take for take in (*ACCURACY_TAKES, *SKETCHED_FRESH, *STUDIO_TAKES) if take.trial != SPLIT),)[:20]
 # parts of `robustness`: cuts between takes without labels; cuts hidden for seconds, and performers out of the images
 # and back; two who pass or meet; a T pose before takes, and noise, dropout, ghosts; filmed takes
 PARTS = ("cuts", "absences", "pairs", "takes", "films")
