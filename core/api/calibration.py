@@ -14,6 +14,7 @@ from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..subjects import pose_calibration
 from ..subjects.from_motion import subject_from_motion
+from ..subjects.marker_placement import place_markers
 from ..subjects.pose_calibration import SubjectCalibration, calibrate_markers, calibration_points, pose_points
 from ..subjects.prototype_bodies import load_bodies
 from ..system.files import is_file
@@ -103,9 +104,10 @@ def fit_subject(
     """Return the skeleton and marker offsets of a performer from motion alone: no pose need be held.
 
     Args:
-        take: Take with y up; at most its first 300 frames are used.
+        take: Take with y up; of a long one stretches from all of it are used.
         database: Motion database with motion like the take's.
-        marker_set: Marker set that is worn, see `load_take`; its usual offsets guide the fit.
+        marker_set: Marker set that is worn, see `load_take`; its usual offsets guide the fit. With "auto" the motion
+            places the markers that the set does not know.
         height_m: Rough body height, 1 to 2.5 m.
         name: Name of the performer.
         progress: Called with the fraction done and the activity.
@@ -116,4 +118,7 @@ def fit_subject(
     """
     worn = choose_worn(marker_set, take)
     start = Subject(name, default_skeleton(height_m), worn)
-    return subject_from_motion(import_take(take, worn, None), start, database, progress)
+    take = import_take(take, worn, None)
+    if marker_set == AUTO:
+        start = place_markers(take, start, database, progress)
+    return subject_from_motion(take, start, database, progress)

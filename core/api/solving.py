@@ -23,12 +23,15 @@ from ..markers.prop import Prop
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from ..session.capture_setup import CaptureSetup
+from ..session.limb_coverage import LIMBS, coverage_text, open_limbs
 from ..session.session_cache import SessionCache
 from ..session.solve_take import solve_recorded, solve_take
 from ..session.solved_take import SolvedTake
 from ..session.steady_motion import motion_of
+from ..session.verdict import Reason, ReasonKind
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import METHODS, SolveSettings
+from ..subjects.marker_placement import place_markers
 from ..subjects.refine_body import refine_body
 from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress, no_progress
@@ -73,6 +76,9 @@ class SolveRequest:
     markers: Annotated[
         tuple[str, ...], About("markers of a marker take to solve with; the others measure the error (default: all)")
     ] = ()
+    place_markers: Annotated[
+        bool, About("let the motion of a marker take place the markers that the performer's set does not know")
+    ] = False
     marker_count: Annotated[
         int | None, About("number of markers to choose, those that determine the body best (default: all)")
     ] = None
@@ -132,6 +138,8 @@ def solve_markers(
     take, faults = correct_labels(take, subject) if checked else (take, ())
     if request.smooth_hz is not None:
         take = smooth_take(take, request.smooth_hz)
+    if request.place_markers:
+        subject = place_markers(take, subject, opened, progress)
     subject, changes = _refined(take, subject, opened, request, progress)
     worn, choice = _choose_worn(take, subject, opened, request)
     solved = solve_take(take, worn, opened, settings, progress, cache.session, request.causal)
@@ -146,7 +154,27 @@ def solve_markers(
         "warnings": [*_label_differences(take, subject), *take.notes, *_told_times(solved)],
     }
     solved = replace(solved, corrected=tuple(fault.stretch(take) for fault in faults))
-    return _finished(solved, request, None, report | changes | choice)
+    report |= changes | choice
+    if is_unnamed(take):
+        return _finished(solved, request, None, report)
+    solved, report["coverage"] = _with_coverage(solved, take, subject)
+    return _finished(solved, request, None, report)
+
+
+def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject) -> tuple[SolvedTake, str]:
+    """Return the take with its unused markers and open limbs, which lower the confidence, and both in words."""
+    shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
+    unused = [i for i, name in enumerate(take.names) if name in shown and name not in subject.marker_set.names]
+    lacking = open_limbs(subject.marker_set, shown)
+    findings = [Reason(ReasonKind.LIMB, f"no marker holds the {limb}: it is guessed") for limb in lacking]
+    share = 1.0 - len(lacking) / len(LIMBS)
+    poses = tuple(
+        replace(pose, performers=tuple(replace(each, confidence=share * each.confidence) for each in pose.performers))
+        for pose in solved.poses
+    )
+    unused_m = take.positions_m[:, unused]
+    solved = replace(solved, poses=poses, findings=(*solved.findings, *findings), unused_m=unused_m)
+    return solved, coverage_text(subject.marker_set, shown, lacking)
 
 
 @dataclass(frozen=True)
@@ -244,12 +272,12 @@ def _choose_worn(
     if request.markers:
         worn = with_markers(subject, list(request.markers))
         return worn, {"used": list(worn.marker_set.names)}
+    worn = worn_in(take, subject)
     if request.marker_count is None:
-        return worn_in(take, subject), {}
-    seen = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
-    choice = choose_markers(subject, database, request.marker_count, seen)
+        return worn, {}
+    choice = choose_markers(worn, database, request.marker_count)
     expected_mm = (1e3 * choice.expected_m).round(1).tolist()
-    return with_markers(subject, choice.names), {"used": list(choice.names), "expected_mm": expected_mm}
+    return with_markers(worn, choice.names), {"used": list(choice.names), "expected_mm": expected_mm}
 
 
 def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: Motion) -> float:

@@ -59,8 +59,8 @@ def _add_performer_options(parser: argparse.ArgumentParser) -> None:
     subject = "calibrated subject, skeleton and marker offsets (default: a .perftake's own)"
     add_body_options(parser, subject, ".asf or .bvh with the bones to use; needs --marker-set")
     worn = (
-        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of the take's labels belong "
-        "(default: the subject's)"
+        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of the take's labels belong, "
+        "the others placed by the motion (default: the subject's)"
     )
     add_text(parser, "--marker-set", "NAME", worn)
 
@@ -147,7 +147,7 @@ def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> 
 
     Takes that are solved one after another share the cache.
     """
-    request = request_of(SolveRequest, args, **_used_markers(args.use))
+    request = request_of(SolveRequest, args, **_used_markers(args.use), place_markers=args.marker_set == AUTO)
     solved = (_solve_recorded if is_recorded(args.take) else _solve_markers)(args, request, progress, cache)
     solved.save(args.out, args.units, args.naming, args.rate)
     return solved

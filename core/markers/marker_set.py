@@ -18,6 +18,9 @@ from ..system.schema import About, Schema, Table
 
 _FARTHEST_M = 10.0  # largest distance of a marker from its joint; bones are not longer
 FEWEST_TORSO = 3  # markers that find the root: three points fix a rigid body
+# joints from the torso outwards, of limbs those of either side
+_TRUNK, _BESIDE = ("root", "lowerback", "upperback", "thorax"), ("clavicle", "lowerneck", "femur", "humerus")
+_NEAR_TORSO = (*_TRUNK, *_BESIDE, "upperneck", "head")
 
 
 class PointKind(Enum):
@@ -40,6 +43,7 @@ class Marker:
     torso: Annotated[bool, About("whether it serves to find the root; three markers or more do")] = False
     text: Annotated[str, About("its name in messages")] = ""
     also: Annotated[tuple[str, ...], About("other names that systems write for it")] = ()
+    placed: Annotated[bool, About("whether a take's motion showed its place, which no marker set knows")] = False
 
 
 @dataclass(frozen=True)
@@ -118,6 +122,29 @@ class MarkerSet:
     def subset(self, names: Sequence[str]) -> "MarkerSet":
         """Return the set without the markers that are not in `names`."""
         return replace(self, markers=tuple(marker for marker in self.markers if marker.name in names))
+
+    def worn(self, names: Sequence[str]) -> "MarkerSet":
+        """Return the set without the markers that are not in `names`, with whatever torso there is.
+
+        Where fewer than three torso markers are left, those on the bones next to the torso find the root, too.
+
+        Raises:
+            MarkerSetError: Fewer than three markers are on or next to the torso.
+        """
+        kept = [marker for marker in self.markers if marker.name in names]
+        lacking = FEWEST_TORSO - sum(marker.torso for marker in kept)
+        ranks = {marker.name: _torso_rank(marker.joint) for marker in kept if not marker.torso}
+        near = sorted((name for name, rank in ranks.items() if rank < len(_NEAR_TORSO)), key=lambda name: ranks[name])
+        more = near[: max(lacking, 0)]
+        return replace(
+            self, markers=tuple(replace(marker, torso=marker.torso or marker.name in more) for marker in kept)
+        )
+
+
+def _torso_rank(joint: str) -> int:
+    """Return how many kinds of joints are closer to the torso than this one."""
+    near = [rank for rank, name in enumerate(_NEAR_TORSO) if joint in (name, "l" + name, "r" + name)]
+    return near[0] if near else len(_NEAR_TORSO)
 
 
 def marker_set_names() -> tuple[str, ...]:

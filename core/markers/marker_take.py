@@ -27,7 +27,9 @@ class SingleViews:
     cameras: IntArray  # (F, M) camera that shows a marker which the take does not locate, -1 where none does
     points: Array  # (F, M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
 
-    def select(self, frames: slice = slice(None), markers: Sequence[int] | slice = slice(None)) -> "SingleViews":
+    def select(
+        self, frames: slice | IntArray = slice(None), markers: Sequence[int] | slice = slice(None)
+    ) -> "SingleViews":
         """Return part of the frames, and markers in another order."""
         return SingleViews(self.rig, self.cameras[frames][:, markers], self.points[frames][:, markers])
 

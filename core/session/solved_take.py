@@ -28,7 +28,8 @@ from ..retarget.joint_naming import OWN
 from ..solver.settings import SolveSettings
 from ..system.outputs import check_no_input
 from .capture_setup import CaptureSetup
-from .steady_motion import steady_motion
+from .limb_coverage import near_limbs, with_left_out
+from .steady_motion import motion_of, steady_motion
 from .verdict import Reason, TakeVerdict, judge
 
 
@@ -50,6 +51,7 @@ class SolvedTake:
         findings: Reasons against the first performer's motion that the take's markers give.
         faults: Stretches with labels that are still wrong, of the first performer.
         corrected: Stretches whose wrong labels were put right, or left out, before the solve.
+        unused_m: Markers (F, N, 3) of a marker take that were not used.
     """
 
     poses: tuple[ScenePose, ...]
@@ -65,6 +67,7 @@ class SolvedTake:
     findings: tuple[Reason, ...] = ()
     faults: tuple[DoubtfulStretch, ...] = ()
     corrected: tuple[DoubtfulStretch, ...] = ()
+    unused_m: Array | None = None
 
     @property
     def motion(self) -> Motion:
@@ -80,7 +83,7 @@ class SolvedTake:
         """Return the verdict on the motion of one performer, counted from 0."""
         rig = self.setup.rig if self.setup else None
         shown = self.recorded_poses()
-        return judge(
+        found = judge(
             self.motions[performer],
             self.poses_of(performer),
             self.setup.performers[performer].marker_set if self.setup else None,
@@ -89,6 +92,10 @@ class SolvedTake:
             reasons=() if performer else self.findings,
             stretches=() if performer else self.faults,
         )
+        if performer or self.unused_m is None or self.setup is None:
+            return found
+        body = motion_of(self.poses_of(), self.setup.performers[0], self.motion.name, self.motion.fps)
+        return replace(found, limbs=with_left_out(found.limbs, near_limbs(body, self.unused_m)))
 
     def verdict_facts(self) -> dict[str, Any]:
         """Return the verdict's entries of the `solve` command's JSON object, with all stretches in doubt."""

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..body.body_parts import PART_JOINTS
 from ..body.motion import Motion
 from ..body.posture import posture_of
 from ..body.scene_pose import DoubtfulStretch, PerformerPose
@@ -16,6 +15,7 @@ from ..body.standard_skeleton import default_skeleton
 from ..body.standing import girth_scale, stature_m
 from ..geometry.arrays import Array, Mask, runs
 from ..markers.marker_set import MarkerSet
+from .limb_coverage import LimbCoverage, limb_coverage, parts_of
 
 GOOD = "good"
 
@@ -64,34 +64,17 @@ class Reason:
 
 
 @dataclass(frozen=True)
-class LimbDistance:
-    """How far a part of the body is from the markers that it carries.
-
-    Args:
-        limb: One of `body_parts.PARTS`.
-        markers: Its markers that were located at least once.
-        distance_m: Median distance of located and solved markers.
-        distance_95_m: Distance that 95 % of them are within.
-    """
-
-    limb: str
-    markers: int
-    distance_m: float
-    distance_95_m: float
-
-
-@dataclass(frozen=True)
 class TakeVerdict:
     """Verdict on one performer's motion.
 
     Args:
         reasons: Why the motion is not good, the gravest first; empty for a good one.
-        limbs: Distances of the parts that carry markers.
+        limbs: Markers of the parts, those that carry or should carry some.
         stretches: Where the motion is in doubt, in time order.
     """
 
     reasons: tuple[Reason, ...]
-    limbs: tuple[LimbDistance, ...]
+    limbs: tuple[LimbCoverage, ...]
     stretches: tuple[DoubtfulStretch, ...]
 
     @property
@@ -111,16 +94,11 @@ class TakeVerdict:
 
     def facts(self) -> dict[str, Any]:
         """Return the verdict as the `solve` command's JSON object shows it."""
-        limbs = [
-            {
-                "limb": each.limb,
-                "markers": each.markers,
-                "distance_mm": 1e3 * each.distance_m,
-                "distance_95_mm": 1e3 * each.distance_95_m,
-            }
-            for each in self.limbs
-        ]
-        return {"verdict": self.text, "limbs": limbs, "doubtful": [asdict(stretch) for stretch in self.stretches]}
+        return {
+            "verdict": self.text,
+            "limbs": [limb.facts() for limb in self.limbs],
+            "doubtful": [asdict(stretch) for stretch in self.stretches],
+        }
 
 
 _S = VerdictSettings()
@@ -148,8 +126,8 @@ def judge(
         stretches: Doubtful stretches that were found before the solve, with labels that are still wrong.
     """
     distances_m = _marker_distances(poses)
-    parts = _parts_of(marker_set, motion.skeleton) if marker_set is not None else {}
-    limbs = tuple(_limb_distances(distances_m, parts))
+    parts = parts_of(marker_set) if marker_set is not None else {}
+    limbs = limb_coverage(marker_set, distances_m) if marker_set is not None else ()
     doubtful = sorted((*stretches, *_far_stretches(distances_m, parts, poses)), key=lambda stretch: stretch.start_s)
     found = [*reasons, *_fit_reasons(poses, distances_m, limbs)]
     found += _size_reasons(motion.skeleton)
@@ -168,25 +146,6 @@ def _marker_distances(poses: Sequence[PerformerPose]) -> Array:
     """Return the distances (F, M) of located and solved markers, NaN where one was not located."""
     apart = np.array([pose.observed_m for pose in poses]) - np.array([pose.markers_m for pose in poses])
     return np.asarray(np.linalg.norm(apart, axis=-1))
-
-
-def _parts_of(marker_set: MarkerSet, skeleton: Skeleton) -> dict[str, list[int]]:
-    """Return the markers of each part of the body that carries some; the hips' are the torso's."""
-    joints = marker_set.joint_indices(skeleton).tolist()
-    joints = [PART_JOINTS["torso"][0] if joint == 0 else joint for joint in joints]
-    parts = {part: [i for i, joint in enumerate(joints) if joint in own] for part, own in PART_JOINTS.items()}
-    return {part: markers for part, markers in parts.items() if markers}
-
-
-def _limb_distances(distances_m: Array, parts: dict[str, list[int]]) -> list[LimbDistance]:
-    found = []
-    for part, markers in parts.items():
-        own = distances_m[:, markers]
-        known = own[np.isfinite(own)]
-        if len(known):
-            located = int(np.isfinite(own).any(axis=0).sum())
-            found.append(LimbDistance(part, located, float(np.median(known)), float(np.percentile(known, 95.0))))
-    return found
 
 
 def _far_stretches(
@@ -212,7 +171,7 @@ def _stretch_text(stretch: DoubtfulStretch) -> str:
     return f"{stretch.reason}, {stretch.start_s:.2f} to {stretch.stop_s:.2f} s"
 
 
-def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbDistance]) -> list[Reason]:
+def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbCoverage]) -> list[Reason]:
     """Return what is wrong with the way from markers to body."""
     unsolved = float(np.mean(is_unsolved(poses)))
     if unsolved == 1.0:

@@ -4,6 +4,7 @@ The database's poses give a Gaussian of joints and markers in the root's frame, 
 greedily: each reduces the conditional variance of the joints in the world most (Krause, Singh and Guestrin 2008).
 """
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -88,14 +89,17 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
 
 
 def worn_in(take: MarkerTake, subject: Subject) -> Subject:
-    """Return the subject with the markers of a take only.
+    """Return the subject with the markers that a take shows, and whatever torso there is.
 
-    The subject is unchanged if the take's markers are not labelled, or too few are on the torso.
+    The subject is unchanged if the take's markers are not labelled, or none are on or next to the torso.
     """
-    kept = [marker for marker in subject.marker_set.markers if marker.name in take.names]
-    if is_unnamed(take) or sum(marker.torso for marker in kept) < FEWEST_TORSO:
+    if is_unnamed(take):
         return subject
-    return with_markers(subject, [marker.name for marker in kept])
+    seen = take.visible if take.single is None else take.visible | (take.single.cameras >= 0)
+    shown = [name for name, own in zip(take.names, seen.T, strict=True) if own.any()]
+    with contextlib.suppress(MarkerSetError):
+        return replace(subject, marker_set=subject.marker_set.worn(shown))
+    return subject
 
 
 def _covariance(subject: Subject, database: Database) -> Array:

@@ -23,6 +23,7 @@ class ChangeSigmas:
     size: float = 0.08  # relative size of the whole body
     part: float = 0.04  # relative size of a part besides
     offset_m: float = 0.02  # marker about its usual offset
+    placed_m: float = 0.05  # the same of one that the motion placed
 
 
 SIGMAS = ChangeSigmas()

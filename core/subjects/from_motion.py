@@ -14,7 +14,8 @@ import numpy as np
 from ..body.scene_pose import PerformerPose
 from ..database.store import Database
 from ..errors import SubjectError
-from ..geometry.arrays import Array, Mask
+from ..geometry.arrays import Array, IntArray, Mask
+from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.source_noise import SourceNoise, noise_of
 from ..markers.subject import Subject
@@ -33,6 +34,7 @@ class MotionFitSettings:
 
     rounds: int = 4
     most_frames: int = 300  # more frames tell little new about the body
+    stretches: int = 6  # they are chosen in as many parts of the take, so that many poses are among them
     fewest_frames: int = 20
     large_m: float = 0.06  # frames with a larger median marker error are left out
     large_sigmas: float = 3.0  # added to that, in lasting errors of the points' source
@@ -59,7 +61,7 @@ def subject_from_motion(
         SubjectError: Too few frames could be explained.
         TakeError: The take lacks torso markers.
     """
-    part = frames_of(take, slice(0, SETTINGS.most_frames))
+    part = frames_of(take, _telling_frames(observed_positions(take, start.marker_set), start.marker_set.torso))
     observed = observed_positions(part, start.marker_set)
     subject = start
     for round_ in range(SETTINGS.rounds):
@@ -67,24 +69,44 @@ def subject_from_motion(
         rotations, good = _poses(part, subject, database)
         used = int(good.sum())
         if used < SETTINGS.fewest_frames:
-            raise _refusal(used, observed[:, start.marker_set.torso], take.name)
+            raise _refusal(used, observed[:, start.marker_set.torso], take)
         subject = _fitted(rotations[good], observed[good], start, noise_of(start.marker_set.points))
     with contextlib.suppress(SubjectError):  # the motion is unlike the database
         subject = refine_body(take, subject, database).subject
     return subject
 
 
-def _refusal(used: int, torso: Array, name: str) -> SubjectError:
+def _telling_frames(observed: Array, torso: Mask) -> IntArray:
+    """Return the frames to fit to: those that show the torso, of a long take stretches from all of it.
+
+    In each part of the take the stretch with most markers is chosen.
+    """
+    seen = np.isfinite(observed[..., 0])
+    shown = np.flatnonzero(seen[:, torso].sum(axis=1) >= _TORSO)
+    if len(shown) <= SETTINGS.most_frames:
+        return shown if len(shown) else np.arange(min(len(observed), SETTINGS.most_frames))
+    length = SETTINGS.most_frames // SETTINGS.stretches
+    chosen = []
+    for part in np.array_split(shown, SETTINGS.stretches):
+        markers = np.convolve(seen[part].sum(axis=1), np.ones(length), mode="valid")
+        first = int(np.argmax(markers))
+        chosen.append(part[first : first + length])
+    return np.concatenate(chosen)
+
+
+def _refusal(used: int, torso: Array, take: MarkerTake) -> SubjectError:
     """Return the error for a take with only `used` frames that fit."""
     shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
+    needed = f"at least {SETTINGS.fewest_frames} are needed"
     if shown < SETTINGS.fewest_frames:
-        advice = "check them in the program that the take is from"
-        return SubjectError(f"only {shown} frames show {_TORSO} markers of the torso", where=name, advice=advice)
+        what = f"only {shown} frames show {_TORSO} markers of the torso; the whole take has {take.frames}, {needed}"
+        advice = "record a longer take, or check these markers in the program that the take is from"
+        return SubjectError(what, where=take.name, advice=advice)
     advice = "choose the marker set that was worn, or a database with such motion"
-    return SubjectError(f"only {used} frames fit a body", where=name, advice=advice)
+    return SubjectError(f"only {used} of {shown} frames fit a body, {needed}", where=take.name, advice=advice)
 
 
-def frames_of(take: MarkerTake, frames: slice) -> MarkerTake:
+def frames_of(take: MarkerTake, frames: slice | IntArray) -> MarkerTake:
     """Return part of a take; raise TakeError if it is empty."""
     return replace(
         take,
@@ -115,7 +137,7 @@ def _fitted(rotations: Array, observed: Array, start: Subject, source: SourceNoi
     columns = _less_mean(np.concatenate((by_part, by_offset), axis=-1), seen).reshape(count * markers * 3, -1)
     variance = SETTINGS.marker_sigma_m**2 + source.lasting_m**2
     weight = min(1.0, SETTINGS.independent_frames / count) / variance
-    normal = weight * columns.T @ columns + _prior(by_part.shape[-1], markers)
+    normal = weight * columns.T @ columns + _prior(by_part.shape[-1], start.marker_set)
     solution = np.linalg.solve(normal, weight * columns.T @ residual)
     error = (residual - columns @ solution).reshape(count, markers, 3)
     rms = float(np.sqrt(np.sum(error**2) / seen.sum()))
@@ -132,13 +154,12 @@ def _less_mean(values: Array, seen: Mask) -> Array:
     return np.where(shown, values - mean, 0.0)
 
 
-def _prior(parts: int, markers: int) -> Array:
+def _prior(parts: int, marker_set: MarkerSet) -> Array:
     """Return the inverse covariance of part sizes and offsets."""
     covariance = np.full((parts, parts), SIGMAS.size**2) + SIGMAS.part**2 * np.eye(parts)
-    result = np.zeros((parts + 3 * markers, parts + 3 * markers))
+    sigmas = [SIGMAS.placed_m if marker.placed else SIGMAS.offset_m for marker in marker_set.markers]
+    result = np.diag(np.repeat([1.0] * parts + sigmas, [1] * parts + [3] * len(sigmas)) ** -2.0)
     result[:parts, :parts] = np.linalg.inv(covariance)
-    diagonal = np.arange(parts, parts + 3 * markers)
-    result[diagonal, diagonal] = SIGMAS.offset_m**-2
     return result
 
 

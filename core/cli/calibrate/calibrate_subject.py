@@ -52,7 +52,7 @@ def add_parser(group: Any) -> None:
         parser,
         "--database",
         "DB",
-        "nobody holds a pose: fit bones and offsets to the take's motion (at most its first 300 frames) with "
+        "nobody holds a pose: fit bones and offsets to the take's motion, in stretches from all of it, with "
         "poses from this motion database, drawn to the marker set's usual offsets",
     )
     add_text(
@@ -130,7 +130,8 @@ def _from_motion(
         return subject, {"changes": changes} | _changes(result)
     height_m = 1.7 if args.height is None else args.height
     check_height(height_m)
-    subject = fit_subject(take, database, marker_set, height_m, name, progress)
+    named = AUTO if args.marker_set == AUTO else marker_set
+    subject = fit_subject(take, database, named, height_m, name, progress)
     doubtful = subject.residual_m > 0.015  # RMS distance, m: such a body does not explain the motion
     return subject, {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
 

@@ -90,3 +90,13 @@ def test_incomplete_subject_files_are_refused(tmp_path: Path) -> None:
             write_toml(tmp_path / "b.toml", broken)
             with pytest.raises(PerfanimError):
                 load_subject(tmp_path / "b.toml")
+
+
+def test_markers_next_to_the_torso_stand_in_for_it():
+    suit = load_marker_set("plug-in-gait")
+    few = suit.worn(["LASI", "LTHI", "RTHI", "LFHD", "LTOE", "LFIN"])
+    assert [marker.name for marker in few.markers if marker.torso] == ["LASI", "LTHI", "RTHI"]
+    enough = suit.worn(["LASI", "RASI", "C7", "LTHI"])
+    assert [marker.name for marker in enough.markers if marker.torso] == ["C7", "LASI", "RASI"]
+    with pytest.raises(MarkerSetError, match="at least 3 markers with torso"):
+        suit.worn(["LASI", "LTOE", "LFIN", "RFIN"])

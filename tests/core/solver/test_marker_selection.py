@@ -1,6 +1,7 @@
 """Few markers of a suit: which tell most of the body, and what the body is like with them alone."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from perfanim.core.formats.markers.marker_files import write_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject, save_subject
 from perfanim.core.simulate.simulated_markers import simulate_markers
-from perfanim.core.solver.marker_selection import choose_markers, with_markers
+from perfanim.core.solver.marker_selection import choose_markers, with_markers, worn_in
 
 NOISE_M = 0.001
 
@@ -51,6 +52,19 @@ def test_too_few_markers_are_refused(suited, database):
         with_markers(suited, ["C7", "XX"])
     with pytest.raises(MarkerSetError, match="at least 3 markers with torso"):
         with_markers(suited, ["C7", "LFIN", "RFIN"])
+
+
+def test_markers_are_chosen_with_whatever_torso_there_is(suited, truth, database):
+    take, _ = simulate_markers(sliced(truth, 0, 10), suited.marker_set)
+    names = [
+        name for name in take.names if name not in ("C7", "T10", "CLAV", "STRN", "RBAC", "LSHO", "RSHO", "LBWT", "RBWT")
+    ]
+    part = replace(
+        take, names=tuple(names), positions_m=take.positions_m[:, [take.names.index(name) for name in names]]
+    )
+    choice = choose_markers(worn_in(part, suited), database, 9)
+    assert {"LFWT", "RFWT"} < set(choice.names)
+    assert len(set(choice.names)) == 9
 
 
 def test_a_suit_is_solved_with_few_markers(suited, truth, database_file, tmp_path, capsys):

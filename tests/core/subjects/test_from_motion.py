@@ -60,6 +60,20 @@ def test_body_and_offsets_come_closer_to_the_truth(embedded_motion, take, worn, 
     assert fit.marker_set.names == take.names
 
 
+def test_frames_are_chosen_over_the_whole_take(take, wrong_start, database):
+    short = frames_of(take, slice(0, 30))
+    empty = np.full((305, *take.positions_m.shape[1:]), np.nan)
+    late = replace(
+        short,
+        positions_m=np.concatenate((empty, short.positions_m)),
+        frame_numbers=np.arange(335),
+        times_s=np.arange(335) / take.fps,
+    )
+    fit = subject_from_motion(late, wrong_start, database)
+    assert fit.residual_m < 0.01
+    np.testing.assert_allclose(bones(fit.skeleton), bones(subject_from_motion(short, wrong_start, database).skeleton))
+
+
 def test_hidden_markers_are_left_out(take, wrong_start, database):
     gaps = take.positions_m.copy()
     gaps[:60, take.names.index("R.E")] = np.nan
@@ -88,7 +102,9 @@ def test_takes_that_show_no_body_are_refused(take, wrong_start, database):
     with pytest.raises(SubjectError, match="only 5 frames"):
         subject_from_motion(frames_of(take, slice(0, 5)), wrong_start, database)
     unseen = replace(take, positions_m=np.full_like(take.positions_m, np.nan))
-    with pytest.raises(SubjectError, match="only 0 frames show 3 markers of the torso"):
+    with pytest.raises(
+        SubjectError, match=r"only 0 frames show 3 markers of the torso; the whole take has .*at least 20 are"
+    ):
         subject_from_motion(unseen, wrong_start, database)
     with pytest.raises(TakeError, match="torso markers"):
         subject_from_motion(replace(take, names=tuple(f"X{i}" for i in range(len(take.names)))), wrong_start, database)

@@ -1,0 +1,137 @@
+"""Coverage of the body by markers: how many each limb has, and which limbs no marker determines."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..body.body_parts import PART_JOINTS
+from ..body.motion import Motion
+from ..body.skeleton import forward_kinematics
+from ..body.standard_skeleton import JOINT_NAMES
+from ..geometry.arrays import Array
+from ..markers.marker_set import MarkerSet
+
+# A limb is determined by a marker beyond its hinge: the elbow bends by what the hand does, the knee by the foot.
+_LIMBS = {"arm": ("radius", "wrist", "hand", "fingers", "thumb"), "leg": ("tibia", "foot", "toes")}
+LIMBS = {
+    f"{side} {limb}": tuple(side[0] + joint for joint in joints)
+    for side in ("left", "right")
+    for limb, joints in _LIMBS.items()
+}
+
+
+@dataclass(frozen=True)
+class CoverageSettings:
+    """Settings of the coverage."""
+
+    samples: int = 50  # frames in which unused markers are looked for
+    farthest_m: float = 0.5  # distance of an unused marker from the body, beyond which it is another thing's
+
+
+_S = CoverageSettings()
+
+
+@dataclass(frozen=True)
+class LimbCoverage:
+    """Markers of one part of the body.
+
+    Args:
+        limb: One of `body_parts.PARTS`.
+        markers: Its markers that were used and located at least once.
+        known: Those whose place a marker set knows.
+        placed: Those whose place the motion showed.
+        left_out: Markers of the take near it that were not used.
+        distance_m: Median distance of located and solved markers, NaN without any.
+        distance_95_m: Distance that 95 % of them are within.
+    """
+
+    limb: str
+    markers: int
+    known: int
+    placed: int
+    left_out: int
+    distance_m: float
+    distance_95_m: float
+
+    def facts(self) -> dict[str, Any]:
+        """Return the row of the `solve` command's JSON object."""
+        return {
+            "limb": self.limb,
+            "markers": self.markers,
+            "known": self.known,
+            "placed": self.placed,
+            "left_out": self.left_out,
+            "distance_mm": 1e3 * self.distance_m,
+            "distance_95_mm": 1e3 * self.distance_95_m,
+        }
+
+
+def parts_of(marker_set: MarkerSet) -> dict[str, list[int]]:
+    """Return the markers of each part of the body that carries some; the hips' are the torso's."""
+    joints = [JOINT_NAMES.index(marker.joint) for marker in marker_set.markers]
+    joints = [PART_JOINTS["torso"][0] if joint == 0 else joint for joint in joints]
+    parts = {part: [i for i, joint in enumerate(joints) if joint in own] for part, own in PART_JOINTS.items()}
+    return {part: markers for part, markers in parts.items() if markers}
+
+
+def limb_coverage(marker_set: MarkerSet, distances_m: Array) -> tuple[LimbCoverage, ...]:
+    """Return the coverage of the parts that carry markers.
+
+    Args:
+        distances_m: Distances (F, M) of located and solved markers, NaN where one was not located.
+    """
+    found = []
+    for part, carried in parts_of(marker_set).items():
+        members = [i for i in carried if np.isfinite(distances_m[:, i]).any()]
+        own = distances_m[:, members]
+        seen = own[np.isfinite(own)]
+        if len(seen):
+            placed = sum(marker_set.markers[i].placed for i in members)
+            median_m, most_m = np.percentile(seen, (50.0, 95.0)).tolist()
+            found.append(LimbCoverage(part, len(members), len(members) - placed, placed, 0, median_m, most_m))
+    return tuple(found)
+
+
+def with_left_out(limbs: Sequence[LimbCoverage], left_out: Mapping[str, int]) -> tuple[LimbCoverage, ...]:
+    """Return the coverage with the markers near each part that were not used."""
+    by_part = {limb.limb: limb for limb in limbs}
+    nothing = LimbCoverage("", 0, 0, 0, 0, np.nan, np.nan)
+    return tuple(
+        replace(by_part.get(part, nothing), limb=part, left_out=left_out.get(part, 0))
+        for part in PART_JOINTS
+        if part in by_part or left_out.get(part)
+    )
+
+
+def near_limbs(motion: Motion, points_m: Array) -> dict[str, int]:
+    """Return how many markers (F, N, 3) are nearest to each part of a moving body; far ones are left out."""
+    shown = np.unique(np.linspace(0, motion.frames - 1, _S.samples).astype(np.int64))
+    if len(points_m) != motion.frames or points_m.shape[1] == 0:
+        return {}
+    places = forward_kinematics(motion.skeleton, motion.rotations[shown], motion.root_positions_m[shown])[0]
+    apart_m = np.linalg.norm(points_m[shown, :, None] - places[:, None], axis=-1)
+    seen = np.isfinite(apart_m[..., 0]).any(axis=0)
+    apart_m = np.nanmedian(apart_m[:, seen], axis=0)
+    part_of = {joint: part for part, joints in PART_JOINTS.items() for joint in joints} | {0: "torso"}
+    nearest = apart_m.argmin(axis=1)
+    return Counter(part_of[int(j)] for j, row in zip(nearest, apart_m, strict=True) if row[j] < _S.farthest_m)
+
+
+def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence[str]) -> str:
+    """Return in words how many of the markers shown in a take were used, and which limbs none of them determines."""
+    used = [marker for marker in marker_set.markers if marker.name in shown]
+    placed = sum(marker.placed for marker in used)
+    counts = [(placed, "placed by the motion"), (len(shown) - len(used), "left out")]
+    text = f"{len(used) - placed} of {len(shown)} markers known"
+    text += "".join(f", {count} {what}" for count, what in counts if count)
+    return text + (f"; no marker holds the {', the '.join(lacking)}" if lacking else "")
+
+
+def open_limbs(marker_set: MarkerSet, names: Sequence[str]) -> list[str]:
+    """Return the limbs that the markers `names` leave open although the set, worn as a whole, determines them."""
+    carried = {marker.joint for marker in marker_set.markers}
+    shown = {marker.joint for marker in marker_set.markers if marker.name in names}
+    return [limb for limb, joints in LIMBS.items() if carried & set(joints) and not shown & set(joints)]

@@ -1,0 +1,234 @@
+"""Places on the body for markers that no marker set knows, from a take's motion.
+
+A marker that keeps its place in a bone's frame is worn on that bone. Bones that known markers determine show it at
+once. A limb that they leave open is first laid through the unknown markers: its first bone points at one of them, its
+second at another, in all frames alike, and the two that leave the markers closest to the body are taken. Then poses and
+places are found in turn.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from ..body.skeleton import Skeleton, forward_kinematics
+from ..database.store import Database
+from ..geometry import rotations as rot
+from ..geometry.arrays import Array, IntArray
+from ..markers.marker_set import FEWEST_TORSO, Marker
+from ..markers.marker_take import MarkerTake
+from ..markers.subject import Subject
+from ..markers.take_frames import is_unnamed, take_frames
+from ..session.limb_coverage import LIMBS
+from ..session.session import Session
+from ..solver.marker_selection import worn_in
+from ..system.progress import Progress, no_progress
+from .body_change import observed_positions
+from .from_motion import frames_of
+
+
+@dataclass(frozen=True)
+class PlacementSettings:
+    """Settings of the placement."""
+
+    frames: int = 16  # spread over the take
+    rounds: int = 2
+    moved_share: float = (
+        0.5  # share of the way to the places by new poses: along a limb poses and places can both drift
+    )
+    spread_m: float = 0.02  # usual spread of a marker's place on its bone: skin, and error of the poses
+    flesh_m: float = 0.08  # usual distance of a marker from its bone
+    largest_spread_m: float = 0.05  # beyond it the marker is on no bone
+    farthest_m: float = 0.2  # distance from the bone beyond which a marker is another thing's
+    capped_m: float = 0.3  # largest distance that counts against a limb's course
+    size_share: float = 0.4  # a bone may be longer or shorter than the skeleton's by so much
+    every: int = 2  # of these frames every second one tells a limb's course
+    hand_m: float = 0.15  # length of hand or foot beyond wrist or ankle
+
+
+_S = PlacementSettings()
+_LOOSE = ("fingers", "thumb")  # joints whose poses few markers determine
+
+
+@dataclass(frozen=True)
+class _Limb:
+    """Joints of an open limb: of its first and second bone, and what follows."""
+
+    first: int
+    second: int
+    end: int
+
+    @classmethod
+    def of(cls, limb: str, skeleton: Skeleton) -> "_Limb":
+        names = ("humerus", "radius", "wrist") if limb.endswith("arm") else ("femur", "tibia", "foot")
+        return cls(*(skeleton.index(limb[0] + name) for name in names))
+
+
+def place_markers(take: MarkerTake, subject: Subject, database: Database, progress: Progress = no_progress) -> Subject:
+    """Return the subject with the markers of a take that its set does not know, where the motion shows their places.
+
+    Args:
+        take: Take with y up under the names of the subject's marker set.
+        subject: Body with usual or measured offsets; its bones are kept.
+        database: Database whose poses complete those of the known markers.
+    """
+    shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
+    unknown = [name for name in shown if name not in subject.marker_set.names]
+    start = worn_in(take, subject)
+    seen = np.isfinite(observed_positions(take, start.marker_set)[:, start.marker_set.torso, 0])
+    frames = np.flatnonzero(seen.sum(axis=1) >= FEWEST_TORSO)
+    if is_unnamed(take) or not unknown or not len(frames):
+        return subject
+    chosen = frames[np.unique(np.linspace(0, len(frames) - 1, _S.frames).astype(np.int64))]
+    part = frames_of(take, chosen)
+    points_m = part.positions_m[:, [take.names.index(name) for name in unknown]]
+    progress(0.0, "placing unknown markers")
+    places = _first_places(part, start, database, unknown, points_m)
+    for round_ in range(_S.rounds):
+        progress((1.0 + round_) / (1.0 + _S.rounds), "placing unknown markers")
+        local_m = _local_places(part, _wearing(start, places), database, points_m)
+        places = _kept_places(local_m, subject.skeleton, unknown, places)
+    return _wearing(subject, places)
+
+
+def _wearing(subject: Subject, places: tuple[Marker, ...]) -> Subject:
+    worn = subject.marker_set
+    return replace(subject, marker_set=replace(worn, markers=(*worn.markers, *places)))
+
+
+def _posed(part: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Array]:
+    """Return joint positions (F, J, 3) and orientations (F, J, 4); each frame is solved by itself."""
+    session = Session(subject, database, smooth=False)
+    poses = []
+    for frame in take_frames(part, subject.marker_set):
+        session.reset()
+        poses.append(session.step(frame))
+    rotations = np.array([pose.rotations for pose in poses])
+    return forward_kinematics(subject.skeleton, rotations, np.array([pose.root_position_m for pose in poses]))
+
+
+def _in_bones(points_m: Array, positions_m: Array, world: Array) -> Array:
+    """Return points (F, U, 3) in the frames of all joints (F, U, J, 3)."""
+    return rot.rotate(rot.conjugate(world)[:, None], points_m[:, :, None] - positions_m[:, None])
+
+
+def _local_places(part: MarkerTake, subject: Subject, database: Database, points_m: Array) -> Array:
+    return _in_bones(points_m, *_posed(part, subject, database))
+
+
+def _first_places(
+    part: MarkerTake, start: Subject, database: Database, unknown: list[str], points_m: Array
+) -> tuple[Marker, ...]:
+    """Return the places by the poses of the known markers, on open limbs by the courses of these."""
+    skeleton = start.skeleton
+    positions_m, world = _posed(part, start, database)
+    local_m = _in_bones(points_m, positions_m, world)
+    shown = [name for name, visible in zip(part.names, part.visible.T, strict=True) if visible.any()]
+    has_joint = {marker.joint for marker in start.marker_set.markers if marker.name in shown}
+    limbs = [_Limb.of(name, skeleton) for name, joints in LIMBS.items() if not has_joint & set(joints)]
+    is_open = skeleton.is_ancestor[:, [limb.first for limb in limbs]].any(axis=1)
+    costs, offsets_m = _costs(local_m, skeleton)
+    costs[:, is_open] = np.inf
+    bones_m = np.linalg.norm(local_m - _nearest_on_bones(local_m, skeleton), axis=-1)
+    bones_m[:, :, is_open] = np.inf
+    for limb in limbs:
+        _lay(limb, skeleton, points_m, positions_m[:, limb.first], bones_m.min(axis=2), costs, offsets_m)
+    return _chosen(costs, offsets_m, skeleton, unknown)
+
+
+def _nearest_on_bones(local_m: Array, skeleton: Skeleton) -> Array:
+    """Return the nearest points of the bones to points (..., J, 3) in their frames."""
+    tips = skeleton.tips_m
+    share = np.einsum("...jx,jx->...j", local_m, tips) / np.maximum(np.sum(tips**2, axis=1), 1e-9)
+    return np.clip(share, 0.0, 1.0)[..., None] * tips
+
+
+def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
+    """Return costs (U, J) of markers on bones, inf for impossible ones, and their median places (U, J, 3)."""
+    offsets_m = np.nanmedian(local_m, axis=0)
+    spread_m = np.nanmedian(np.linalg.norm(local_m - offsets_m, axis=-1), axis=0)
+    apart_m = np.linalg.norm(offsets_m - _nearest_on_bones(offsets_m, skeleton), axis=-1)
+    costs = (spread_m / _S.spread_m) ** 2 + (apart_m / _S.flesh_m) ** 2
+    costs[(spread_m > _S.largest_spread_m) | (apart_m > _S.farthest_m)] = np.inf
+    costs[:, [skeleton.index(side + joint) for side in "lr" for joint in _LOOSE]] = np.inf
+    return costs, offsets_m
+
+
+def _lay(
+    limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, apart_m: Array, costs: Array, offsets_m: Array
+) -> None:
+    """Lay a limb through the markers, and write its costs (U, J) and places (U, J, 3) of markers.
+
+    Args:
+        root_m: First joint of the limb (F, 3).
+        apart_m: Distances (F, U) of the markers from the rest of the body.
+    """
+    joints = (limb.first, limb.second, limb.end)
+    first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in joints[1:])
+    lengths_m = np.array([first_m, second_m, _S.hand_m])
+    from_root_m = np.nanmedian(np.linalg.norm(points_m - root_m[:, None], axis=-1), axis=0)
+    near = np.flatnonzero(from_root_m < lengths_m.sum() + _S.farthest_m)
+    bends = near[np.abs(from_root_m[near] / first_m - 1.0) < _S.size_share]
+    few = slice(None, None, _S.every)
+    best, least = None, np.inf
+    for bend, end in product(bends, near):
+        course = _course(root_m[few], points_m[few, bend], points_m[few, end], lengths_m)
+        _, off_m = _beside(points_m[few][:, near], course, lengths_m)
+        cost = float(np.nansum(np.fmin(np.fmin(off_m.min(axis=2), apart_m[few][:, near]), _S.capped_m) ** 2))
+        if bend != end and cost < least:
+            best, least = (bend, end), cost
+    if best is None:
+        return
+    course = _course(root_m, points_m[:, best[0]], points_m[:, best[1]], lengths_m)
+    along_m, off_m = _beside(points_m, course, lengths_m)
+    for part, joint in enumerate(joints):
+        middle_m = np.nanmedian(along_m[..., part], axis=0)
+        spread_m = np.nanmedian(np.abs(along_m[..., part] - middle_m), axis=0)
+        beside_m = np.nanmedian(off_m[..., part], axis=0)
+        costs[:, joint] = (spread_m / _S.spread_m) ** 2 + (beside_m / _S.flesh_m) ** 2
+        costs[beside_m > _S.farthest_m, joint] = np.inf
+        direction = skeleton.tips_m[joint] / max(float(np.linalg.norm(skeleton.tips_m[joint])), 1e-9)
+        offsets_m[:, joint] = np.clip(middle_m, 0.0, lengths_m[part])[:, None] * direction
+
+
+def _course(root_m: Array, elbow_m: Array, wrist_m: Array, lengths_m: Array) -> Array:
+    """Return the joints (F, 4, 3) of a limb that points at two markers one after the other."""
+    joints = [root_m]
+    for target, length in zip((elbow_m, wrist_m), lengths_m[:2], strict=True):
+        way = target - joints[-1]
+        way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
+        joints.append(joints[-1] + length * way)
+    return np.stack((*joints, joints[-1] + lengths_m[2] * way), axis=1)
+
+
+def _beside(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[Array, Array]:
+    """Return how far along and beside each bone of a course (F, 4, 3) the points are, (F, U, 3) each."""
+    ways = np.diff(course_m, axis=1) / lengths_m[:, None]
+    relative = points_m[:, :, None] - course_m[:, None, :3]
+    along_m = np.einsum("fubx,fbx->fub", relative, ways)
+    on = np.clip(along_m, 0.0, lengths_m)[..., None] * ways[:, None]
+    return along_m, np.linalg.norm(relative - on, axis=-1)
+
+
+def _kept_places(
+    local_m: Array, skeleton: Skeleton, unknown: list[str], places: tuple[Marker, ...]
+) -> tuple[Marker, ...]:
+    """Return the places by new poses: each marker on its bone or a neighbouring one, or on no bone any more."""
+    costs, offsets_m = _costs(local_m, skeleton)
+    allowed = np.zeros(costs.shape, dtype=bool)
+    for marker in places:
+        joint, row = skeleton.index(marker.joint), unknown.index(marker.name)
+        allowed[row, [joint, max(int(skeleton.parents[joint]), 0)]] = True
+        allowed[row, skeleton.parents == joint] = True
+        offsets_m[row, joint] += (1.0 - _S.moved_share) * (np.array(marker.offset_m) - offsets_m[row, joint])
+    return _chosen(np.where(allowed, costs, np.inf), offsets_m, skeleton, unknown)
+
+
+def _chosen(costs: Array, offsets_m: Array, skeleton: Skeleton, unknown: list[str]) -> tuple[Marker, ...]:
+    """Return the markers on the bones of least cost."""
+    joints: IntArray = costs.argmin(axis=1)
+    return tuple(
+        Marker(name, skeleton.names[joint], tuple(offsets_m[row, joint].tolist()), placed=True)
+        for row, (name, joint) in enumerate(zip(unknown, joints, strict=True))
+        if np.isfinite(costs[row, joint])
+    )

@@ -1,0 +1,69 @@
+"""Markers that no set knows, placed on the body by the motion of a take."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from perfanim.core.body.motion import sliced
+from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.markers.label_matching import rename_labels
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject
+from perfanim.core.session.solve_take import solve_take
+from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.solver.marker_selection import worn_in
+from perfanim.core.solver.settings import SolveSettings
+from perfanim.core.subjects.marker_placement import place_markers
+
+SUIT = load_marker_set("plug-in-gait")
+ARM_MARKERS = [side + name for side in "LR" for name in ("UPA", "ELB", "FRM", "WRA", "WRB", "FIN")]
+ARM = ("clavicle", "humerus", "radius", "wrist", "hand")
+
+
+@pytest.fixture(scope="module")
+def walker(truth):
+    return Subject("walker", truth.skeleton, SUIT)
+
+
+@pytest.fixture(scope="module")
+def renamed(truth):
+    """A walk whose arms and left knee have labels that no set knows, with a marker that is on no bone."""
+    take = simulate_markers(sliced(truth, 0, 120), SUIT, noise_mm=1.0, seed=2)[0]
+    new = {name: f"X{number}" for number, name in enumerate([*ARM_MARKERS, "LKNE"])}
+    flying = np.cumsum(np.full((take.frames, 1, 3), 0.01), axis=1) + np.linspace(0.0, 3.0, take.frames)[:, None, None]
+    positions = np.concatenate((take.positions_m, flying), axis=1)
+    return rename_labels(replace(take, names=(*take.names, "fly"), positions_m=positions), new), new
+
+
+@pytest.fixture(scope="module")
+def placed(renamed, walker, database):
+    return place_markers(renamed[0], walker, database)
+
+
+def test_unknown_markers_are_placed_on_the_bones_that_carry_them(renamed, placed):
+    markers = {marker.name: marker for marker in placed.marker_set.markers if marker.placed}
+    assert set(markers) == set(renamed[1].values())  # and not the one that flies past
+    for true_name, label in renamed[1].items():
+        joint = markers[label].joint
+        assert joint[0] == true_name[0].lower(), (true_name, joint)
+        assert joint[1:] in (("femur", "tibia") if true_name == "LKNE" else ARM), (true_name, joint)
+
+
+def test_a_solve_with_placed_markers_finds_the_arms(renamed, walker, placed, truth, database):
+    take = renamed[0]
+    joints = [truth.skeleton.index(side + "wrist") for side in "lr"]
+    true_m = forward_kinematics(truth.skeleton, truth.rotations[:120], truth.root_positions_m[:120])[0][:, joints]
+    worn = worn_in(take, placed)
+    motion = solve_take(take, worn, database, SolveSettings(), lambda fraction, text: None, causal=True).motion
+    found_m = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0][:, joints]
+    assert np.median(np.linalg.norm(found_m - true_m, axis=-1)) < 0.06
+
+
+def test_a_take_without_unknown_markers_leaves_the_subject(renamed, walker, database):
+    known = replace(renamed[0], names=tuple(f"{i}" for i in range(len(renamed[0].names))))
+    assert place_markers(known, walker, database) is walker  # no torso: nothing can be placed
+    own = [i for i, name in enumerate(renamed[0].names) if name in SUIT.names]
+    only = replace(
+        renamed[0], names=tuple(renamed[0].names[i] for i in own), positions_m=renamed[0].positions_m[:, own]
+    )
+    assert place_markers(only, walker, database) is walker
