@@ -19,6 +19,11 @@ def runs(flags: Mask) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
+def evenly(total: int, most: int) -> IntArray:
+    """Return at most so many indices, spread from 0 to total - 1."""
+    return np.unique(np.linspace(0, total - 1, min(most, total)).astype(np.int64)) if total else np.arange(0)
+
+
 def packed(values: Array) -> str:
     """Return numbers as text: base 64 of 32-bit floats."""
     return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")

@@ -11,7 +11,7 @@ from ..body.body_parts import PART_JOINTS
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
 from ..body.standard_skeleton import JOINT_NAMES
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, evenly
 from ..markers.marker_set import MarkerSet
 
 # A limb is determined by a marker beyond its hinge: the elbow bends by what the hand does, the knee by the foot.
@@ -108,7 +108,7 @@ def with_left_out(limbs: Sequence[LimbCoverage], left_out: Mapping[str, int]) ->
 
 def near_limbs(motion: Motion, points_m: Array) -> dict[str, int]:
     """Return how many markers (F, N, 3) are nearest to each part of a moving body; far ones are left out."""
-    shown = np.unique(np.linspace(0, motion.frames - 1, _S.samples).astype(np.int64))
+    shown = evenly(motion.frames, _S.samples)
     if len(points_m) != motion.frames or points_m.shape[1] == 0:
         return {}
     places = forward_kinematics(motion.skeleton, motion.rotations[shown], motion.root_positions_m[shown])[0]

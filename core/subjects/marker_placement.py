@@ -14,7 +14,7 @@ import numpy as np
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray
+from ..geometry.arrays import Array, IntArray, evenly
 from ..markers.marker_set import FEWEST_TORSO, Marker
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
@@ -79,7 +79,7 @@ def place_markers(take: MarkerTake, subject: Subject, database: Database, progre
     frames = np.flatnonzero(seen.sum(axis=1) >= FEWEST_TORSO)
     if is_unnamed(take) or not unknown or not len(frames):
         return subject
-    chosen = frames[np.unique(np.linspace(0, len(frames) - 1, _S.frames).astype(np.int64))]
+    chosen = frames[evenly(len(frames), _S.frames)]
     part = frames_of(take, chosen)
     points_m = part.positions_m[:, [take.names.index(name) for name in unknown]]
     progress(0.0, "placing unknown markers")

@@ -14,7 +14,8 @@ from scipy.linalg import solve_triangular
 
 from ..database.store import Database
 from ..errors import SubjectError
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, evenly
+from ..markers.marker_set import FEWEST_TORSO
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..solver.observation import Observation
@@ -33,7 +34,7 @@ class RefineSettings:
 
     rounds: int = 4
     interval_s: float = 0.25  # between the frames used
-    most_frames: int = 240  # one minute
+    most_frames: int = 240  # one minute; of a longer take spread over it
     fewest_frames: int = 3
     farthest_m: float = 0.12  # from the closest example; beyond it the motion is another
     root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; wide, as examples do not tell where the body is
@@ -99,8 +100,11 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
         TakeError: The take lacks torso markers.
     """
     step = max(round(SETTINGS.interval_s * take.fps), 1)
-    observed = observed_positions(take, start.marker_set)[::step][: SETTINGS.most_frames]
-    seconds = min(take.frames / take.fps, SETTINGS.interval_s * SETTINGS.most_frames)
+    observed = observed_positions(take, start.marker_set)
+    observed = observed[np.isfinite(observed[:, start.marker_set.torso, 0]).sum(axis=1) >= FEWEST_TORSO]
+    seconds = min(len(observed) / take.fps, SETTINGS.interval_s * SETTINGS.most_frames)
+    observed = observed[::step]
+    observed = observed[evenly(len(observed), SETTINGS.most_frames)]
     change = np.zeros(len(PARTS) + 3 * len(start.marker_set))
     subject = start
     for round_ in range(SETTINGS.rounds):

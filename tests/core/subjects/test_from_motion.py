@@ -71,7 +71,8 @@ def test_frames_are_chosen_over_the_whole_take(take, wrong_start, database):
     )
     fit = subject_from_motion(late, wrong_start, database)
     assert fit.residual_m < 0.01
-    np.testing.assert_allclose(bones(fit.skeleton), bones(subject_from_motion(short, wrong_start, database).skeleton))
+    alone = subject_from_motion(short, wrong_start, database)
+    np.testing.assert_allclose(bones(fit.skeleton), bones(alone.skeleton), atol=1e-3)
 
 
 def test_hidden_markers_are_left_out(take, wrong_start, database):
