@@ -100,7 +100,8 @@ class SolvedTake:
     def verdict_facts(self) -> dict[str, Any]:
         """Return the verdict's entries of the `solve` command's JSON object, with all stretches in doubt."""
         facts = self.verdict.facts()
-        facts["doubtful"] += [asdict(each) for each in (*self.corrected, *doubtful_stretches(self.poses_of()))]
+        for stretch in (*self.corrected, *doubtful_stretches(self.poses_of())):
+            facts["doubtful"].append(asdict(stretch) | {"reason": stretch.reason or "confidence is low"})
         return facts
 
     def motions_at(self, rate_hz: float | None) -> tuple[Motion, ...]:
