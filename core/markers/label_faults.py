@@ -70,6 +70,7 @@ class FaultSettings:
     still_step: float = 3.0  # most evidence, nats, of each step without the marker's noise
     rounded: float = 3.0  # least noise, in steps of rounding, that rounding cannot hide
     quietest: float = 0.05  # share of a marker's misses that are less than its noise
+    still_move_m: float = 0.02  # distance that the body moves meanwhile, so that a lack of noise matters
     still_harm_m: float = 0.01  # jump at either end that matters without noise
     still_drift_m: float = 0.05  # distance by which the speed at either end leads away that matters, too
     still_drift_evidence: float = 14.0  # evidence, nats, that the latter takes
@@ -104,11 +105,11 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
     joints = [subject.skeleton.index(marker.joint) for marker in worn]
     steps = _steps_between(subject, joints)
     points_m, exchanges = undo_exchanges(take.times_s, take.positions_m[:, columns], steps <= 1)
-    faults = _exchanged(exchanges, names)
+    faults, nearest = _exchanged(exchanges, names), _nearest(steps)
     scale = SeamScale(take.times_s, points_m)
     for kind in (FaultKind.FROZEN, FaultKind.WILD):
         frozen = kind is FaultKind.FROZEN
-        faulty = _frozen(take.times_s, points_m, scale) if frozen else _wild(take.times_s, points_m, scale, steps)
+        faulty = (_frozen if frozen else _wild)(take.times_s, points_m, scale, nearest)
         points_m = np.where(faulty[..., None], np.nan, points_m)
         faults += _missing(faulty, names, kind)
     if not faults:
@@ -129,6 +130,13 @@ def _steps_between(subject: Subject, joints: Sequence[int]) -> IntArray:
             lineage.append(parent)
         lineages.append(frozenset(lineage))
     return np.array([[len(own ^ other) for other in lineages] for own in lineages])
+
+
+def _nearest(steps: IntArray) -> Mask:
+    """Return which markers are the fewest bones away from each (M, M), without itself."""
+    itself = np.eye(len(steps), dtype=bool)
+    apart = np.where(itself, steps.max() + 1, steps)
+    return np.asarray((apart == apart.min(axis=1, keepdims=True)) & ~itself)
 
 
 # ---- exchanged labels
@@ -165,7 +173,7 @@ def _missing(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[LabelF
 # ---- markers that stand still
 
 
-def _frozen(times_s: Array, points_m: Array, scale: SeamScale) -> Mask:
+def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
     """Return where (F, M) markers keep a position that the motion before or after contradicts."""
     steps = np.linalg.norm(np.diff(points_m, axis=0), axis=-1)
     still = steps <= np.maximum(_S.still_m, _S.still_sigmas * scale.usual)
@@ -181,9 +189,8 @@ def _frozen(times_s: Array, points_m: Array, scale: SeamScale) -> Mask:
             if beside and still[start:stop, others].sum() > _S.all_still * beside:
                 continue
             noiseless = steps_noise[marker] * int((steps[start:stop, marker] <= _S.still_m).sum())
-            if noiseless > _S.still_evidence or _contradicted(
-                times_s, points_m[:, marker], start, stop, float(scale.usual[marker])
-            ):
+            filled = noiseless > _S.still_evidence and _moved(points_m, marker, nearest[marker], start, stop)
+            if filled or _contradicted(times_s, points_m[:, marker], start, stop, float(scale.usual[marker])):
                 frozen[start + 1 : stop + 1, marker] = True
     return frozen
 
@@ -207,6 +214,21 @@ def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
         noise = float(np.quantile(misses, _S.quietest)) / rounding_m if len(misses) else 0.0
         evidence[marker] = min(np.log(noise), _S.still_step) if noise > _S.rounded else 0.0
     return evidence
+
+
+def _moved(points_m: Array, marker: int, others: Mask, first: int, last: int) -> bool:
+    """Return whether a marker is elsewhere before or after it stands still, or the nearest ones move meanwhile."""
+    path, middle, beside = points_m[:, marker], (first + last + 1) // 2, _S.still_frames
+    pairs = [
+        (path[first + 1 : last + 1], outside)
+        for outside in (path[max(first - beside, 0) : first], path[last + 1 : last + 1 + beside])
+    ]
+    pairs += [(points_m[first:middle, i], points_m[middle : last + 1, i]) for i in np.flatnonzero(others)]
+    means = [[part[np.isfinite(part[:, 0])] for part in pair] for pair in pairs]
+    return any(
+        len(a) > 0 and len(b) > 0 and np.linalg.norm(a.mean(axis=0) - b.mean(axis=0)) > _S.still_move_m
+        for a, b in means
+    )
 
 
 def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: float) -> bool:
@@ -240,12 +262,11 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
 # ---- wild points
 
 
-def _wild(times_s: Array, points_m: Array, scale: SeamScale, steps: IntArray) -> Mask:
+def _wild(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
     """Return where (F, M) markers are where neither before nor after leads them."""
     wild = np.zeros(points_m.shape[:2], dtype=bool)
-    for marker, row in enumerate(steps):
-        nearest = np.where(np.arange(len(row)) == marker, len(row) + row.max(), row)
-        beside = points_m[:, (nearest == nearest.min()) & (nearest <= row.max())]
+    for marker, others in enumerate(nearest):
+        beside = points_m[:, others]
         rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))
         wild[_WildSearch(times_s, points_m[:, marker], beside, scale, marker).all(rows), marker] = True
     return wild
