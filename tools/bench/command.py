@@ -39,6 +39,7 @@ _BENCHES = {
     "label-faults": _Bench(
         "faults of labels put into takes at random places: found, limbs when solved, false alarms", options=("seed",)
     ),
+    "published": _Bench("trials and measures of published work on sparse inputs", options=("momentum", "suits")),
     "sketch": _Bench("a body from keys of eight takes, with five and with three controls"),
     "joint-angles": _Bench("joint angles of the embedded motion beside those of people"),
     "speed": _Bench("time of detection, of two streams to labelled points, of solve and import"),
@@ -58,6 +59,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     "only": {"nargs": "+", "choices": PARTS, "metavar": "PART", "help": "one or more of " + ", ".join(PARTS)},
     "seed": {"type": int, "metavar": "N", "help": "of all that is drawn by chance"},
     "suits": {"type": Path, "metavar": "DIR", "help": "folder that holds c3d/ and trc/ (default: that of --data)"},
+    "momentum": {"type": Path, "metavar": "PYTHON", "help": "a Python with pymomentum-cpu, to solve full suits beside"},
     "baseline": {"type": Path, "metavar": "CHECKOUT", "help": "another version's folder, which solves the same takes"},
     "runs": {"type": int, "metavar": "N", "help": "captures of each database (default 10)"},
     "database": {"type": Path, "metavar": "FILE", "help": "database to solve with (default: the embedded motion)"},
