@@ -19,6 +19,7 @@ class ArmatureRest(BoneTree):
         deform: Bones (B,) that move vertices.
         inherits_rotation: Bones (B,) that are turned by their parent.
         local_location: Bones (B,) with a location in their rest axes.
+        location_scales: Length (B,) in the armature of a bone's location of 1; scaled bones above it shorten its way.
         connected: Bones (B,) that are fixed to their parent's end, so that their location has no effect.
 
     Raises:
@@ -30,6 +31,7 @@ class ArmatureRest(BoneTree):
     deform: Mask
     inherits_rotation: Mask
     local_location: Mask
+    location_scales: Array
     connected: Mask
 
     def __post_init__(self) -> None:

@@ -76,7 +76,7 @@ class _Carriers:
 
     Args:
         hips: Index of the hips among the driven bones.
-        mover_axes: Axes (3, 3) of the location of the bone that moves the hips.
+        mover_axes: Axes (3, 3) of the location of the bone that moves the hips, as long as its unit is short.
         root: Root bone if it receives the root motion.
     """
 
@@ -245,7 +245,8 @@ def _forearms(
 
 def _carriers(rest: ArmatureRest, hips: int, place: int, root: int) -> _Carriers:
     def location_axes(bone: int) -> Array:
-        return rest.axes[bone].T if rest.local_location[bone] else np.eye(3)
+        axes = rest.axes[bone].T if rest.local_location[bone] else np.eye(3)
+        return np.asarray(axes / rest.location_scales[bone])
 
     mover = rest.mover(hips)
     carrier = None

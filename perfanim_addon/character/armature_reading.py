@@ -38,21 +38,51 @@ LIMITS = ArmatureLimits()
 
 
 def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
-    """Return the rest pose of all bones of an armature object."""
+    """Return the rest pose of all bones of an armature object, with the lengths that scaled bones show."""
     bones = list(armature_object.data.bones)  # Blender keeps parents before their children
     place = {bone.name: index for index, bone in enumerate(bones)}
     count = len(bones)
+    parents = np.array([place[bone.parent.name] if bone.parent else -1 for bone in bones], dtype=np.int64)
+    heads = np.array([bone.head_local for bone in bones], dtype=np.float64).reshape(count, 3)
+    tails = np.array([bone.tail_local for bone in bones], dtype=np.float64).reshape(count, 3)
+    scales = _shown_scales(armature_object, parents)
+    above = np.where(parents >= 0, scales[parents], 1.0)
+    tails = (tails - heads) * scales[:, None]
+    steps = (heads - np.where(parents[:, None] >= 0, heads[parents], 0.0)) * above[:, None]
+    for index, parent in enumerate(parents):
+        heads[index] = steps[index] + (heads[parent] if parent >= 0 else 0.0)
+    is_local = np.array([bone.use_local_location for bone in bones], dtype=bool)
     return ArmatureRest(
         names=tuple(place),
-        parents=np.array([place[bone.parent.name] if bone.parent else -1 for bone in bones], dtype=np.int64),
-        heads=np.array([bone.head_local for bone in bones], dtype=np.float64).reshape(count, 3),
-        tails=np.array([bone.tail_local for bone in bones], dtype=np.float64).reshape(count, 3),
+        parents=parents,
+        heads=heads,
+        tails=heads + tails,
         axes=np.array([bone.matrix_local.to_3x3().normalized() for bone in bones], dtype=np.float64).reshape(-1, 3, 3),
         deform=np.array([bone.use_deform for bone in bones], dtype=bool),
         inherits_rotation=np.array([bone.use_inherit_rotation for bone in bones], dtype=bool),
-        local_location=np.array([bone.use_local_location for bone in bones], dtype=bool),
+        local_location=is_local,
+        location_scales=np.where(is_local, above, 1.0),
         connected=np.array([bone.use_connect for bone in bones], dtype=bool),
     )
+
+
+def own_scale(bone: bpy.types.PoseBone) -> float:
+    """Return the uniform scale of a bone, 1 for a stretched one.
+
+    glTF files can scale bones; importers leave that in the pose, though it belongs to the rest pose. What stretches a
+    bone is left from an animation.
+    """
+    least, most = min(bone.scale), max(bone.scale)
+    return float(sum(bone.scale)) / 3.0 if least > 0.0 and most - least <= LIMITS.same_scale * most else 1.0
+
+
+def _shown_scales(armature_object: bpy.types.Object, parents: IntArray) -> Array:
+    """Return the length (B,) that bones of an armature show for a length of 1."""
+    scales = np.array([own_scale(bone) for bone in armature_object.pose.bones], dtype=np.float64)
+    for index, (bone, parent) in enumerate(zip(armature_object.data.bones, parents, strict=True)):
+        if parent >= 0 and not bone.inherit_scale.startswith("NONE"):
+            scales[index] *= scales[parent]
+    return scales
 
 
 def check_scale(armature_object: bpy.types.Object) -> None:
@@ -73,11 +103,11 @@ def check_scale(armature_object: bpy.types.Object) -> None:
 
 
 def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], moved: Iterable[str]) -> None:
-    """Reset scale and location of turned bones after an earlier animation, but for the locations of moved bones."""
+    """Reset stretch and location of turned bones after an earlier animation, but for the locations of moved bones."""
     kept = set(moved)
     for name in turned:
         bone = armature_object.pose.bones[name]
-        bone.scale = (1.0, 1.0, 1.0)
+        bone.scale = (own_scale(bone),) * 3
         if name not in kept:
             bone.location = (0.0, 0.0, 0.0)
 

@@ -29,10 +29,10 @@ from ...core.retarget.retargeter import RetargetPlan, RootMotion
 from ...core.system.file_content import check_kind
 from ...core.system.files import atomic_path, is_file, read_bytes
 from ..animation.actions import scene_frames, write_with_plan
-from ..blender_versions import detach_action
 from ..character.armature_reading import read_armature_rest
 from ..character.create_character import create_character, find_armature
 from ..character.posing import find_map, plan_for, plan_with_map
+from ..character.rest_pose import release_pose
 from .export_animation import ENDINGS, Form, write_played
 from .stage import add_stage, floor_below, render, set_up_rendering, write_scene
 
@@ -210,17 +210,6 @@ def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, Bo
             first = first or CharacterError(error.what, where=str(character), advice=error.advice)
     assert first is not None  # noqa: S101 - there is an armature, and it was refused
     raise first
-
-
-def release_pose(armature_object: bpy.types.Object) -> None:
-    """Detach other animation of the armature, which stays in the file, and reset its bones."""
-    animation = armature_object.animation_data
-    if animation is not None:
-        detach_action(animation)
-        for track in animation.nla_tracks:
-            track.mute = True
-    for bone in armature_object.pose.bones:
-        bone.matrix_basis.identity()
 
 
 def _add_stage(scene: bpy.types.Scene, armature_object: bpy.types.Object, bone_map: BoneMap, floor: float) -> None:

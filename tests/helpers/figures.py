@@ -86,4 +86,4 @@ def armature(names: list[str], parents: list[int], heads: np.ndarray, random: np
         tails[bone] = heads[children[0]] if children else heads[bone] + 0.3 * (heads[bone] - above)
     axes = rot.to_matrix(rot.normalize(random.normal(size=(count, 4))))
     yes = np.ones(count, dtype=bool)
-    return ArmatureRest(tuple(names), np.array(parents), heads, tails, axes, yes, yes, yes, ~yes)
+    return ArmatureRest(tuple(names), np.array(parents), heads, tails, axes, yes, yes, yes, np.ones(count), ~yes)

@@ -188,7 +188,9 @@ def layout(path: Path) -> ArmatureRest:
     ends = [np.array([bones[n][end].get("default_position", (0, 0, 0)) for n in order]) for end in ("head", "tail")]
     parents = np.array([place[bones[n]["parent"]] if bones[n].get("parent") else -1 for n in order])
     yes = np.ones(len(order), dtype=bool)
-    return ArmatureRest(tuple(order), parents, *ends, np.tile(np.eye(3), (len(order), 1, 1)), yes, yes, yes, ~yes)
+    return ArmatureRest(
+        tuple(order), parents, *ends, np.tile(np.eye(3), (len(order), 1, 1)), yes, yes, yes, np.ones(len(order)), ~yes
+    )
 
 
 @pytest.mark.parametrize(
