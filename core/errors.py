@@ -3,7 +3,8 @@
 import re
 
 MOST_TEXT = 300  # characters of a message
-_SHARES = (90, 115, 90)  # of place, fact and advice, where they are too long together
+_MOST_FACT, _MOST_PLACE = 190, 90  # letters of fact and place, where all is too long together
+_LIST = re.compile(r"[^,;():]+(?:, [^,;():]+){3,}")  # enumeration of four or more
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # new lines, and what a terminal obeys
 
 
@@ -20,6 +21,28 @@ def shorten(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
 
 
+def fit_sentence(text: str, most: int) -> str:
+    """Return a printable sentence of at most `most` letters: lists are cut first, then its end, never its beginning."""
+    text = printable(text)
+    for found in sorted(_LIST.findall(text), key=len, reverse=True):
+        items = found.split(", ")
+        kept = len(items)
+        while len(text) > most and kept > 2:
+            kept -= 1
+            shorter = f"{', '.join(items[:kept])} and {len(items) - kept} more"
+            text, found = text.replace(found, shorter), shorter
+    if len(text) <= most:
+        return text
+    cut = text[: max(most - 3, 0)]
+    return (cut.rsplit(" ", 1)[0].rstrip(" ,;:(") or cut) + "..."[:most]
+
+
+def _fit_place(text: str, most: int) -> str:
+    """Return a printable place of at most `most` letters, with its end: the name of the file, and the line."""
+    text = printable(text)
+    return text if len(text) <= most else "..." + text[3 - most :]
+
+
 class PerfanimError(Exception):
     """Base of all errors that are reported to the user in one line.
 
@@ -31,9 +54,11 @@ class PerfanimError(Exception):
 
     def __init__(self, what: str, *, where: str = "", advice: str = "") -> None:
         where, what, advice = map(printable, (where, what, advice))
-        whole = len(where) + len(what) + len(advice) + 4 <= MOST_TEXT
-        parts = zip((where, what, advice), _SHARES, strict=True)
-        where, what, advice = (shorten(part, MOST_TEXT if whole else share) for part, share in parts)
+        if len(where) + len(what) + len(advice) + 4 > MOST_TEXT:
+            what = fit_sentence(what, _MOST_FACT)
+            where = _fit_place(where, max(_MOST_PLACE, MOST_TEXT - 4 - len(what) - len(advice)))
+            where = _fit_place(where, MOST_TEXT - 4 - len(what))
+            advice = fit_sentence(advice, MOST_TEXT - 4 - len(what) - len(where))
         self.what = what
         self.where = where
         self.advice = advice

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NoReturn, TextIO
 
 from .. import __version__
-from ..errors import MOST_TEXT, PerfanimError, shorten
+from ..errors import MOST_TEXT, PerfanimError, fit_sentence
 from .command_summary import PartialResult, jsonable, summary_text
 from .guarded_run import guarded_run
 
@@ -63,7 +63,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End with exit status 2 and a message of limited length."""
-        super().error(shorten(message, MOST_TEXT - len(f"{self.prog}: error: ")))
+        super().error(fit_sentence(message, MOST_TEXT - len(f"{self.prog}: error: ")))
 
 
 def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:

@@ -223,7 +223,10 @@ def _read(files: Sequence[MotionFile], collected: _Collected, settings: BuildSet
 
 
 def _nothing_usable(sources: Sequence[Path | str], collected: _Collected) -> DatabaseError:
-    reasons = "; ".join(f"{row['file']}: {row['reason']}" for row in collected.skipped[:3])
+    left_out = [(row["file"], row["defect"]) for row in collected.defects if row["done"] == "left out"]
+    places = [f"{row['file']}, line {row['line']}" if row["line"] else row["file"] for row in collected.skipped]
+    rows = [(place, row["reason"]) for place, row in zip(places, collected.skipped, strict=True)] + left_out
+    reasons = "; ".join(f"{file}: {reason}" for file, reason in rows[:3])
     return DatabaseError(
         f"found no usable motion ({reasons or 'no .bvh or .amc files'})",
         where=", ".join(str(source) for source in sources),

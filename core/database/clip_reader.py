@@ -27,6 +27,8 @@ from ..geometry.arrays import FloatArray
 from ..system.json_process import JsonProcess
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
+_LEAST_FRAMES = 4  # of a clip: the search looks at accelerations
+
 
 @dataclass(frozen=True)
 class ReadClip:
@@ -155,9 +157,10 @@ def read_file(path: str, skeleton: str, name: str, fps: float) -> ReadFile:
         for start, sound in cleaned.parts:
             motion = resampled(sound, fps)
             first = part.first_frame + start
-            if motion.frames < 4:  # the search looks at accelerations
+            if motion.frames < _LEAST_FRAMES:
                 frames = _frames(first + 1, first + sound.frames)
-                kind = f"too short, {motion.frames} frames at {fps:g} per second"
+                count = "1 frame" if motion.frames == 1 else f"{motion.frames} frames"
+                kind = f"too short, {count} at {fps:g} per second, at least {_LEAST_FRAMES} are needed"
                 rows.append({"frames": frames, "defect": kind, "done": "left out"})
                 continue
             rotations = np.ascontiguousarray(rot.continuous(motion.rotations), dtype=np.float32)

@@ -29,6 +29,10 @@ def match_names(tree: BoneTree) -> tuple[dict[str, int], dict[str, bool]]:
 
     def first(words: Sequence[str], side: str, taken: set[int]) -> int:
         candidates = [b for b in used if parsed[b].side == side and parsed[b].words in words and b not in taken]
+        # a joint above one of the same name is its socket (LHipJoint above LeftHip): it does not turn
+        above = {b: int(tree.parents[b]) for b in candidates if tree.parents[b] >= 0}
+        sockets = {parent for b, parent in above.items() if parsed[parent] == parsed[b]}
+        candidates = [b for b in candidates if b not in sockets]
         return min(
             candidates,
             key=lambda b: (words.index(parsed[b].words), not below[b], depth[b], parsed[b].numbers, b),

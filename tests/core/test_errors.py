@@ -21,6 +21,21 @@ def test_a_message_is_one_line_whatever_a_file_holds() -> None:
         assert len(str(FormatError(text, where=text, advice=text))) <= MOST_TEXT
 
 
+def test_a_long_message_loses_lists_and_ends_but_never_the_fact() -> None:
+    names = [f"marker{number}" for number in range(290)]
+    error = FormatError(
+        "the take has no marker " + ", ".join(names), where="/very/long/folder" * 20 + "/walk.trc, line 7",
+        advice="its markers are " + ", ".join(names) + "; choose the marker set that was worn",
+    )  # fmt: skip
+    assert len(str(error)) <= MOST_TEXT
+    assert error.what.startswith("the take has no marker marker0, marker1") and error.what.endswith(" more")
+    assert error.where.endswith("/walk.trc, line 7")
+    short = FormatError("has " + "no " * 200 + "end", where="a.trc", advice="record it again")
+    assert short.what.startswith("has no no") and short.what.endswith("no...") and short.advice == "record it again"
+    listed = FormatError("is one", advice="give one of " + ", ".join(names) + "; choose the set that was worn")
+    assert listed.advice.endswith(" more; choose the set that was worn")
+
+
 @pytest.mark.parametrize("kind", SUBCLASSES)
 def test_every_error_can_be_caught_as_one(kind: type[PerfanimError]) -> None:
     assert issubclass(kind, PerfanimError)

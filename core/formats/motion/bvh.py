@@ -24,6 +24,7 @@ from .numbers import angle_jumps, check_pose_bytes, parse_numbers
 # metres per unit; "cmu" is the unit of the CMU database's own files (inches / 0.45)
 UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "cmu": 0.0254 / 0.45}
 WRITTEN_ORDER = "ZXY"
+_WIDTH = "write one frame a line, with a value for each channel of the hierarchy"
 
 
 def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") -> SourceMotion:
@@ -83,8 +84,11 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
         raise FormatError("has no channels", where=where)
     body = block[match.end() :]
     numbers = parse_numbers(body)
-    if numbers is None or numbers.size % width or np.any(np.isinf(numbers)):
-        raise _first_fault(body, width, where, line + block.count(b"\n", 0, match.end()))
+    first = line + block.count(b"\n", 0, match.end())
+    if numbers is None or np.any(np.isinf(numbers)):
+        raise _first_word_that_is_no_number(body, f"{where}, line", first)
+    if numbers.ndim < 2 or numbers.shape[1] != width:
+        _check_lines(body, width, declared, f"{where}, line", first)
     rows = numbers.reshape(-1, width)
     if len(rows) == 0:
         raise FormatError("has no frames", where=place)
@@ -93,23 +97,35 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
     return rows, float(round(fps)) if abs(fps - round(fps)) < 0.01 else fps, notes
 
 
-def _first_fault(body: bytes, width: int, where: str, line: int) -> FormatError:
-    """Return the error for the first bad row; rows may be broken over lines."""
-    seen = 0
+def _first_word_that_is_no_number(body: bytes, place: str, line: int) -> FormatError:
     for number, raw in enumerate(body.split(b"\n"), start=line):
         for word in raw.split():
-            seen += 1
             if re.fullmatch(rb"[-+]?((\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?|nan(\(\w*\))?)", word, re.I) is None:
-                text = word[:30].decode("latin-1")
-                return FormatError(f"{text!r} is not a finite number", where=f"{where}, line {number}")
-        if raw.split() and seen % width and len(raw.split()) not in (seen, seen % width, width):
-            break
-    last = line + body.rstrip().count(b"\n")
-    return FormatError(
-        f"has {seen % width or width} of {width} values in its last row",
-        where=f"{where}, line {last}",
-        advice="the file is cut off or a value is missing",
-    )
+                what = f"{word[:30].decode('latin-1')!r} is not a finite number"
+                mixed = "write all numbers with decimal points" if b"," in word else ""
+                return FormatError(what, where=f"{place} {number}", advice=mixed)
+    return FormatError("has no numbers", where=f"{place} {line}")
+
+
+def _check_lines(body: bytes, width: int, declared: int, place: str, line: int) -> None:
+    """Raise FormatError for a line that does not hold a frame.
+
+    A frame may be broken over lines and several may share one, but not where the lines are as many as the frames.
+    """
+    lines = [(number, len(raw.split())) for number, raw in enumerate(body.split(b"\n"), start=line)]
+    lines = [(number, count) for number, count in lines if count]
+    start, begun = 0, 0  # first line and values of an unfinished frame
+    for index, (_, count) in enumerate(lines):
+        start, begun = (start if begun else index), begun + count
+        is_cut = index + 1 == len(lines) and count < width  # by the end of the file
+        is_wrong = len(lines) == declared and count != width
+        if (is_wrong or (begun > width and begun % width)) and not is_cut:
+            what = f"has {lines[start][1]} of {width} values"
+            raise FormatError(what, where=f"{place} {lines[start][0]}", advice=_WIDTH)
+        begun %= width
+    if begun:
+        what, advice = f"has {begun} of {width} values in its last row", "the file is cut off or a value is missing"
+        raise FormatError(what, where=f"{place} {lines[-1][0]}", advice=advice)
 
 
 def _assemble(

@@ -62,6 +62,11 @@ def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
         yield _pair_skeletons(found)
 
 
+def is_archive(name: str) -> bool:
+    """Return whether a file name has the ending of an archive that can be read."""
+    return name.lower().endswith((".zip", *_TAR_SUFFIXES))
+
+
 def _members(source: Path, scratch: Path) -> dict[str, Path]:
     """Return name -> path of the motion, skeleton and index files of one source."""
     if is_folder(source):
@@ -70,7 +75,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
     if not is_file(source):
         raise FormatError("is not there", where=str(source), advice="give files, folders or archives")
     lower = source.name.lower()
-    if lower.endswith(".zip") or lower.endswith(_TAR_SUFFIXES):
+    if is_archive(lower):
         scratch.mkdir()
         unpack = _unpack_zip if lower.endswith(".zip") else _unpack_tar
         with reading(source, what="is a damaged archive"):
@@ -84,7 +89,10 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
     return {source.name: source} | beside | ({_INDEX_NAME: index} if is_file(index) else {})
 
 
-def _is_used(name: str) -> bool:
+def _is_used(name: str, is_packed: bool = False) -> bool:
+    """Return whether a file is read; an archive in an archive is, so that it is named as one."""
+    if is_packed and is_archive(name):
+        return True
     return PurePosixPath(name).suffix.lower() in _USED_SUFFIXES or PurePosixPath(name).name == _INDEX_NAME
 
 
@@ -93,7 +101,7 @@ def _unpack_zip(source: Path, scratch: Path) -> dict[str, Path]:
     with source.open("rb") as file, open_zip(file, partial(check_count, source)) as archive:
         check_unpacked_size(source, sum(member.file_size for member in archive.infolist()))
         for member in archive.infolist():
-            if not member.is_dir() and _is_used(member.filename):
+            if not member.is_dir() and _is_used(member.filename, is_packed=True):
                 target = _target(scratch, len(found), member.filename)
                 with archive.open(member) as packed, target.open("wb") as plain:
                     shutil.copyfileobj(packed, plain)
@@ -109,7 +117,8 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
         for member in archive:
             size += member.size
             check_unpacked_size(source, size)
-            packed = archive.extractfile(member) if member.isfile() and _is_used(member.name) else None
+            is_used = member.isfile() and _is_used(member.name, is_packed=True)
+            packed = archive.extractfile(member) if is_used else None
             if packed is not None:
                 target = _target(scratch, len(found), member.name)
                 with target.open("wb") as plain:
@@ -166,7 +175,7 @@ def _pair_skeletons(found: dict[str, Path]) -> list[MotionFile]:
     for name, path in found.items():
         pure = PurePosixPath(name)
         suffix = pure.suffix.lower()
-        if suffix not in MOTION_SUFFIXES or (resolved := path.resolve()) in seen:
+        if (suffix not in MOTION_SUFFIXES and not is_archive(name)) or (resolved := path.resolve()) in seen:
             continue
         seen.add(resolved)
         skeleton = skeletons.of(name) if suffix == ".amc" else None

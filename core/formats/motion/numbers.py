@@ -14,11 +14,14 @@ _POSE_BYTES = 32  # of a joint in a frame
 
 
 def parse_numbers(text: bytes) -> Array | None:
-    """Return all numbers of a text, None if it contains anything else."""
+    """Return all numbers of a text, None if it contains anything else.
+
+    They are an array (lines, N) if all lines hold as many, else one of a single axis.
+    """
     if not text or text.isspace():
         return np.empty(0)
     with suppress(ValueError):  # lines of different lengths; `fromstring` takes a quarter longer
-        return np.loadtxt(io.BytesIO(text), comments=None, ndmin=1).ravel()
+        return np.loadtxt(io.BytesIO(text), comments=None, ndmin=2)
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)  # numpy 1 warns about other text, numpy 2 raises
         try:

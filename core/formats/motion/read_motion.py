@@ -20,7 +20,7 @@ from ...system.files import is_file, is_folder, read_bytes
 from .amc import CMU_FPS, amc_motion, parse_amc_values
 from .asf import AsfFile, read_asf
 from .bvh import read_bvh
-from .motion_sources import SkeletonNames
+from .motion_sources import SkeletonNames, is_archive
 
 _NOT_FINITE = "numbers that are not finite"
 _UPSIDE_DOWN = Defect("the body is upside down in all frames", 0, 0, "turned over")
@@ -86,6 +86,8 @@ def _read_parts(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     suffix = path.suffix.lower()
     if suffix == ".amc":
         return _read_amc(path, skeleton, name or path.stem)
+    if is_archive(path.name):
+        raise FormatError("is an archive in an archive", where=str(path), advice="unpack it, and give its files")
     if suffix != ".bvh":
         raise FormatError("is not a motion file", where=str(path), advice="give a .bvh or .amc file")
     source = read_bvh(path, unit="auto")

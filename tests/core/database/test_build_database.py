@@ -359,8 +359,19 @@ def test_a_damaged_skeleton_file_is_named_as_such(
 def test_what_is_too_short_is_named(folder: Path, tmp_path: Path) -> None:
     write_bvh(waving("short", 2, 60.0), folder / "short.bvh")
     report = build_database([folder], tmp_path / "a.db")
-    row = {"file": "motion/short.bvh", "frames": "1-2", "defect": "too short, 2 frames at 60 per second"}
+    row = {"file": "motion/short.bvh", "frames": "1-2"}
+    row["defect"] = "too short, 2 frames at 60 per second, at least 4 are needed"
     assert report["defects"] == [row | {"done": "left out"}]
+
+
+def test_what_leaves_nothing_is_named(folder: Path, tmp_path: Path) -> None:
+    write_bvh(waving("short", 1, 60.0), tmp_path / "short.bvh")
+    with pytest.raises(DatabaseError, match=r"short.bvh: too short, 1 frame at 60 per second, at least 4 are needed"):
+        build_database([tmp_path / "short.bvh"], tmp_path / "a.db")
+    with zipfile.ZipFile(tmp_path / "outer.zip", "w") as outer:
+        outer.write(_zip(folder, tmp_path / "inner.zip"), "sub/inner.zip")
+    with pytest.raises(DatabaseError, match=r"outer.zip/sub/inner.zip: is an archive in an archive; unpack it"):
+        build_database([tmp_path / "outer.zip"], tmp_path / "a.db")
 
 
 def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

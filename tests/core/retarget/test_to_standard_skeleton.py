@@ -1,17 +1,17 @@
 """The product's motion is put on other skeletons, by names and rest poses of other programs, and mapped back."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from perfanim.core.body.motion import Motion
-from perfanim.core.body.skeleton import forward_kinematics, joint_angles
+from perfanim.core.body.skeleton import Skeleton, forward_kinematics, joint_angles
 from perfanim.core.body.source_motion import SourceMotion, source_kinematics
 from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton
 from perfanim.core.errors import SkeletonError
-from perfanim.core.formats.motion.bvh import read_bvh
+from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.bone_name_parser import parse_bone_name
@@ -195,6 +195,58 @@ def test_forearm_twist_goes_to_the_wrist() -> None:
     mapped = to_standard_skeleton(as_source(twisted, MIXAMO, t_pose_turns()))
     assert np.degrees(rot.angle_between(mapped.rotations[:, wrist], rotations[:, wrist])).max() < 0.5
     assert np.degrees(rot.angle_between(mapped.rotations[:, hand], rotations[:, hand])).max() < 0.5
+
+
+def as_bvh(tmp_path: Path, change: Callable[[str], str] = str, sockets: bool = False) -> str:
+    """Return a BVH file of moving joints with names of Biovision, changed as a text.
+
+    Args:
+        sockets: A joint of length 0 that does not turn is above each hip.
+    """
+    source = as_source(moving(), BIOVISION | {"ltoes": "LeftToe", "rtoes": "RightToe"})
+    names, parents, rotations = list(source.names), source.parents.copy(), source.rotations
+    still, end = rot.identity((len(rotations), 2)), np.zeros((2, 3))
+    if sockets:
+        for hip in (names.index("LeftHip"), names.index("RightHip")):
+            names.append(f"{names[hip][0]}HipJoint")
+            parents = np.append(parents, parents[hip])
+            parents[hip] = len(names) - 1
+        order = [0, len(names) - 2, len(names) - 1, *range(1, len(names) - 2)]
+        new = np.argsort(order)
+        parents = np.array([new[parents[joint]] if parents[joint] >= 0 else -1 for joint in order])
+        names = [names[joint] for joint in order]
+        rotations = np.concatenate((rotations, still), axis=1)[:, order]
+        offsets, tips = (np.concatenate((each, end))[order] for each in (source.offsets_m, source.tips_m))
+    else:
+        offsets, tips = source.offsets_m, source.tips_m
+    motion = Motion("a", 60.0, Skeleton(tuple(names), parents, offsets, tips), rotations, source.translations_m[0])
+    path = tmp_path / "b.bvh"
+    write_bvh(motion, path)
+    path.write_text(change(path.read_text()))
+    return str(path)
+
+
+def without_sides(text: str) -> str:
+    return text.replace("Left", "").replace("Right", "")
+
+
+def with_commas(text: str) -> str:
+    return text.replace(".", ",")
+
+
+@pytest.mark.parametrize(("change", "sockets"), [(str, True), (without_sides, False), (with_commas, False)])
+def test_files_of_odd_programs_are_the_same_motion(tmp_path: Path, change: Callable[[str], str], sockets: bool) -> None:
+    right = read_motion(as_bvh(tmp_path))
+    motion = read_motion(as_bvh(tmp_path, change, sockets))
+    np.testing.assert_allclose(motion.rotations, right.rotations, atol=1e-6)
+    np.testing.assert_allclose(motion.skeleton.offsets_m, right.skeleton.offsets_m, atol=1e-6)
+
+
+def test_equal_names_whose_sides_cannot_be_told_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        SkeletonError, match=r"b.bvh: two joints are called '\w+', and no side is named; name the sides"
+    ):
+        read_motion(as_bvh(tmp_path, lambda text: without_sides(text).replace("Toe", "Pad")))
 
 
 def test_a_skeleton_without_arms_is_refused() -> None:
