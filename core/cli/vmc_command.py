@@ -87,6 +87,7 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check_ending(out, (*MOTION_ENDINGS, *WRITABLE))
     with Receiver(args.port, "" if args.sender == "any" else args.sender) as receiver:
         recording = record(receiver, args.seconds, progress)
+        others = receiver.others
     facts: dict[str, Any]
     if is_motion(out):
         motion, received = recording.motion(out.name.split(".")[0])
@@ -97,4 +98,6 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         lost = write_take(markers, out).frames - markers.frames
         facts = {"frames": markers.frames, "lost_frames": lost, "fps": markers.fps, "names": list(markers.names)}
     came = recording.gathering
-    return facts | {"packets": came.packets, "malformed": came.malformed, "flooding": came.flooding, "out": str(out)}
+    facts |= {"packets": came.packets, "malformed": came.malformed, "flooding": came.flooding, "out": str(out)}
+    warning = f"left out: {', '.join(others)} sent to the same port; close the other program, or give it another port"
+    return facts | ({"warnings": [warning]} if others else {})

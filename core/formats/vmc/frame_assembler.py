@@ -44,13 +44,15 @@ class FrameAssembler:
     A frame ends when something that it contains arrives again, whatever packets and order a program uses.
 
     Attributes:
-        packets, malformed: Number of packets, and of those that violate the protocol.
+        packets, malformed: Number of packets, and of those with something that violates the protocol.
+        understood: Number of packets with something that does not.
         flooding: Number of packets and frames dropped because of `LIMITS`.
     """
 
     def __init__(self) -> None:
         self.packets = 0
         self.malformed = 0
+        self.understood = 0
         self.flooding = 0
         self._second_s = -math.inf
         self._packets_left = self._bytes_left = self._frames_left = 0
@@ -60,11 +62,6 @@ class FrameAssembler:
         self._arrival_s = 0.0
         self._clock_s: float | None = None
         self._placed: dict[Key, Placement] = {}
-
-    @property
-    def understood(self) -> int:
-        """Number of packets that were read and well-formed."""
-        return self.packets - self.malformed - self.flooding
 
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
         """Add a UDP packet and return the frames that it ended.
@@ -76,11 +73,14 @@ class FrameAssembler:
         if not self._admits(packet, arrival_s):
             self.flooding += 1
             return []
+        faults: list[str] = []
         try:
-            messages = read_packet(packet)
+            messages = read_packet(packet, faults)
         except FormatError:
             self.malformed += 1
             return []
+        self.malformed += bool(faults)
+        self.understood += bool(messages or not faults)
         return [frame for message in messages for frame in self._add(message, arrival_s)]
 
     def _admits(self, packet: bytes, arrival_s: float) -> bool:

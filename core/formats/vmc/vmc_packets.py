@@ -98,14 +98,31 @@ def _message(address: str, *values: str | float) -> bytes:
     return struct.pack(">I", len(data)) + data
 
 
-def read_packet(packet: bytes) -> list[Placement | Clock]:
-    """Return the transforms and times of a packet in its order; FormatError if it violates the protocol."""
-    found = (_read_message(message) for message in _messages(packet))
-    return [message for message in found if message is not None]
+def read_packet(packet: bytes, faults: list[str] | None = None) -> list[Placement | Clock]:
+    """Return the transforms and times of a packet in its order.
+
+    Args:
+        faults: Gets what is wrong with messages that violate the protocol; the others of the packet are returned.
+
+    Raises:
+        FormatError: The packet violates the protocol, or without `faults` one of its messages does.
+    """
+    found = []
+    for each in _messages(packet, faults):
+        try:
+            message = _read_message(each)
+        except FormatError as error:
+            if faults is None:
+                raise
+            faults.append(error.what)
+            continue
+        if message is not None:
+            found.append(message)
+    return found
 
 
-def _messages(packet: bytes) -> Iterator[bytes]:
-    """Yield the messages of a packet, including those in nested bundles.
+def _messages(packet: bytes, faults: list[str] | None) -> Iterator[bytes]:
+    """Yield the messages of a packet, including those in nested bundles; parts of a bundle that are none are faults.
 
     The library's own reader loops forever if a size points backwards, so sizes are checked here.
     """
@@ -116,7 +133,10 @@ def _messages(packet: bytes) -> Iterator[bytes]:
             yield item
             continue
         if not item.startswith(_BUNDLE) or len(item) < _HEADER_BYTES:
-            raise FormatError("is not an OSC packet")
+            if depth == 0 or faults is None:
+                raise FormatError("is not an OSC packet")
+            faults.append("is not an OSC packet")
+            continue
         if depth == _MOST_NESTED:
             raise FormatError(f"has OSC bundles nested more than {_MOST_NESTED} deep")
         inner, at = [], _HEADER_BYTES

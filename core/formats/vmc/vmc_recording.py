@@ -97,7 +97,7 @@ class Recording:
             raise TakeError(
                 f"{len(frames)} frames with {what} came in {self.gathering.packets} packets",
                 where=name,
-                advice="let the other program send them to this computer and port",
+                advice="let the other program send them to this port at 127.0.0.1, or at this computer's address",
             )
         arrivals_s = np.array([frame.arrival_s for frame in frames])
         clocks_s = np.array([frame.clock_s for frame in frames if frame.clock_s is not None])

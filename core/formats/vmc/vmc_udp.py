@@ -14,6 +14,7 @@ from ...errors import CaptureError
 from ...geometry.arrays import Array
 from ...system.progress import Progress
 from .humanoid import BONES, Humanoid
+from .sender_choice import SenderChoice, Source
 from .vmc_packets import FramePackets
 from .vmc_recording import Recording
 
@@ -80,6 +81,7 @@ class Receiver(AbstractContextManager["Receiver"]):
 
     Attributes:
         strangers: Addresses of other computers that have sent packets, ten at most.
+        others: Further programs that have sent packets, as HOST:PORT; only one is listened to at a time.
         overflowed: Packets that the system dropped while this process was busy (reported by Linux only).
 
     Raises:
@@ -89,8 +91,9 @@ class Receiver(AbstractContextManager["Receiver"]):
     def __init__(self, port: int, sender: str = "") -> None:
         self.strangers: set[str] = set()
         self.overflowed = 0
-        self._sender = _address(sender)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._choice = SenderChoice()
+        family, self._sender = _address(sender)
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
             if sys.platform == "linux":
@@ -109,32 +112,40 @@ class Receiver(AbstractContextManager["Receiver"]):
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
+    @property
+    def others(self) -> list[str]:
+        """Programs whose packets were dropped because another one sends."""
+        return [f"{address}:{port}" for address, port in sorted(self._choice.others)]
+
     def receive(self, timeout_s: float) -> bytes | None:
         """Return the next packet of the sender, None after the timeout."""
         self._socket.settimeout(timeout_s)
         try:
-            packet, address = self._read()
+            packet, source = self._read()
         except (TimeoutError, BlockingIOError):
             return None
-        if self._sender and address != self._sender:
+        if self._sender and source[0] != self._sender:
             if len(self.strangers) < 10:
-                self.strangers.add(address)
+                self.strangers.add(source[0])
             return None
-        return packet
+        return packet if self._choice.accepts(source, time.monotonic()) else None
 
-    def _read(self) -> tuple[bytes, str]:
-        """Return the next packet and its sender's address."""
+    def _read(self) -> tuple[bytes, Source]:
+        """Return the next packet, and its sender's address and port."""
         if sys.platform != "linux":
-            packet, (address, _) = self._socket.recvfrom(_LARGEST_PACKET)
-            return packet, address
-        packet, said, _, (address, _) = self._socket.recvmsg(_LARGEST_PACKET, socket.CMSG_SPACE(4))
+            packet, source = self._socket.recvfrom(_LARGEST_PACKET)
+            return packet, source[:2]
+        packet, said, _, source = self._socket.recvmsg(_LARGEST_PACKET, socket.CMSG_SPACE(4))
         self.overflowed = next((struct.unpack("I", count)[0] for _, what, count in said if what == _SO_RXQ_OVFL), 0)
-        return packet, address
+        return packet, source[:2]
 
 
-def _address(host: str) -> str:
+def _address(host: str) -> tuple[socket.AddressFamily, str]:
+    """Return the family and address of a computer, the older family where it has both."""
     try:
-        return socket.gethostbyname(host) if host else ""
+        found = socket.getaddrinfo(host or "0.0.0.0", None, type=socket.SOCK_DGRAM)  # noqa: S104 - only looked up
+        family, *_, address = min(found, key=lambda each: each[0] != socket.AF_INET)
+        return family, str(address[0]) if host else ""
     except (OSError, UnicodeError) as error:
         advice = "give its address, as 192.168.1.20, or none for all"
         raise CaptureError(f"is not a known computer ({error})", where=host, advice=advice) from error

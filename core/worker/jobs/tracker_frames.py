@@ -76,10 +76,16 @@ class _Silence:
         self._from = f" from {sender}" if sender else ""
         self._warning = ""
         self._hears = self._came = False
+        self._others = 0
         self._since_s = time.perf_counter()
 
     def update(self, now_s: float, came: bool) -> None:
-        """Update with the arrival of markers."""
+        """Update with the arrival of markers, and with who else sends."""
+        others = self._receiver.others
+        if len(others) > self._others:
+            named = f"{', '.join(others)} sends to port {self._receiver.port}, too, and is left out"
+            self._channel.send_warning(f"{named}: close that program, or give it another port")
+            self._others = len(others)
         if came:
             if self._warning:
                 self._channel.send_warning("", standing=True)

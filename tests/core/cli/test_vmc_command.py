@@ -2,6 +2,7 @@
 
 import json
 import socket
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from perfanim.core.formats.take_file.pose_codec import TimedPose
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.formats.vmc.vmc_packets import read_packet
-from perfanim.core.formats.vmc.vmc_udp import Receiver
+from perfanim.core.formats.vmc.vmc_udp import Receiver, Sender
 from perfanim.core.markers.marker_take import load_take
 from trackers_sent import tracker_packet
 
@@ -85,10 +86,39 @@ def test_trackers_to_a_marker_take(tmp_path):
     assert load_take(tmp_path / "waist.take.npz").positions_m == pytest.approx(np.tile([-0.5, 1.0, 2.0], (3, 1, 1)))
 
 
+def test_one_of_two_programs_is_recorded_and_the_other_named(tmp_path):
+    def send(port):
+        with ExitStack() as open_sockets:
+            links = [open_sockets.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)]
+            for number in range(5):
+                for link, height in zip(links, (1.0, 1.2), strict=True):
+                    builder = OscMessageBuilder("/VMC/Ext/Tra/Pos")
+                    for value in ("waist", 0.1 * number, height, 2.0, 0.0, 0.0, 0.0, 1.0):
+                        builder.add_arg(value)
+                    link.sendto(builder.build().dgram, ("127.0.0.1", port))
+            other.append(links[1].getsockname()[1])
+
+    other = []
+    facts = run(["--out", tmp_path / "waist.take.npz", "--seconds", "0.01"], send)
+    assert (facts["frames"], facts["packets"]) == (5, 5)
+    assert facts["warnings"][0].startswith(f"left out: 127.0.0.1:{other[0]} sent to the same port")
+    assert load_take(tmp_path / "waist.take.npz").positions_m[:, 0, 1] == pytest.approx(1.0)
+
+
+def test_the_newer_protocol_is_heard_where_it_is_asked_for(tmp_path, truth):
+    def send(port):
+        with Sender(truth.skeleton, "::1", port) as sender:
+            for frame in range(4):
+                sender.send(frame / 30.0, truth.rotations[frame], truth.root_positions_m[frame])
+
+    assert run(["--out", tmp_path / "a.bvh", "--seconds", "0.01", "--from", "::1"], send)["frames"] == 4
+
+
 def test_bad_input_is_told(tmp_path, capsys):
     line = ["vmc", "receive", "--port", "0", "--seconds", "0.01", "--out"]
     assert main([*line, str(tmp_path / "nothing.bvh")]) == 1
-    assert "0 frames with bones came" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "0 frames with bones came" in told and "127.0.0.1" in told
     assert main([*line, str(tmp_path / "nothing.fbx")]) == 1
     assert "cannot be written" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from osc_frames import frame_packet, message
 from perfanim.core.errors import FormatError
+from perfanim.core.formats.vmc.frame_assembler import FrameAssembler
 from perfanim.core.formats.vmc.humanoid import BONES, bone_poses
 from perfanim.core.formats.vmc.vmc_packets import BONE, ROOT, Clock, Placement, read_packet
 from perfanim.core.geometry import rotations as rot
@@ -110,6 +111,18 @@ def test_bundles_in_bundles_trackers_and_later_versions_are_read_and_the_rest_pa
 def test_malformed_packets_are_refused(packet, reason):
     with pytest.raises(FormatError, match=reason):
         read_packet(packet)
+
+
+def test_a_bad_message_does_not_take_its_bundle_along():
+    bad = message(BONE, "Chest", *NUMBERS[:4])
+    faults = []
+    found = read_packet(bundle(message(BONE, "Hips", *NUMBERS), bad, b"junk", message(BONE, "Head", *NUMBERS)), faults)
+    assert [placement.name for placement in found] == ["Hips", "Head"]
+    assert len(faults) == 2 and "types" in faults[0] and "not an OSC packet" in faults[1]
+    assembler = FrameAssembler()
+    for _ in range(3):
+        assembler.add(bundle(message(BONE, "Hips", *NUMBERS), bad), 0.0)
+    assert (assembler.packets, assembler.malformed, assembler.understood) == (3, 3, 3)
 
 
 def test_no_packet_does_harm(packet, caplog):

@@ -1,0 +1,49 @@
+"""Choice of one program where several send to one port."""
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+Source: TypeAlias = tuple[str, int]  # address and port of a sender
+
+
+@dataclass(frozen=True)
+class SenderLimits:
+    """When another program takes the place of the first."""
+
+    silence_s: float = 1.0  # after which the sender is gone; programs send every 4 to 33 ms
+    fresh_ports: int = 3  # different ports in succession, of a program that opens a new one for each packet
+
+
+LIMITS = SenderLimits()
+
+
+class SenderChoice:
+    """Accepts packets of one program, the first; another one follows it once it is silent.
+
+    Attributes:
+        others: Programs whose packets were dropped, ten at most.
+    """
+
+    def __init__(self) -> None:
+        self.others: set[Source] = set()
+        self._chosen: Source | None = None
+        self._heard_s = -math.inf
+        self._since: set[Source] = set()  # other sources since the chosen one was heard
+        self._has_fresh_ports = False
+
+    def accepts(self, source: Source, time_s: float) -> bool:
+        """Return whether a packet that arrived at a time, on any monotonic clock, is of the chosen program."""
+        if self._has_fresh_ports and (self._chosen is None or source[0] == self._chosen[0]):
+            return True
+        if source != self._chosen and time_s - self._heard_s <= LIMITS.silence_s:
+            self._since.add(source)
+            if len({other for other in self._since if other[0] == source[0]}) < LIMITS.fresh_ports:
+                if len(self.others) < 10:
+                    self.others.add(source)
+                return False
+            self._has_fresh_ports = True
+            self.others -= self._since
+        self._chosen, self._heard_s = source, time_s
+        self._since.clear()
+        return True
