@@ -5,21 +5,27 @@ Keys are the long options of `perfanim track`, `solve` and `retarget`, with _ fo
 """
 
 import glob
+import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from enum import Enum
 from pathlib import Path, PurePath
 from typing import Annotated, Any, TypeAlias
 
-from ...errors import SettingsError
+from ...errors import PerfanimError, SettingsError
 from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.motion.write_motion import ANGLES, BVH, MOTION_ENDINGS
-from ...system.files import is_file, is_folder, read_toml
+from ...system.files import is_file, is_folder, read_bytes, read_toml
 from ...system.schema import About, Schema, Table
 
 Value = str | float | bool | list[str]
+
+REPORT = "report"  # folder of records and pictures below that of the results
+SUMMARY = "summary.csv"
+MOST_RECORD_BYTES = 1 << 20
 
 
 ALSO = tuple(ending.removeprefix(".") for ending in MOTION_ENDINGS if ending != BVH)
@@ -295,14 +301,30 @@ def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
         # names first: whether it is a file is asked of takes only
         files = (Path(place, name) for place, _, names in os.walk(path) for name in names)
         found = [file for file in _within_limit(files, where, text) if _is_take(file.name.lower()) and is_file(file)]
+        found = _without_results(found)
     elif is_file(path) or not set(text) & set(_PATTERN):
         found = [path]  # a missing file is a bad take; the others are done
     else:
         names = glob.iglob(str(path), recursive=True)  # noqa: PTH207 - a whole path
-        found = [Path(name) for name in _within_limit(names, where, text)]
+        found = _without_results([Path(name) for name in _within_limit(names, where, text)])
     if not found:
         raise SettingsError("there are no takes", where=f"{where}: {text}", advice="check the path")
     return [(_label(file, folder), str(file)) for file in sorted(found)]
+
+
+def _without_results(files: Sequence[Path]) -> list[Path]:
+    """Return the files that no batch has written: results may lie among or below the takes."""
+    results = {folder: _results_in(folder) for folder in {file.parent for file in files}}
+    return [file for file in files if file.name not in results[file.parent]]
+
+
+def _results_in(folder: Path) -> set[str]:
+    """Return the names of the files in a folder that belong to the records of a batch."""
+    found = set[str]()
+    for record in (folder / REPORT).glob("*.json"):
+        with suppress(PerfanimError, ValueError, AttributeError, KeyError, TypeError):  # a record may be anybody's file
+            found |= {SUMMARY, *map(str, json.loads(read_bytes(record, MOST_RECORD_BYTES))["outputs"].values())}
+    return found
 
 
 def _within_limit(files: Iterable[Any], where: str, text: str) -> Iterator[Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .html_report import page_text
+from .plan import SUMMARY
 from .take_record import BAD, DOUBTFUL, GOOD, Record
 
 _FIGURES = ("frames", "marker_rms_mm", "confidence", "hidden", "longest_gap_s", "foot_skate_cm_s")
@@ -18,7 +19,7 @@ _LONGEST = 36  # letters of a name in the table that people read
 def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:
     """Write summary.csv, summary.json and summary.html; return the page."""
     texts = {
-        "summary.csv": _table(records),
+        SUMMARY: _table(records),
         "summary.json": json.dumps(counts(records) | {"takes": [facts(record) for record in records]}, indent=1) + "\n",
         "summary.html": page_text(records, out),
     }

@@ -16,13 +16,10 @@ from ...errors import FormatError
 from ...system.files import read_bytes, reading
 from ...system.schema import About, Schema, table_of
 from .content_hash import file_digest
-from .plan import ALSO, SAVED_AS, TakePlan
-
-REPORT = "report"  # folder of records and pictures below that of the results
+from .plan import ALSO, MOST_RECORD_BYTES, REPORT, SAVED_AS, TakePlan
 
 GOOD, DOUBTFUL, BAD = "good", "doubtful", "bad"
 
-_MOST_BYTES = 1 << 20  # of a record
 _ENDINGS = ("bvh", "take.npz", *ALSO, *SAVED_AS)
 _TEMPORARY = ".{}.angles.12345678.csv"  # the longest name that a file of a take has, while it is written
 
@@ -108,7 +105,7 @@ def stored_record(name: str, out: Path) -> Record | None:
     Anybody may have written it: one that names files other than the take's own, or files elsewhere, is none.
     """
     try:
-        record = Record.of_text(read_bytes(record_path(out, name), _MOST_BYTES).decode("utf-8"))
+        record = Record.of_text(read_bytes(record_path(out, name), MOST_RECORD_BYTES).decode("utf-8"))
     except (FormatError, ValueError):
         return None
     files = set(record.outputs.values())

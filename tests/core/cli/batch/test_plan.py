@@ -114,6 +114,24 @@ def test_takes_of_the_command_line(plan, tmp_path, monkeypatch):
     assert takes[0].options == {"database": str(tmp_path / "all.pfdb")}
 
 
+@pytest.mark.parametrize("out", [".", "solved", "a/b"])
+def test_results_among_or_below_the_takes_are_no_takes(tmp_path, monkeypatch, out):
+    monkeypatch.chdir(tmp_path)
+    place = tmp_path / "takes" / out
+    (place / "report").mkdir(parents=True)
+    (tmp_path / "takes" / "walk.trc").touch()
+    for name in ("film.take.npz", "summary.csv", "film.angles.csv", "film.bvh"):
+        (place / name).touch()
+    (place / "report" / "film.json").write_text('{"outputs": {"take": "film.take.npz"}}')
+    (place / "report" / "other.json").write_text("[3]")
+    for source in ("takes", "takes/**/*.*z", "takes/**/*.trc"):
+        if source.endswith("z"):
+            with pytest.raises(SettingsError, match="there are no takes"):
+                plan_of([source], {})
+        else:
+            assert [take.source for take in plan_of([source], {}).takes] == ["takes/walk.trc"]
+
+
 @pytest.mark.parametrize(
     ("text", "what"),
     [
