@@ -15,6 +15,7 @@ from ..system.schema import About, Schema, Table, Via, table_of
 from . import rotations as rot
 from .arrays import Array
 from .camera import Camera, CameraRig
+from .lens_check import lens_fault
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
 from .rigid_transform import nearest_rotation
 
@@ -184,4 +185,8 @@ def _camera(table: _CameraTable, where: str) -> Camera:
     matrix = turn if turn.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(turn))
     if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or from a bundle adjustment
         matrix = nearest_rotation(matrix)
-    return Camera(table.name, table.size, table.matrix, table.distortions, matrix, table.translation, table.ignored_px)
+    found = (table.name, table.size, table.matrix, table.distortions, matrix, table.translation, table.ignored_px)
+    camera = Camera(*found)
+    if fault := lens_fault(camera):
+        raise CalibrationError(f"camera {camera.name} {fault}", where=where, advice="calibrate it again")
+    return camera

@@ -76,11 +76,14 @@ class MarkerPipeline:
         for camera, image in zip(self.rig.cameras, images.images, strict=True):
             height, width = image.shape[:2]
             if (width, height) != camera.image_size:
+                is_turned = (height, width) == camera.image_size
+                turned = ", as if turned by a quarter" if is_turned else ""
+                advice = "turn the film back, or record" if is_turned else "record"
                 raise CaptureError(
                     f"images are {width}x{height}, the calibration is for "
-                    f"{camera.image_size[0]}x{camera.image_size[1]}",
+                    f"{camera.image_size[0]}x{camera.image_size[1]}{turned}",
                     where=f"camera {camera.name}",
-                    advice="record at the size of the calibration, or calibrate again",
+                    advice=f"{advice} at the size of the calibration, or calibrate again",
                 )
         rows = zip(self.detectors, images.images, images.usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)

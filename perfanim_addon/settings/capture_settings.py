@@ -73,7 +73,7 @@ PRACTISE_FAULTS = (
     *(
         (fault.name, fault.capitalize(), f"Practise with a studio that is like this: {fault}")
         for fault in Fault
-        if fault is not Fault.BOARD_SMALL  # its pictures show no performer
+        if fault not in (Fault.BOARD_SMALL, Fault.FLIPPED)  # of pictures without a performer, and of films only
     ),
 )
 

@@ -15,6 +15,7 @@ class Fault(StrEnum):
     SHUTTER = "shutter too slow"
     REFLECTION = "reflection"
     EXCHANGED = "cameras exchanged"
+    FLIPPED = "images mirrored or turned"
     BUMPED = "camera bumped"
     CLOSE = "too close"
     FAR = "too far"

@@ -6,6 +6,7 @@ cameras and board poses together.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import cv2
@@ -46,6 +47,8 @@ class VerdictSettings:
     good_tilt_deg: float = 15.0  # tilt of the most tilted board
     good_delay_s: float = 0.02  # delay between cameras
     smeared: float = 4.0 / 640.0  # width of edges
+    usable_distance: float = 0.5  # above this, the distances between the cameras are not known
+    same_picture: float = 5e-4  # median difference of corners in two pictures that are copies of one
     smeared_one_way: float = 1.5  # ratio of edge widths from which motion smears them; below, they are out of focus
 
 
@@ -125,6 +128,7 @@ def calibrate_from_points(
     """
     if not cameras:
         raise CalibrationError("there is no camera to calibrate", advice="give pictures of the board")
+    _check_different(cameras)
     refused = list(rejected)
     singles = [_calibrate_camera(points_m, camera, refused) for camera in cameras]
     if len(cameras) == 1:
@@ -139,6 +143,21 @@ def calibrate_from_points(
                 advice="exchange the two cameras or their pictures",
             )
     return _result(cameras, singles, fit, refused)
+
+
+def _check_different(cameras: Sequence[CameraViews]) -> None:
+    """Raise CalibrationError if two cameras have the same pictures."""
+    for one, other in combinations(cameras, 2):
+        apart = []
+        for key in one.views.keys() & other.views.keys():
+            own, theirs = one.views[key], other.views[key]
+            _, at, there = np.intersect1d(own.ids, theirs.ids, return_indices=True)
+            shown = own.pixels[at] / one.image_size[0] - theirs.pixels[there] / other.image_size[0]
+            apart += [float(np.median(np.linalg.norm(shown, axis=1)))] if len(at) else []
+        if len(apart) >= MINIMUM_VIEWS and np.median(apart) < _VERDICT.same_picture:
+            raise CalibrationError(
+                f"cameras {one.name} and {other.name} have the same pictures", advice="give each camera its own"
+            )
 
 
 def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Rejected]) -> SingleCamera:
@@ -209,7 +228,8 @@ def _result(
     late_s = {name: float(late) for name, late in zip(names, fit.late_s, strict=True) if np.isfinite(late)}
     advice = (*_fit_advice(fit, singles, late_s), *_picture_advice(views, seen))
     verdict = "usable" if advice else "good"
-    if fit.rms_px > _VERDICT.usable_rms * singles[0].image_size[0]:
+    is_unknown = not fit.distance_sigma <= _VERDICT.usable_distance and len(cameras) > 1
+    if fit.rms_px > _VERDICT.usable_rms * singles[0].image_size[0] or is_unknown:
         verdict = "redo"
     rig = CameraRig(cameras, {"error": fit.rms_px, "pictures": len(fit.used), "verdict": verdict})
     return CalibrationResult(

@@ -138,11 +138,17 @@ def _dictionary(name: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(number)
 
 
-def charuco_board(board: Board) -> Any:
-    """Return OpenCV's object for a ChArUco board, in metres."""
-    return cv2.aruco.CharucoBoard(
+def charuco_board(board: Board, is_old: bool = False) -> Any:
+    """Return OpenCV's object for a ChArUco board, in metres.
+
+    Args:
+        is_old: As OpenCV printed it up to 4.5: with an even number of rows the first square is white, not black.
+    """
+    made = cv2.aruco.CharucoBoard(
         (board.columns, board.rows), board.square_m, board.marker_m, _dictionary(board.dictionary)
     )
+    made.setLegacyPattern(is_old)
+    return made
 
 
 def find_board(image: Image, board: Board) -> BoardView | None:
@@ -187,10 +193,13 @@ def grey_of(image: Image) -> Image:
 
 
 def _find_charuco(grey: Image, board: Board) -> BoardView | None:
-    detector = cv2.aruco.CharucoDetector(charuco_board(board))
     picture = 255 - grey if board.inverted else grey
-    corners, ids, _, _ = detector.detectBoard(picture)
-    if ids is None or len(ids) < _SEARCH.least_charuco_corners:
+    for is_old in (False, True)[: 1 + (board.rows % 2 == 0)]:
+        corners, ids, _, codes = cv2.aruco.CharucoDetector(charuco_board(board, is_old)).detectBoard(picture)
+        is_found = ids is not None and len(ids) >= _SEARCH.least_charuco_corners
+        if is_found or codes is None or len(codes) < 2:  # without codes in view there is no older board, either
+            break
+    if not is_found:
         return None
     found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     apart = np.linalg.norm(found[:, None] - found[None], axis=2) + np.diag(np.full(len(found), np.inf))

@@ -1,40 +1,93 @@
-"""Detection of exchanged cameras: each delivers the images of the other."""
+"""Detection of images that do not belong to their cameras: exchanged, mirrored or turned upside down."""
 
 from collections import deque
 from collections.abc import Sequence
-from statistics import fmean
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
 
 from ...geometry.arrays import FloatArray
 from ...geometry.camera import CameraRig
 from .matching_settings import MATCHING
 from .stereo import Matches, StereoMatcher
 
-EXCHANGED = "left and right camera seem to be exchanged"
+_EXCHANGED = "left and right camera seem to be exchanged"
+
+_Flip = tuple[Literal[1, -1], Literal[1, -1]]  # along and across an image's rows
+_STRAIGHT, _MIRRORED, _TURNED = (1, 1), (-1, 1), (-1, -1)
+_HOW = {_MIRRORED: "mirrored", _TURNED: "turned upside down"}
+
+
+@dataclass(frozen=True)
+class ImageMismatch:
+    """A change of the images that would make them fit; the flips are of each camera's image."""
+
+    note: str
+    flips: tuple[_Flip, _Flip] = (_STRAIGHT, _STRAIGHT)
+    is_exchange: bool = False
 
 
 class CameraSwapDetector:
-    """Test of two cameras for exchange, while their blobs match badly; a no-op for other numbers of cameras."""
+    """Test of two cameras' images, while their blobs match badly; a no-op for other numbers of cameras."""
 
     def __init__(self, rig: CameraRig) -> None:
-        self._matcher = StereoMatcher(CameraRig(rig.cameras[::-1])) if len(rig) == 2 else None
-        self._errors_px: deque[tuple[float, float]] = deque(maxlen=MATCHING.swap_frames)
+        self._mismatches = image_mismatches(rig)
+        self._sizes = [camera.image_size for camera in rig.cameras]
+        self._matchers = (
+            [] if len(rig) != 2 else [StereoMatcher(CameraRig(cameras)) for cameras in (rig.cameras, rig.cameras[::-1])]
+        )
+        self._errors_px: deque[FloatArray] = deque(maxlen=MATCHING.swap_frames)  # as they came, and of each mismatch
 
-    def update(self, blobs: Sequence[FloatArray], matches: Matches) -> bool:
-        """Return whether the cameras seem exchanged."""
-        if self._matcher is None:
-            return False
+    def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
+        """Return a warning, "" without one."""
+        if not self._mismatches:
+            return ""
         seen = min(len(rows) for rows in blobs)
         if seen >= MATCHING.fewest_blobs:
-            error = exchanged = self._error_px(matches, seen)
-            if error > MATCHING.swap_px:
-                exchanged = self._error_px(self._matcher.match(blobs, self._matcher.undistort(blobs), None), seen)
-            self._errors_px.append((error, exchanged))
+            errors = np.full(1 + len(self._mismatches), self._error_px(matches, seen))
+            if errors[0] > MATCHING.swap_px:
+                errors[1:] = [self._changed_error_px(mismatch, blobs, seen) for mismatch in self._mismatches]
+            self._errors_px.append(errors)
         if len(self._errors_px) < MATCHING.swap_frames:
-            return False
-        error, exchanged = (fmean(errors) for errors in zip(*self._errors_px, strict=True))
-        return error > MATCHING.swap_px and exchanged < MATCHING.swap_gain * error
+            return ""
+        error, *changed = np.mean(self._errors_px, axis=0)
+        best = int(np.argmin(changed))
+        is_clear = error > MATCHING.swap_px and changed[best] < MATCHING.swap_gain * error
+        return self._mismatches[best].note if is_clear else ""
+
+    def _changed_error_px(self, mismatch: ImageMismatch, blobs: Sequence[FloatArray], seen: int) -> float:
+        flipped = [_flipped(*each) for each in zip(blobs, self._sizes, mismatch.flips, strict=True)]
+        matcher = self._matchers[mismatch.is_exchange]
+        return self._error_px(matcher.match(flipped, matcher.undistort(flipped), None), seen)
 
     def _error_px(self, matches: Matches, seen: int) -> float:
         """Return the mean reprojection error of blobs, pixels; one without a partner has the largest."""
         unmatched = seen - len(matches.points_m)
         return float(matches.errors_px.mean(axis=1).sum() + MATCHING.epipolar_px * unmatched) / seen
+
+
+def image_mismatches(rig: CameraRig) -> tuple[ImageMismatch, ...]:
+    """Return what can be wrong with the images of two cameras; nothing is known of other numbers."""
+    if len(rig) != 2:
+        return ()
+    found = [ImageMismatch(_EXCHANGED, is_exchange=True)]
+    first, second = (camera.name for camera in rig.cameras)
+    for flip, how in _HOW.items():
+        found += [
+            ImageMismatch(f"the images of camera {first} seem to be {how}", (flip, _STRAIGHT)),
+            ImageMismatch(f"the images of camera {second} seem to be {how}", (_STRAIGHT, flip)),
+            ImageMismatch(f"the images of both cameras seem to be {how}", (flip, flip)),
+        ]
+    return tuple(found)
+
+
+def _flipped(blobs: FloatArray, size: tuple[int, int], flip: _Flip) -> FloatArray:
+    """Return blobs (N, 2 or more) with their pixels as in a flipped image."""
+    if flip == _STRAIGHT:
+        return blobs
+    changed = blobs.copy()
+    for axis, sign in enumerate(flip):
+        if sign < 0:
+            changed[:, axis] = size[axis] - 1 - blobs[:, axis]
+    return changed

@@ -29,6 +29,9 @@ _CONTAINER = re.compile(
 _TRANSPORT = ((0, 188), (4, 192))  # first mark of a packet and bytes to the next, in MPEG-TS and in that of camcorders
 
 
+_CODECS = {"av01": "AV1", "hvc1": "H.265", "hev1": "H.265", "hevc": "H.265", "vp09": "VP9", "vp90": "VP9"}
+
+
 class VideoSource(ClosableSource):
     """Image sets from one video per camera; files can be iterated any number of times.
 
@@ -122,6 +125,10 @@ class VideoSource(ClosableSource):
             for reader in readers:
                 reader.read_until(lead.time_s)
         ended = [path for path, reader in zip(self._paths, readers, strict=True) if reader.image is None]
+        if ended and before < 0:
+            codec = next(reader.codec for reader in readers if reader.image is None)
+            what = f"is a film in {codec}, which cannot be read here" if codec else "has no image that can be read"
+            raise CaptureError(what, where=ended[0], advice="convert it to H.264 (MP4), or to AVI (MJPEG)")
         # the last frames may be lost in one video
         if ended and not all(reader.ends_within(SOURCES.end_frames / self.fps) for reader in readers):
             raise CaptureError(
@@ -175,6 +182,7 @@ class _Reader:
         self.number = -1
         self.time_s = 0.0
         self.image: Any = None
+        self.codec = _codec_of(capture)
         self.is_repeated = False
         self.lost = 0
         self.doubled = 0
@@ -251,6 +259,13 @@ def _check_container(path: str) -> None:
             where=path,
             advice="give the film's own file, no playlist: MP4 (H.264) or AVI (MJPEG)",
         )
+
+
+def _codec_of(capture: Any) -> str:
+    """Return the name of a film's codec, "" if it is unknown."""
+    letters = (int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1")
+    known = _CODECS.get(letters.lower(), letters)
+    return known if known.isprintable() and not known.isspace() else ""
 
 
 def _bgr(image: Any) -> Image:

@@ -108,6 +108,20 @@ def test_exchanged_cameras_are_refused(rig):
     assert calibrate_from_points(BOARD.points_m, swapped, left_right=False, ambiguous=True).used
 
 
+def test_pictures_of_one_camera_twice_are_refused(rig):
+    left, right = views(rig, 12)
+    generator = np.random.default_rng(3)
+    copies = {  # as compression changes them
+        key: BoardView(view.ids, view.pixels + generator.normal(0.0, 0.1, view.pixels.shape))
+        for key, view in left.views.items()
+    }
+    copy = CameraViews(right.name, right.image_size, copies)
+    with pytest.raises(
+        CalibrationError, match=f"cameras {left.name} and {right.name} have the same pictures; give each"
+    ):
+        calibrate_from_points(BOARD.points_m, [left, copy], ambiguous=True)
+
+
 def test_shifted_lists_are_refused(rig):
     left, right = views(rig, 12)
     keys = sorted(right.views)

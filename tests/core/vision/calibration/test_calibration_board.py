@@ -111,6 +111,17 @@ def test_corners_are_exact(spec):
     assert min(np.sqrt(np.mean(straight**2)), np.sqrt(np.mean(turned**2))) < 0.1
 
 
+@pytest.mark.parametrize("is_old", [False, True])
+@pytest.mark.parametrize(("columns", "rows"), [(5, 8), (8, 5), (6, 6)])
+def test_boards_of_older_programs_are_found(columns, rows, is_old):
+    board = parse_board(f"charuco:{columns}x{rows}:40mm:30mm:DICT_4X4_50")
+    picture = charuco_board(board, is_old).generateImage((80 * columns, 80 * rows), marginSize=40)
+    view = find_board(picture, board)
+    assert view is not None and len(view.ids) == (columns - 1) * (rows - 1)
+    steps = view.pixels.reshape(rows - 1, columns - 1, 2)
+    assert (np.diff(steps[..., 0], axis=1) > 20.0).all() and (np.diff(steps[..., 1], axis=0) > 20.0).all()
+
+
 def test_glimpse_finds_a_distant_charuco_board():
     """Held three metres away: its codes are some twenty pixels wide."""
     board = parse_board("charuco:7x5:120mm:90mm:DICT_4X4_50")

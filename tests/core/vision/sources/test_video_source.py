@@ -73,6 +73,18 @@ def test_missing_and_broken_videos_are_named(tmp_path):
         VideoSource([good, tmp_path / "text.avi"])
 
 
+def test_film_in_a_codec_that_cannot_be_read_is_named(tmp_path):
+    path = tmp_path / "a.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), 25.0, (64, 48))
+    for number in range(8):
+        writer.write(np.full((48, 64, 3), 9 * number, np.uint8))
+    writer.release()
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"mp4v", b"av01").replace(b"esds", b"free"))
+    with pytest.raises(CaptureError, match=r"a.mp4: is a film in AV1, which cannot be read here; convert it to H.264"):
+        next(iter(VideoSource([path])))
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="has no pipes among its files")
 @pytest.mark.parametrize(("name", "text"), [("x.mp4", "ffconcat version 1.0\nfile p.mp4\n"), ("concat:p.mp4", None)])
 def test_pipe_is_refused_without_waiting(tmp_path, name, text):

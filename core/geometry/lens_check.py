@@ -1,0 +1,41 @@
+"""Lenses that cannot be: calibrations that went wrong, or of another lens model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .camera import Camera
+
+
+@dataclass(frozen=True)
+class LensLimits:
+    """Limits of lenses that the standard model describes."""
+
+    widest_deg: float = 150.0  # field of view; rectilinear lenses end at 120, this model becomes useless above
+    narrowest_deg: float = 0.5
+    stretched: float = 2.0  # ratio of the two focal lengths; anamorphic lenses have 2 at most
+    clear: float = 0.5  # part of half the image's shorter side that the distortion must reach without folding
+
+
+LIMITS = LensLimits()
+
+
+def lens_fault(camera: Camera) -> str:
+    """Return why a camera's lens cannot be, "" for a lens that can."""
+    focal = np.array([camera.matrix[0, 0], camera.matrix[1, 1]])
+    size = np.array(camera.image_size, dtype=np.float64)
+    field_deg = float(np.degrees(2.0 * np.arctan(np.max(0.5 * size / focal))))
+    if not LIMITS.narrowest_deg < field_deg < LIMITS.widest_deg:
+        return f"has a field of view of {field_deg:.3g} degrees, which no lens of this model has"
+    if np.max(focal) > LIMITS.stretched * np.min(focal):
+        return f"has the focal lengths {focal[0]:.4g} and {focal[1]:.4g} pixels, which no lens has"
+    centre = camera.matrix[:2, 2]
+    if np.any(centre < -0.5 * size) or np.any(centre > 1.5 * size):
+        return f"has its optical axis at pixel {centre[0]:.0f}, {centre[1]:.0f}, far outside of the image"
+    k1, k2, _, _, k3 = camera.distortion
+    radius = np.linspace(0.0, 4.0 * float(np.max(0.5 * size / focal)), 400)
+    reached = radius * (1.0 + k1 * radius**2 + k2 * radius**4 + k3 * radius**6)
+    falls = np.flatnonzero(np.diff(reached) < 0.0)
+    if len(falls) and reached[falls[0]] < LIMITS.clear * 0.5 * float(np.min(size / focal)):
+        return "has a distortion that folds the image"
+    return ""
