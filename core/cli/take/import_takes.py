@@ -11,7 +11,7 @@ from ...api.take_reading import fit_take, read_labelled
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
 from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, TakeError
-from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded
+from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.take_file.take_edits import recover
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
 from ...labelling.take_import import UPS
@@ -105,8 +105,8 @@ def _import_one(
     progress(0.0, f"reading {path.name}")
     if is_recorded(path):
         return _copy_recorded(path, Path(args.out))
-    take, declared = read_labelled(path, names), declared_frames(path)
-    warnings = [f"{path.name} holds {take.frames} of {declared} frames"] if take.frames < declared else []
+    take = read_labelled(path, names)
+    warnings = list(take.notes)
     subject = subject or _subject(args, match_best_set(take.names, str(path)).marker_set)
     take = fit_take(replace(take, name=_stem(path)), subject.marker_set, args.up)
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]

@@ -26,6 +26,7 @@ from .keypoint_files import are_keypoints, keypoint_take
 from .reader_parts import (
     SECONDS,
     frame_count,
+    head_of,
     make_take,
     metres_of,
     numbers_of,
@@ -65,7 +66,7 @@ def read_csv(path: Path | str) -> MarkerTake:
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in the header of a Motive export, 0 for other tables."""
-    text = decode_text(read_bytes(path), str(path), "table of markers")
+    text = decode_text(head_of(path), str(path), "table of markers")
     first = next(csv.reader(text.splitlines()[:1], delimiter=_separator(text)), [])
     found = dict(zip(first[::2], first[1::2], strict=False)).get("Total Exported Frames", "")
     return frame_count(float(found)) if found.isdecimal() else 0

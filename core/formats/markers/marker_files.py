@@ -1,6 +1,7 @@
 """Reading and writing of marker takes in all formats, in metres."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from ...errors import FormatError
@@ -52,13 +53,21 @@ def read_take(path: Path | str) -> MarkerTake:
     read = _READERS.get(_ending_of(path))
     if read is None:
         raise FormatError("is not a marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
-    return read(Path(path))
+    take = read(Path(path))
+    cut = _cut_off(path, take.frames)
+    return replace(take, notes=(*take.notes, cut)) if cut else take
 
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in the header of a file, 0 if there is none."""
     count = _COUNTERS.get(_ending_of(path))
     return count(path) if count else 0
+
+
+def _cut_off(path: Path | str, frames: int) -> str:
+    """Return the sentence that a file holds fewer frames than its header declares, "" for a whole one."""
+    declared = declared_frames(path)
+    return f"{Path(path).name} was cut off: it holds {frames} of {declared} frames" if frames < declared else ""
 
 
 def _ending_of(path: Path | str) -> str:

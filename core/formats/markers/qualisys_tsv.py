@@ -6,7 +6,7 @@ from pathlib import Path
 from ...errors import FormatError
 from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
-from .reader_parts import frame_count, lines_of, make_take, numbers_of, table_of
+from .reader_parts import frame_count, head_of, lines_of, make_take, numbers_of, table_of
 
 _KIND = "export of Qualisys"
 _METRES = 0.001  # per unit, which the file does not name
@@ -42,7 +42,7 @@ def read_tsv(path: Path | str) -> MarkerTake:
 
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in the header; errors as in `read_tsv`."""
-    header, _ = _header(lines_of(read_bytes(path), str(path), _KIND), str(path))
+    header, _ = _header(lines_of(head_of(path), str(path), _KIND), str(path))
     return frame_count(_value(header, "NO_OF_FRAMES", str(path)))
 
 

@@ -12,7 +12,7 @@ from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array, IntArray
 from ...markers.marker_take import MarkerTake
 from ...system.file_content import decode_text
-from ...system.files import is_over_budget
+from ...system.files import is_over_budget, open_foreign
 from ..unique_names import unique_names
 
 # metres per unit named in marker files
@@ -27,6 +27,12 @@ LENGTHS: dict[str, float] = {
 def lines_of(data: bytes, where: str, expected: str) -> list[str]:
     """Return the lines of a text file of any system; FormatError if it is something else than `expected`."""
     return re.split("\r\n|\r|\n", decode_text(data, where, expected))
+
+
+def head_of(path: Path | str, most: int = 1 << 16) -> bytes:
+    """Return the first bytes of a file, which hold its header."""
+    with open_foreign(path) as file:
+        return file.read(most)
 
 
 def separator_of(line: str) -> str | None:

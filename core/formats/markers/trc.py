@@ -10,7 +10,7 @@ from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import frame_count, lines_of, make_take, metres_of, separator_of, table_of
+from .reader_parts import frame_count, head_of, lines_of, make_take, metres_of, separator_of, table_of
 
 _KIND = "TRC file"
 
@@ -42,7 +42,7 @@ def read_trc(path: Path | str) -> MarkerTake:
 def declared_frames(path: Path | str) -> int:
     """Return the frame count in a TRC header, 0 if it is left open; errors as in `read_trc`."""
     where = str(path)
-    return frame_count(_number(_header(lines_of(read_bytes(path), where, _KIND), where).get("numframes", "")))
+    return frame_count(_number(_header(lines_of(head_of(path), where, _KIND), where).get("numframes", "")))
 
 
 def _header(lines: list[str], where: str) -> dict[str, str]:

@@ -121,7 +121,7 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
         found = _skeletons_beside(path.parent, changed).of(path.as_posix())
         if found is None:
             raise FormatError(
-                "has no skeleton: no .asf file beside it fits", where=str(path), advice="name its .asf file"
+                "has no skeleton: no .asf file beside it fits", where=str(path), advice="put its .asf file beside it"
             )
         skeleton = Path(found)
     asf = _asf_file(skeleton, skeleton.stat().st_mtime_ns if is_file(skeleton) else 0)

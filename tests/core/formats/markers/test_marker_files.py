@@ -99,9 +99,33 @@ def test_thousands_are_not_taken_for_decimals(tmp_path: Path) -> None:
         read_take(tmp_path / "a.trc")
 
 
-def test_motive_export_that_was_cut_off_declares_its_frames(tmp_path: Path) -> None:
+def test_takes_that_were_cut_off_say_so(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(MOTIVE.replace("Export Frame Rate,60", "Total Exported Frames,500"))
     assert declared_frames(tmp_path / "a.csv") == 500
+    assert read_take(tmp_path / "a.csv").notes == ("a.csv was cut off: it holds 2 of 500 frames",)
+    (tmp_path / "a.trc").write_text(TRC.replace("100\t100\t3\t2", "100\t100\t17263\t2"))
+    assert read_take(tmp_path / "a.trc").notes == ("a.trc was cut off: it holds 3 of 17263 frames",)
+    (tmp_path / "b.trc").write_text(TRC)
+    assert read_take(tmp_path / "b.trc").notes == ()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "frames"),
+    [
+        ({("TRIAL", "ACTUAL_START_FIELD"): [1, 0], ("TRIAL", "ACTUAL_END_FIELD"): [-31072, 1]}, 100_000),
+        ({("POINT", "LONG_FRAMES"): [70_000.0]}, 70_000),
+        ({}, 0),
+    ],
+)
+def test_frame_counts_that_do_not_fit_a_c3d_header(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, parameters: dict[tuple[str, str], list[float]], frames: int
+) -> None:
+    write_c3d(example(), tmp_path / "a.c3d")
+    data = bytearray((tmp_path / "a.c3d").read_bytes())
+    struct.pack_into("<HH", data, 6, 1, 0xFFFF)  # first and last frame
+    (tmp_path / "a.c3d").write_bytes(data)
+    monkeypatch.setattr("perfanim.core.formats.markers.c3d._C3dParser.parameters", lambda _: parameters)
+    assert declared_frames(tmp_path / "a.c3d") == frames
 
 
 @pytest.mark.parametrize(
