@@ -25,4 +25,5 @@ def _run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         for path in (args.motion, args.truth)
     )
     progress(0.5, "comparing")
-    return evaluate(motion, truth, skeleton)
+    notes = [*motion.notes, *truth.notes]
+    return evaluate(motion, truth, skeleton) | ({"warnings": notes} if notes else {})

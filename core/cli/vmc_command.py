@@ -75,7 +75,7 @@ def _motion(path: str, rate_hz: float | None) -> tuple[Motion, list[str]]:
     """Return a file's motion at a rate, None for its own, and what is to be told about its times."""
     if not is_recorded(path):
         motion = read_motion(path)
-        return resampled(motion, rate_hz or motion.fps), []
+        return resampled(motion, rate_hz or motion.fps), list(motion.notes)
     take = read_take_file(path)
     poses = take.recorded_poses_of()
     clock = pose_clock(poses, path)

@@ -77,7 +77,9 @@ class MarkerPipeline:
             height, width = image.shape[:2]
             if (width, height) != camera.image_size:
                 is_turned = (height, width) == camera.image_size
-                turned = ", as if turned by a quarter" if is_turned else ""
+                alike = [other.name for other in self.rig.cameras if other.image_size == (width, height)]
+                turned = f", as of camera {alike[0]}: are they exchanged?" if alike else ""
+                turned = ", as if turned by a quarter" if is_turned else turned
                 advice = "turn the film back, or record" if is_turned else "record"
                 raise CaptureError(
                     f"images are {width}x{height}, the calibration is for "

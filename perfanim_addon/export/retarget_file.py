@@ -236,8 +236,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--naming", default="", help="naming of the bones in a file for other programs")
     given = parser.parse_args(arguments)
     try:
+        motion = read_motion(given.motion, given.skeleton)
         done = retarget_file(
-            read_motion(given.motion, given.skeleton),
+            motion,
             given.to,
             given.out,
             preset=given.map,
@@ -248,6 +249,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except PerfanimError as error:
         sys.stderr.write(f"retarget_file: {' '.join(str(error).split())}\n")
         return 1
+    done |= {"warnings": list(motion.notes)} if motion.notes else {}
     sys.stdout.write("\n" + json.dumps(done) + "\n")
     return 0
 

@@ -44,7 +44,8 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
             where=str(path),
             advice="repair the file, or cut these frames out",
         )
-    return read.parts[0].motion
+    notes = tuple(f"{Path(path).name} {defect.kind}" for defect in read.defects)
+    return replace(read.parts[0].motion, notes=notes)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from perfanim.core.body.source_motion import source_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.motion.bvh import UNITS, read_bvh, write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.retarget.to_standard_skeleton import to_standard_skeleton
 from small_files import BVH
@@ -84,6 +85,13 @@ def test_other_frame_count_is_noted() -> None:
     source = read_bvh(BVH.replace("Frames: 2", "Frames: 7").encode(), "small")
     assert source.frames == 2
     assert source.notes == ("declares 7 frames, has 2",)
+
+
+def test_a_motion_tells_that_its_file_was_cut_off(tmp_path: Path) -> None:
+    write_bvh(Motion("a", 30.0, default_skeleton(), rot.identity((9, 29)), np.zeros((9, 3))), tmp_path / "a.bvh")
+    text = (tmp_path / "a.bvh").read_text()
+    (tmp_path / "a.bvh").write_text(text.replace("Frames: 9", "Frames: 900"))
+    assert read_motion(tmp_path / "a.bvh").notes == ("a.bvh declares 900 frames, has 9",)
 
 
 def test_nan_stays_and_is_told() -> None:
