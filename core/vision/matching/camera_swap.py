@@ -37,24 +37,28 @@ class CameraSwapDetector:
         self._matchers = (
             [] if len(rig) != 2 else [StereoMatcher(CameraRig(cameras)) for cameras in (rig.cameras, rig.cameras[::-1])]
         )
-        self._errors_px: deque[FloatArray] = deque(maxlen=MATCHING.swap_frames)  # as they came, and of each mismatch
+        # mean errors of each mismatch: of the images as they came, and changed
+        self._errors_px = [deque[tuple[float, float]](maxlen=MATCHING.swap_frames) for _ in self._mismatches]
+        self._turn = 0
 
     def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
         """Return a warning, "" without one."""
-        if not self._mismatches:
-            return ""
         seen = min(len(rows) for rows in blobs)
-        if seen >= MATCHING.fewest_blobs:
-            errors = np.full(1 + len(self._mismatches), self._error_px(matches, seen))
-            if errors[0] > MATCHING.swap_px:
-                errors[1:] = [self._changed_error_px(mismatch, blobs, seen) for mismatch in self._mismatches]
-            self._errors_px.append(errors)
-        if len(self._errors_px) < MATCHING.swap_frames:
-            return ""
-        error, *changed = np.mean(self._errors_px, axis=0)
-        best = int(np.argmin(changed))
-        is_clear = error > MATCHING.swap_px and changed[best] < MATCHING.swap_gain * error
-        return self._mismatches[best].note if is_clear else ""
+        if self._mismatches and seen >= MATCHING.fewest_blobs:
+            error = self._error_px(matches, seen)
+            # an exchange, which happens often, each time; the others in turn, because a test takes as long as the match
+            self._turn = self._turn % (len(self._mismatches) - 1) + 1
+            for tried in (0, self._turn):
+                is_bad = error > MATCHING.swap_px
+                changed = self._changed_error_px(self._mismatches[tried], blobs, seen) if is_bad else error
+                self._errors_px[tried].append((error, changed))
+        found = [(*np.mean(pairs, axis=0), at) for at, pairs in enumerate(self._errors_px) if _is_full(pairs)]
+        clear = [
+            (changed, at)
+            for error, changed, at in found
+            if error > MATCHING.swap_px and changed < MATCHING.swap_gain * error
+        ]
+        return self._mismatches[min(clear)[1]].note if clear else ""
 
     def _changed_error_px(self, mismatch: ImageMismatch, blobs: Sequence[FloatArray], seen: int) -> float:
         flipped = [_flipped(*each) for each in zip(blobs, self._sizes, mismatch.flips, strict=True)]
@@ -65,6 +69,10 @@ class CameraSwapDetector:
         """Return the mean reprojection error of blobs, pixels; one without a partner has the largest."""
         unmatched = seen - len(matches.points_m)
         return float(matches.errors_px.mean(axis=1).sum() + MATCHING.epipolar_px * unmatched) / seen
+
+
+def _is_full(pairs: deque[tuple[float, float]]) -> bool:
+    return len(pairs) == pairs.maxlen
 
 
 def image_mismatches(rig: CameraRig) -> tuple[ImageMismatch, ...]:

@@ -22,7 +22,7 @@ def two_cameras() -> CameraRig:
     return CameraRig(tuple(cameras))
 
 
-def note_of(changed: object, frames: int = 8) -> str:
+def note_of(changed: object, frames: int = 40) -> str:
     """Return the last note for images changed by a function of their blobs."""
     rig = two_cameras()
     detector, matcher = CameraSwapDetector(rig), StereoMatcher(rig)
