@@ -264,7 +264,7 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
     stream.seek(0)
     preamble = stream.read(_PREAMBLE.size)
     if len(preamble) < _PREAMBLE.size or not preamble.startswith(_MAGIC):
-        check_kind(preamble, str(path), "motion database", DatabaseError)
+        check_kind(preamble, str(path), "motion database", DatabaseError, advice=REBUILD)
         raise DatabaseError("is not a motion database", where=str(path), advice=REBUILD)
     _, version, header_bytes, file_bytes, digest = _PREAMBLE.unpack(preamble)
     if version not in _VERSIONS:

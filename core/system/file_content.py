@@ -72,7 +72,12 @@ def _markup(text: bytes) -> str:
 
 
 def check_kind(
-    data: bytes, where: str, expected: str, kind: type[PerfanimError] = FormatError, container: str = ""
+    data: bytes,
+    where: str,
+    expected: str,
+    kind: type[PerfanimError] = FormatError,
+    container: str = "",
+    advice: str = "it is the wrong file, or has the wrong ending",
 ) -> None:
     """Raise an error of `kind` for a file whose first bytes show that it is something else.
 
@@ -82,7 +87,7 @@ def check_kind(
     """
     found = content_kind(data)
     if found and (container or expected) not in found:
-        raise kind(f"is {found}, no {expected}", where=where, advice="it is the wrong file, or has the wrong ending")
+        raise kind(f"is {found}, no {expected}", where=where, advice=advice)
 
 
 def decode_text(data: bytes, where: str, expected: str, kind: type[PerfanimError] = FormatError) -> str:

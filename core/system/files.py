@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import tomli_w
 
 from ..errors import FormatError, PerfanimError, shorten
-from .file_content import decode_text
+from .file_content import content_kind, decode_text
 from .lock import is_locked
 from .outputs import LOCK_ENDING, is_claimed, writer_lock
 from .schema import Table, plain
@@ -206,7 +206,10 @@ def read_toml(path: Path | str) -> dict[str, Any]:
         FormatError: The file is missing, malformed, too large or too deep, or a number is not finite.
     """
     with reading(path, what="is not valid TOML"):
-        text = decode_text(read_bytes(path, 4 << 20), str(path), "TOML file")
+        data = read_bytes(path, 4 << 20)
+        if kind := content_kind(data):
+            raise ValueError(f"it is {kind}")
+        text = decode_text(data, str(path), "TOML file")
         _check_toml_text(text)
         tables = tomllib.loads(text)
         for key, value in tables.items():
