@@ -11,7 +11,7 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .detection.background import Background, background_from_take, learn_backgrounds
 from .detection.blob_detector import DetectionSettings, Detector
-from .matching.camera_swap import EXCHANGED, CameraSwapDetector
+from .matching.camera_swap import CameraSwapDetector, ImageMismatch
 from .matching.point_prediction import PointPredictor
 from .matching.stereo import StereoMatcher, unused_blobs
 from .matching.time_alignment import TimeAligner
@@ -27,7 +27,7 @@ class MarkerPipeline:
     one time before they are matched.
 
     Attributes:
-        are_exchanged: The cameras seem to deliver each other's images.
+        mismatch: What seems to be wrong with the images: exchanged, mirrored or turned; None for nothing.
     """
 
     def __init__(self, rig: CameraRig, detection: DetectionSettings | None = None) -> None:
@@ -36,7 +36,7 @@ class MarkerPipeline:
         self._matcher = StereoMatcher(rig)
         self._predictor = PointPredictor()
         self._swap_detector = CameraSwapDetector(rig)
-        self.are_exchanged = False
+        self.mismatch: ImageMismatch | None = None
         self.aligner: TimeAligner | None = None
         self.last_errors_px = np.empty((0, len(rig)))
         self.set_backgrounds([None] * len(rig))
@@ -103,7 +103,7 @@ class MarkerPipeline:
         matches = self._matcher.match(blobs, normalised, expected)
         self._predictor.update(time_s, matches.points_m)
         self.last_errors_px = matches.errors_px
-        self.are_exchanged = self._swap_detector.update(blobs, matches)
+        self.mismatch = self._swap_detector.update(blobs, matches)
         free = [unused_blobs(matches.blobs, camera, len(rows)) for camera, rows in enumerate(normalised)]
         return MarkerFrame(
             number=seen.number,
@@ -118,7 +118,7 @@ class MarkerPipeline:
             single_blobs=np.concatenate(free),
             single_points=np.concatenate([rows[blobs] for rows, blobs in zip(normalised, free, strict=True)]),
             camera_times_s=seen.camera_times_s,
-            notes=(*seen.notes, EXCHANGED) if self.are_exchanged else seen.notes,
+            notes=(*seen.notes, self.mismatch.note) if self.mismatch is not None else seen.notes,
         )
 
     def _check_count(self, count: int) -> None:

@@ -12,12 +12,13 @@ from ...markers.marker_frame import MarkerFrame
 from ...markers.marker_set import MarkerSet
 from ...vision.detection.background import Background
 from ...vision.detection.blob_detector import Detector
+from ...vision.matching.camera_swap import ImageMismatch
 from ...vision.pipeline import MarkerPipeline
 from ...vision.sources.image_set import ImageSet, camera_title
 from ...vision.tracked_take import synchronise_frames
 from .finding import Finding, Place
 from .image_faults import marker_light_faults, moving_images, reflections, room_faults, sharpness_faults
-from .rig_faults import bump_fault, exchange_fault, place_fault
+from .rig_faults import bump_fault, mismatch_fault, place_fault
 from .spots import SpotRecorder
 from .worn_faults import find_t_poses, missing_fault, scale_fault
 
@@ -47,16 +48,16 @@ def check_setup(
     pipeline = MarkerPipeline(rig)
     pipeline.set_backgrounds(backgrounds)
     frames: list[MarkerFrame] = []
-    exchanged: list[bool] = []
+    mismatches: list[ImageMismatch | None] = []
 
     def detect(moment: ImageSet) -> Sequence[FloatArray]:
         frames.append(pipeline.process(moment))
-        exchanged.append(pipeline.are_exchanged)
+        mismatches.append(pipeline.mismatch)
         return frames[-1].detected
 
     if found := _picture_faults([camera.name for camera in rig.cameras], backgrounds, moments, detect):
         return found
-    if found := exchange_fault(exchanged):
+    if found := mismatch_fault(mismatches):
         return found
     if len(rig) < 2:
         return []

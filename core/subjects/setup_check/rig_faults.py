@@ -1,5 +1,6 @@
 """Faults of the places of cameras and performer."""
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,19 +11,27 @@ from ...geometry.camera import CameraRig
 from ...markers.marker_frame import MarkerFrame
 from ...vision.calibration.rig_refinement import refine_rig
 from ...vision.common_space import CommonSpace, common_space
-from ...vision.matching.camera_swap import EXCHANGED
+from ...vision.matching.camera_swap import ImageMismatch
 from .finding import Fault, Finding
 
 # A turn almost along the epipolar lines adds little error, but a correction removes nearly all of it: a bump is clear
 # from this error in pixels, and this ratio of the errors before and after the correction.
 _CLEAR = (0.4, 6.0)
+_SHARES = (0.2, 0.05)  # of the moments, that show exchanged and flipped images
 
 
-def exchange_fault(exchanged: Sequence[bool]) -> list[Finding]:
-    """Return a finding if the cameras seem exchanged in many moments."""
-    if sum(exchanged) < 0.2 * len(exchanged):
-        return []
-    return [Finding(Fault.EXCHANGED, "", f"{EXCHANGED}: swap their device numbers or files, or calibrate again")]
+def mismatch_fault(mismatches: Sequence[ImageMismatch | None]) -> list[Finding]:
+    """Return a finding if the images seem exchanged, mirrored or turned in many moments."""
+    for mismatch, noted in Counter(each for each in mismatches if each is not None).most_common():
+        # flips are tested in turn, so that they show later
+        if noted < (_SHARES[0] if mismatch.is_exchange else _SHARES[1]) * len(mismatches):
+            continue
+        if mismatch.is_exchange:
+            advice = "swap their device numbers or files, or calibrate again"
+            return [Finding(Fault.EXCHANGED, "", f"{mismatch.note}: {advice}")]
+        advice = "switch that off in the camera or its program, or turn the film back"
+        return [Finding(Fault.FLIPPED, "", f"{mismatch.note}: {advice}")]
+    return []
 
 
 def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from .stereo import Matches, StereoMatcher
 
 _EXCHANGED = "left and right camera seem to be exchanged"
 
-_Flip = tuple[Literal[1, -1], Literal[1, -1]]  # along and across an image's rows
-_STRAIGHT, _MIRRORED, _TURNED = (1, 1), (-1, 1), (-1, -1)
+_Flip: TypeAlias = tuple[int, int]  # signs along and across an image's rows
+_STRAIGHT: _Flip = (1, 1)
+_MIRRORED: _Flip = (-1, 1)
+_TURNED: _Flip = (-1, -1)
 _HOW = {_MIRRORED: "mirrored", _TURNED: "turned upside down"}
 
 
@@ -41,8 +43,8 @@ class CameraSwapDetector:
         self._errors_px = [deque[tuple[float, float]](maxlen=MATCHING.swap_frames) for _ in self._mismatches]
         self._turn = 0
 
-    def update(self, blobs: Sequence[FloatArray], matches: Matches) -> str:
-        """Return a warning, "" without one."""
+    def update(self, blobs: Sequence[FloatArray], matches: Matches) -> ImageMismatch | None:
+        """Return what seems to be wrong with the images, None for nothing."""
         seen = min(len(rows) for rows in blobs)
         if self._mismatches and seen >= MATCHING.fewest_blobs:
             error = self._error_px(matches, seen)
@@ -52,13 +54,14 @@ class CameraSwapDetector:
                 is_bad = error > MATCHING.swap_px
                 changed = self._changed_error_px(self._mismatches[tried], blobs, seen) if is_bad else error
                 self._errors_px[tried].append((error, changed))
-        found = [(*np.mean(pairs, axis=0), at) for at, pairs in enumerate(self._errors_px) if _is_full(pairs)]
+        full = [(at, pairs) for at, pairs in enumerate(self._errors_px) if len(pairs) == pairs.maxlen]
+        found = [(*np.mean(pairs, axis=0).tolist(), at) for at, pairs in full]
         clear = [
             (changed, at)
             for error, changed, at in found
             if error > MATCHING.swap_px and changed < MATCHING.swap_gain * error
         ]
-        return self._mismatches[min(clear)[1]].note if clear else ""
+        return self._mismatches[min(clear)[1]] if clear else None
 
     def _changed_error_px(self, mismatch: ImageMismatch, blobs: Sequence[FloatArray], seen: int) -> float:
         flipped = [_flipped(*each) for each in zip(blobs, self._sizes, mismatch.flips, strict=True)]
@@ -69,10 +72,6 @@ class CameraSwapDetector:
         """Return the mean reprojection error of blobs, pixels; one without a partner has the largest."""
         unmatched = seen - len(matches.points_m)
         return float(matches.errors_px.mean(axis=1).sum() + MATCHING.epipolar_px * unmatched) / seen
-
-
-def _is_full(pairs: deque[tuple[float, float]]) -> bool:
-    return len(pairs) == pairs.maxlen
 
 
 def image_mismatches(rig: CameraRig) -> tuple[ImageMismatch, ...]:

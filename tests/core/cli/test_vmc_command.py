@@ -6,6 +6,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from osc_frames import message
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.cli.main import build_parser, main
@@ -92,10 +93,8 @@ def test_one_of_two_programs_is_recorded_and_the_other_named(tmp_path):
             links = [open_sockets.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2)]
             for number in range(5):
                 for link, height in zip(links, (1.0, 1.2), strict=True):
-                    builder = OscMessageBuilder("/VMC/Ext/Tra/Pos")
-                    for value in ("waist", 0.1 * number, height, 2.0, 0.0, 0.0, 0.0, 1.0):
-                        builder.add_arg(value)
-                    link.sendto(builder.build().dgram, ("127.0.0.1", port))
+                    packet = message("/VMC/Ext/Tra/Pos", "waist", 0.1 * number, height, 2.0, 0.0, 0.0, 0.0, 1.0)
+                    link.sendto(packet, ("127.0.0.1", port))
             other.append(links[1].getsockname()[1])
 
     other = []

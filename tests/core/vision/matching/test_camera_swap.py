@@ -36,7 +36,8 @@ def note_of(changed: object, frames: int = 40) -> str:
             rows[:, 2:] = 30.0
             blobs.append(rows[generator.permutation(9)])
         blobs = changed(blobs)  # type: ignore[operator]
-        note = detector.update(blobs, matcher.match(blobs, matcher.undistort(blobs), None))
+        found = detector.update(blobs, matcher.match(blobs, matcher.undistort(blobs), None))
+        note = "" if found is None else found.note
     return note
 
 
@@ -72,4 +73,4 @@ def test_other_numbers_of_cameras_are_not_tested() -> None:
     blobs = [np.zeros((6, 5), dtype=np.float32)] * 3
     none = Matches(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 3), dtype=np.int64), np.empty((0, 3)))
     detector = CameraSwapDetector(three)
-    assert [detector.update(blobs, none) for _ in range(8)] == [""] * 8
+    assert [detector.update(blobs, none) for _ in range(8)] == [None] * 8
