@@ -114,7 +114,8 @@ def _import_one(
     out = unused_path(Path(args.out), take.name)
     take = replace(take, name=take_name(out))  # so that takes of one name differ in lists
     solved = solve_markers(take, subject, database, SolveRequest(args.method), progress)
-    warnings += [*take.notes, *(solved.clock.sentences if solved.clock is not None else [])]
+    warnings += [note for note in take.notes if note not in warnings]
+    warnings += solved.clock.sentences if solved.clock is not None else []
     solved.save(out, capture={"imported": str(path), "up": args.up})
     warnings += [f"{path.name}: {stretch.reason}" for stretch in solved.corrected]
     if not solved.verdict.is_good:
