@@ -12,9 +12,9 @@ from ...formats.motion.write_motion import write_motion
 from ...retarget.joint_naming import OWN
 from ...session.solved_take import SolvedTake
 from .content_hash import file_digest
-from .plan import ALSO, TakePlan
+from .plan import ALSO, REPORT, TakePlan
 from .quality import quality_figures, why_doubtful
-from .take_record import BAD, DOUBTFUL, GOOD, REPORT, Record, Task, failed_record, record_path, unwritten_record
+from .take_record import BAD, DOUBTFUL, GOOD, Record, Task, failed_record, record_path, unwritten_record
 from .thumbnail_strip import write_strip
 
 if TYPE_CHECKING:

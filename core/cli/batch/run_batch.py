@@ -14,9 +14,9 @@ from ...system.files import clean_folder, is_file, writing
 from ...system.lock import lock
 from ...system.progress import Progress
 from .content_hash import ContentDigests, take_digest
-from .plan import TakePlan
+from .plan import REPORT, TakePlan
 from .summary import write_summary
-from .take_record import BAD, REPORT, Record, Task, finished_record, remove_old, unwritten_record
+from .take_record import BAD, Record, Task, finished_record, remove_old, unwritten_record
 
 DoTasks = Callable[[Sequence[Task]], Generator[Record, None, None]]
 
