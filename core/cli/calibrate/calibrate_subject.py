@@ -18,8 +18,9 @@ from ...markers.label_matching import AUTO, choose_marker_set
 from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
+from ...session.limb_coverage import coverage_text, open_limbs
 from ...subjects.from_motion import frames_of
-from ...subjects.pose_calibration import SubjectCalibration
+from ...subjects.pose_calibration import LIMITS, SubjectCalibration
 from ...subjects.refine_body import Refinement, refine_body
 from ...subjects.refinement_text import worthwhile
 from ...system.progress import Progress
@@ -133,7 +134,23 @@ def _from_motion(
     named = AUTO if args.marker_set == AUTO else marker_set
     subject = fit_subject(take, database, named, height_m, name, progress)
     doubtful = subject.residual_m > 0.015  # RMS distance, m: such a body does not explain the motion
-    return subject, {"advice": ["check --marker-set, or record a calibration pose"] if doubtful else []}
+    advice = ["check --marker-set, or record a calibration pose"] if doubtful else []
+    return subject, worn_facts(fit_take(take, marker_set, None), marker_set, subject) | {"advice": advice}
+
+
+def worn_facts(take: MarkerTake, usual: MarkerSet, subject: Subject) -> dict[str, Any]:
+    """Return how many of a take's markers are known, and the known ones that are worn far from their usual places."""
+    shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
+    places = dict(zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True))
+    moved_m = {
+        marker.name: float(np.linalg.norm(places[marker.name] - marker.offset_m))
+        for marker in usual.markers
+        if marker.offset_m is not None
+    }
+    return {
+        "coverage": coverage_text(subject.marker_set, shown, open_limbs(subject.marker_set, shown)),
+        "moved_mm": {name: round(1e3 * off, 1) for name, off in moved_m.items() if off > LIMITS.odd_marker_m},
+    }
 
 
 def _subject_of(path: str) -> Subject:

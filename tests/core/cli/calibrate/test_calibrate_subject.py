@@ -6,11 +6,13 @@ import numpy as np
 from perfanim.core.body.calibration_poses import CALIBRATION, t_pose
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.skeleton import marker_positions
+from perfanim.core.cli.calibrate.calibrate_subject import worn_facts
 from perfanim.core.cli.main import main
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake, save_take
 from perfanim.core.markers.subject import Subject, load_subject, save_subject
+from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.stage_placement import with_poses
 from perfanim.core.subjects.body_change import PARTS, sized
 
@@ -126,3 +128,13 @@ def test_a_recorded_take_refines_its_own_performer(truth, database_file, tmp_pat
     assert json.loads(capsys.readouterr().out)["changes"] == changes
     (again,) = read_take_file(tmp_path / "again.perftake").setup.subjects()
     np.testing.assert_allclose(again.marker_set.offsets_m, load_subject(out).marker_set.offsets_m, atol=1e-6)
+
+
+def test_markers_far_from_their_usual_places_are_told(truth):
+    suit = load_marker_set("plug-in-gait")
+    take = simulate_markers(sliced(truth, 0, 5), suit)[0]
+    offsets = suit.offsets_m.copy()
+    offsets[suit.names.index("LKNE")] += [0.0, 0.06, 0.0]
+    told = worn_facts(take, suit, Subject("walker", truth.skeleton, suit.with_offsets(offsets)))
+    count = len(suit)
+    assert told == {"coverage": f"{count} of {count} markers known", "moved_mm": {"LKNE": 60.0}}
