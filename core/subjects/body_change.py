@@ -38,6 +38,11 @@ PARTS: dict[str, tuple[str, ...]] = {
 }
 
 
+def part_covariance(parts: int) -> Array:
+    """Return the usual covariance (P, P) of the sizes of parts: of the whole body, and of each besides."""
+    return np.full((parts, parts), SIGMAS.size**2) + SIGMAS.part**2 * np.eye(parts)
+
+
 def observed_positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
     """Return positions (F, M, 3) in the set's order, NaN for markers that the take lacks."""
     result = np.full((take.frames, len(marker_set), 3), np.nan)

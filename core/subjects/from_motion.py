@@ -15,14 +15,15 @@ from ..body.scene_pose import PerformerPose
 from ..database.store import Database
 from ..errors import SubjectError
 from ..geometry.arrays import Array, IntArray, Mask
-from ..markers.marker_set import MarkerSet
+from ..markers.marker_set import MarkerSet, PointKind
 from ..markers.marker_take import MarkerTake
 from ..markers.source_noise import SourceNoise, noise_of
 from ..markers.subject import Subject
 from ..markers.take_frames import take_frames
 from ..session.session import Session
 from ..system.progress import Progress, no_progress
-from .body_change import SIGMAS, linear_model, observed_positions, sized
+from .body_change import SIGMAS, linear_model, observed_positions, part_covariance, sized
+from .keypoint_bones import sized_by_distances
 from .refine_body import refine_body
 
 _TORSO = 3  # markers that locate the root
@@ -39,6 +40,8 @@ class MotionFitSettings:
     large_m: float = 0.06  # frames with a larger median marker error are left out
     large_sigmas: float = 3.0  # added to that, in lasting errors of the points' source
     marker_sigma_m: float = 0.01  # marker about the modelled one: skin and solver
+    # shares of the usual deviations for keypoints: distances have shown their bones, and they lie near joints
+    keypoint_shares: tuple[float, float] = (0.3, 0.5)  # of sizes, of offsets
     independent_frames: float = 30.0  # weight of all frames together, as near ones repeat each other's errors
 
 
@@ -63,6 +66,9 @@ def subject_from_motion(
     """
     part = frames_of(take, _telling_frames(observed_positions(take, start.marker_set), start.marker_set.torso))
     observed = observed_positions(part, start.marker_set)
+    is_keypoints = start.marker_set.points is PointKind.KEYPOINTS
+    if is_keypoints:
+        start = sized_by_distances(start, observed_positions(take, start.marker_set))
     subject = start
     for round_ in range(SETTINGS.rounds):
         progress(round_ / SETTINGS.rounds, "fitting the body")
@@ -71,6 +77,8 @@ def subject_from_motion(
         if used < SETTINGS.fewest_frames:
             raise _refusal(used, observed[:, start.marker_set.torso], take)
         subject = _fitted(rotations[good], observed[good], start, noise_of(start.marker_set.points))
+    if is_keypoints:  # their errors would be taken for those of bones
+        return subject
     with contextlib.suppress(SubjectError):  # the motion is unlike the database
         subject = refine_body(take, subject, database).subject
     return subject
@@ -156,10 +164,11 @@ def _less_mean(values: Array, seen: Mask) -> Array:
 
 def _prior(parts: int, marker_set: MarkerSet) -> Array:
     """Return the inverse covariance of part sizes and offsets."""
-    covariance = np.full((parts, parts), SIGMAS.size**2) + SIGMAS.part**2 * np.eye(parts)
-    sigmas = [SIGMAS.placed_m if marker.placed else SIGMAS.offset_m for marker in marker_set.markers]
+    is_keypoints = marker_set.points is PointKind.KEYPOINTS
+    of_sizes, of_offsets = SETTINGS.keypoint_shares if is_keypoints else (1.0, 1.0)
+    sigmas = [of_offsets * (SIGMAS.placed_m if marker.placed else SIGMAS.offset_m) for marker in marker_set.markers]
     result = np.diag(np.repeat([1.0] * parts + sigmas, [1] * parts + [3] * len(sigmas)) ** -2.0)
-    result[:parts, :parts] = np.linalg.inv(covariance)
+    result[:parts, :parts] = np.linalg.inv(of_sizes**2 * part_covariance(parts))
     return result
 
 
