@@ -41,7 +41,7 @@ class MotionFitSettings:
     large_sigmas: float = 3.0  # added to that, in lasting errors of the points' source
     marker_sigma_m: float = 0.01  # marker about the modelled one: skin and solver
     # shares of the usual deviations for keypoints: distances have shown their bones, and they lie near joints
-    keypoint_shares: tuple[float, float] = (0.3, 0.5)  # of sizes, of offsets
+    keypoint_shares: tuple[float, float] = (0.1, 0.1)  # of sizes, of offsets
     independent_frames: float = 30.0  # weight of all frames together, as near ones repeat each other's errors
 
 
