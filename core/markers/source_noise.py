@@ -16,7 +16,7 @@ class SourceNoise:
 
 _NOISES = {
     PointKind.MARKERS: SourceNoise(most_fast_m=0.004, lasting_m=0.0, calm_hz=16.0),
-    # Networks see points 20 to 30 mm off for 0.2 to 0.5 s, and 4 to 8 mm from frame to frame. Counted in full, the lasting
+    # Networks see points 20 to 30 mm off for 0.2 to 0.5 s, and 4 to 8 mm from frame to frame. Counted in full, these
     # errors would let the database outvote motion that it lacks (chosen on CMU's 07_01, 14_08 and 49_10).
     PointKind.KEYPOINTS: SourceNoise(most_fast_m=0.015, lasting_m=0.012, calm_hz=4.0),
 }
