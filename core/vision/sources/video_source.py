@@ -253,7 +253,8 @@ def _check_container(path: str) -> None:
         head = file.read(1024)
     is_transport = any(len(head) > 2 * step and set(head[at::step]) == {0x47} for at, step in _TRANSPORT)
     if not is_transport and not _CONTAINER.match(head):
-        check_kind(head, path, "film", CaptureError)
+        if b"<" not in head[:8]:  # playlists are markup, too
+            check_kind(head, path, "film", CaptureError)
         raise CaptureError(
             "cannot be opened as a video (it does not begin like one)",
             where=path,
