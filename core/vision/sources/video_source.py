@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
-from ...system.file_content import check_kind
+from ...system.file_content import content_kind
 from ...system.files import is_file, open_foreign, reading
 from .addresses import is_address
 from .camera_watch import is_repeated
@@ -253,10 +253,9 @@ def _check_container(path: str) -> None:
         head = file.read(1024)
     is_transport = any(len(head) > 2 * step and set(head[at::step]) == {0x47} for at, step in _TRANSPORT)
     if not is_transport and not _CONTAINER.match(head):
-        if b"<" not in head[:8]:  # playlists are markup, too
-            check_kind(head, path, "film", CaptureError)
+        kind = content_kind(head)
         raise CaptureError(
-            "cannot be opened as a video (it does not begin like one)",
+            f"cannot be opened as a video (it does not begin like one{f': it is {kind}' if kind else ''})",
             where=path,
             advice="give the film's own file, no playlist: MP4 (H.264) or AVI (MJPEG)",
         )
