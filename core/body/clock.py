@@ -229,7 +229,7 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
     low, high = (0.5 * stated_fps, 2.0 * stated_fps) if has_rate and stated_fps else (_LEAST_HZ, _MOST_HZ)
     per_tick = (each for each in _SECONDS_PER_TICK if low <= 1.0 / (float(np.median(steps)) * each) <= high)
     unit_s = next(per_tick, 1.0)
-    return times if unit_s == 1.0 else (times - times[0]) * unit_s
+    return times if unit_s == 1.0 else (times - times[np.isfinite(times)][0]) * unit_s
 
 
 def poses_at(times_s: Array, rotations: Array, positions_m: Array, wanted_s: Array) -> tuple[Array, Array]:
@@ -262,7 +262,7 @@ def _candidates(times_s: Array, stated_fps: float | None) -> list[float]:
 
 def _count_time(times_s: Array, numbers: IntArray, fps: float) -> bool:
     """Return whether frame numbers (F,) tell times that differ from the given ones by their rounding alone."""
-    if not np.all(np.isfinite(times_s)) or np.any(np.diff(numbers) < 1):
+    if not len(times_s) or not np.all(np.isfinite(times_s)) or np.any(np.diff(numbers) < 1):
         return False
     return bool(np.ptp(times_s - numbers / fps) <= _rounding_s(times_s) + CLOCK.same / fps)
 

@@ -236,7 +236,8 @@ def _long(parameters: Parameters, name: tuple[str, str]) -> int:
     values = parameters.get(name, [])
     if len(values) == 2 and all(isinstance(value, int) for value in values):
         return (values[0] & 0xFFFF) | (values[1] & 0xFFFF) << 16
-    return int(values[0]) if len(values) == 1 and 0 < values[0] < 1e9 else 0
+    is_number = len(values) == 1 and not isinstance(values[0], str)
+    return int(values[0]) if is_number and 0 < values[0] < 1e9 else 0
 
 
 def _from_dec(words: NDArray[np.uint16]) -> Array:

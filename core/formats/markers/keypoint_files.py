@@ -92,7 +92,7 @@ def _metres_per_unit(points: Array, where: str) -> float:
         np.all(np.isfinite(whole), axis=-1, keepdims=True) & np.any(whole != 0.0, -1, keepdims=True), whole, np.nan
     )
     extent = float(np.median(np.max(np.nanmax(whole, axis=1) - np.nanmin(whole, axis=1), axis=-1)))
-    return next(metres for below, metres in _METRES if extent < below)
+    return next(metres for below, metres in _METRES if extent <= below)
 
 
 def _recorded_times(path: Path, frames: int) -> Array | None:

@@ -65,6 +65,8 @@ def test_times_that_do_not_move_have_no_rate():
         with pytest.raises(TakeError, match="too few frames"):
             clock_of(times_s)
     assert clock_of(np.zeros(1), 60.0).is_whole
+    with pytest.raises(TakeError, match="too few frames"):
+        clock_of(np.zeros(0), 60.0, np.zeros(0, dtype=np.int64))
 
 
 def test_units_of_times_are_recognised():
@@ -72,6 +74,8 @@ def test_units_of_times_are_recognised():
     for per_frame in (0.04, 40.0, 40_000.0, 40_000_000.0):
         assert seconds_of(numbers * per_frame) == pytest.approx(numbers * 0.04)
         assert seconds_of(numbers * per_frame, 25.0) == pytest.approx(numbers * 0.04)
+    unknown_first = np.concatenate(([np.nan], 40.0 * numbers))
+    assert seconds_of(unknown_first)[1:] == pytest.approx(numbers * 0.04)
 
 
 def test_poses_stay_where_they_are_known_and_are_held_in_long_gaps():

@@ -100,7 +100,9 @@ def test_thousands_are_not_taken_for_decimals(tmp_path: Path) -> None:
 
 
 def test_takes_that_were_cut_off_say_so(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(MOTIVE.replace("Export Frame Rate,60", "Total Exported Frames,500"))
+    (tmp_path / "a.csv").write_text(
+        MOTIVE.replace("Export Frame Rate,60", "Export Frame Rate,60,Total Exported Frames,500")
+    )
     assert declared_frames(tmp_path / "a.csv") == 500
     assert read_take(tmp_path / "a.csv").notes == ("a.csv was cut off: it holds 2 of 500 frames",)
     (tmp_path / "a.trc").write_text(TRC.replace("100\t100\t3\t2", "100\t100\t17263\t2"))
@@ -114,6 +116,7 @@ def test_takes_that_were_cut_off_say_so(tmp_path: Path) -> None:
     [
         ({("TRIAL", "ACTUAL_START_FIELD"): [1, 0], ("TRIAL", "ACTUAL_END_FIELD"): [-31072, 1]}, 100_000),
         ({("POINT", "LONG_FRAMES"): [70_000.0]}, 70_000),
+        ({("POINT", "LONG_FRAMES"): ["many"]}, 0),
         ({}, 0),
     ],
 )
