@@ -13,6 +13,7 @@ from ..formats.take_file.take_reader import ENDING, read_take_file
 from ..formats.vmc.humanoid import BONES
 from ..formats.vmc.ports import MARIONETTE_PORT, PERFORMER_PORT
 from ..formats.vmc.vmc_udp import Receiver, play, record
+from ..markers.steady_take import take_clock
 from ..session.steady_motion import pose_clock, steady_motion
 from ..system.progress import Progress
 from .options import add_command, add_group, add_text, positive, rate_hz
@@ -95,8 +96,13 @@ def run_receive(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         facts = {"frames": received, "lost_frames": max(motion.frames - received, 0), "fps": motion.fps}
     else:
         markers = recording.markers(out.name.split(".")[0])
-        lost = write_take(markers, out).frames - markers.frames
-        facts = {"frames": markers.frames, "lost_frames": lost, "fps": markers.fps, "names": list(markers.names)}
+        write_take(markers, out)
+        facts = {
+            "frames": markers.frames,
+            "lost_frames": take_clock(markers).lost,
+            "fps": markers.fps,
+            "names": list(markers.names),
+        }
     came = recording.gathering
     facts |= {"packets": came.packets, "malformed": came.malformed, "flooding": came.flooding, "out": str(out)}
     warning = f"left out: {', '.join(others)} sent to the same port; close the other program, or give it another port"

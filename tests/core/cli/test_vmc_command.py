@@ -87,6 +87,21 @@ def test_trackers_to_a_marker_take(tmp_path):
     assert load_take(tmp_path / "waist.take.npz").positions_m == pytest.approx(np.tile([-0.5, 1.0, 2.0], (3, 1, 1)))
 
 
+@pytest.mark.parametrize(
+    ("clock_s", "lost"), [((0.0, 0.1, 0.2, 0.5, 0.6), 2), ((0.0, 0.1, 0.23, 0.31, 0.385, 0.5, 0.55), 0)]
+)
+@pytest.mark.parametrize("ending", ["take.npz", "csv"])
+def test_lost_frames_of_trackers_are_counted_by_their_times(tmp_path, ending, clock_s, lost):
+    def send(port):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+            for time_s in clock_s:
+                link.sendto(message("/VMC/Ext/T", time_s), ("127.0.0.1", port))
+                link.sendto(tracker_packet({"waist": (time_s, 1.0, 2.0)}), ("127.0.0.1", port))
+
+    facts = run(["--out", tmp_path / f"waist.{ending}", "--seconds", "0.01"], send)
+    assert (facts["frames"], facts["lost_frames"]) == (len(clock_s), lost)
+
+
 def test_one_of_two_programs_is_recorded_and_the_other_named(tmp_path):
     def send(port):
         with ExitStack() as open_sockets:
