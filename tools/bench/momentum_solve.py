@@ -18,7 +18,6 @@ import pymomentum.geometry as pm
 from pymomentum.marker_tracking import CalibrationConfig, TrackingConfig, calibrate_markers, process_markers
 
 _CM = 100.0  # Momentum's settings are for centimetres
-_SCALE = 6  # place of the scale among a joint's seven parameters
 
 
 def main() -> None:
