@@ -19,7 +19,7 @@ from ...geometry.arrays import Array, IntArray, Mask
 from ...system.file_content import decode_text, utf8_text, with_decimal_points
 from ...system.files import atomic_path, read_bytes
 from .bvh_hierarchy import BvhHierarchy, read_hierarchy
-from .numbers import angle_jumps, check_pose_bytes, parse_numbers
+from .numbers import angle_jumps, check_pose_bytes, parse_table
 
 # metres per unit; "cmu" is the unit of the CMU database's own files (inches / 0.45)
 UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "cmu": 0.0254 / 0.45}
@@ -83,7 +83,7 @@ def _read_motion(block: bytes, width: int, where: str, line: int) -> tuple[Array
     if width == 0:
         raise FormatError("has no channels", where=where)
     body = block[match.end() :]
-    numbers = parse_numbers(body)
+    numbers = parse_table(body)
     first = line + block.count(b"\n", 0, match.end())
     if numbers is None or np.any(np.isinf(numbers)):
         raise _first_word_that_is_no_number(body, f"{where}, line", first)
