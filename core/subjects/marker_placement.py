@@ -32,6 +32,7 @@ class PlacementSettings:
     """Settings of the placement."""
 
     frames: int = 16  # spread over the take
+    fewest: int = 4  # of these frames that show a marker: fewer do not tell whether it keeps its place
     rounds: int = 2
     moved_share: float = (
         0.5  # share of the way to the places by new poses: along a limb poses and places can both drift
@@ -81,7 +82,10 @@ def place_markers(take: MarkerTake, subject: Subject, database: Database, progre
         return subject
     chosen = frames[evenly(len(frames), _S.frames)]
     part = frames_of(take, chosen)
-    points_m = part.positions_m[:, [take.names.index(name) for name in unknown]]
+    unknown = [name for name in unknown if part.visible[:, part.names.index(name)].sum() >= _S.fewest]
+    if not unknown:
+        return subject
+    points_m = part.positions_m[:, [part.names.index(name) for name in unknown]]
     progress(0.0, "placing unknown markers")
     places = _first_places(part, start, database, unknown, points_m)
     for round_ in range(_S.rounds):
@@ -145,8 +149,8 @@ def _nearest_on_bones(local_m: Array, skeleton: Skeleton) -> Array:
 
 def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
     """Return costs (U, J) of markers on bones, inf for impossible ones, and their median places (U, J, 3)."""
-    offsets_m = np.nanmedian(local_m, axis=0)
-    spread_m = np.nanmedian(np.linalg.norm(local_m - offsets_m, axis=-1), axis=0)
+    offsets_m = _median(local_m)
+    spread_m = _median(np.linalg.norm(local_m - offsets_m, axis=-1))
     apart_m = np.linalg.norm(offsets_m - _nearest_on_bones(offsets_m, skeleton), axis=-1)
     costs = (spread_m / _S.spread_m) ** 2 + (apart_m / _S.flesh_m) ** 2
     costs[(spread_m > _S.largest_spread_m) | (apart_m > _S.farthest_m)] = np.inf
@@ -166,7 +170,7 @@ def _lay(
     joints = (limb.first, limb.second, limb.end)
     first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in joints[1:])
     lengths_m = np.array([first_m, second_m, _S.hand_m])
-    from_root_m = np.nanmedian(np.linalg.norm(points_m - root_m[:, None], axis=-1), axis=0)
+    from_root_m = _median(np.linalg.norm(points_m - root_m[:, None], axis=-1))
     near = np.flatnonzero(from_root_m < lengths_m.sum() + _S.farthest_m)
     bends = near[np.abs(from_root_m[near] / first_m - 1.0) < _S.size_share]
     few = slice(None, None, _S.every)
@@ -182,13 +186,21 @@ def _lay(
     course = _course(root_m, points_m[:, best[0]], points_m[:, best[1]], lengths_m)
     along_m, off_m = _beside(points_m, course, lengths_m)
     for part, joint in enumerate(joints):
-        middle_m = np.nanmedian(along_m[..., part], axis=0)
-        spread_m = np.nanmedian(np.abs(along_m[..., part] - middle_m), axis=0)
-        beside_m = np.nanmedian(off_m[..., part], axis=0)
+        middle_m = _median(along_m[..., part])
+        spread_m = _median(np.abs(along_m[..., part] - middle_m))
+        beside_m = _median(off_m[..., part])
         costs[:, joint] = (spread_m / _S.spread_m) ** 2 + (beside_m / _S.flesh_m) ** 2
         costs[beside_m > _S.farthest_m, joint] = np.inf
         direction = skeleton.tips_m[joint] / max(float(np.linalg.norm(skeleton.tips_m[joint])), 1e-9)
         offsets_m[:, joint] = np.clip(middle_m, 0.0, lengths_m[part])[:, None] * direction
+
+
+def _median(values: Array) -> Array:
+    """Return the medians over frames (F, ...) of known values, NaN where there are none."""
+    known = np.isfinite(values).any(axis=0)
+    found = np.full(known.shape, np.nan)
+    found[known] = np.nanmedian(values[:, known], axis=0)
+    return found
 
 
 def _course(root_m: Array, elbow_m: Array, wrist_m: Array, lengths_m: Array) -> Array:
@@ -225,7 +237,8 @@ def _kept_places(
 
 
 def _chosen(costs: Array, offsets_m: Array, skeleton: Skeleton, unknown: list[str]) -> tuple[Marker, ...]:
-    """Return the markers on the bones of least cost."""
+    """Return the markers on the bones of least cost, NaN for an unknown one."""
+    costs = np.where(np.isnan(costs), np.inf, costs)
     joints: IntArray = costs.argmin(axis=1)
     return tuple(
         Marker(name, skeleton.names[joint], tuple(offsets_m[row, joint].tolist()), placed=True)

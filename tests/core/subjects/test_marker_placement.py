@@ -49,6 +49,21 @@ def test_unknown_markers_are_placed_on_the_bones_that_carry_them(renamed, placed
         assert joint[1:] in (("femur", "tibia") if true_name == "LKNE" else ARM), (true_name, joint)
 
 
+def test_markers_that_are_rarely_seen_are_not_placed_and_do_not_disturb_the_others(renamed, walker, database):
+    take, new = renamed
+    positions = take.positions_m.copy()
+    for name, shown in (("LUPA", [0]), ("LKNE", [5]), ("RFIN", [0, 1, 2])):
+        hidden = ~np.isin(np.arange(take.frames), shown)
+        positions[hidden, take.names.index(new[name])] = np.nan
+    half = take.frames // 2
+    positions[:half, take.names.index(new["RUPA"])] = np.nan
+    positions[half:, take.names.index(new["RELB"])] = np.nan
+    found = place_markers(replace(take, positions_m=positions), walker, database)
+    names = {marker.name for marker in found.marker_set.markers if marker.placed}
+    assert {new[name] for name in ("LELB", "LWRA", "RFRM", "RELB")} <= names
+    assert not names & {new[name] for name in ("LUPA", "LKNE", "RFIN")}
+
+
 def test_a_solve_with_placed_markers_finds_the_arms(renamed, walker, placed, truth, database):
     take = renamed[0]
     joints = [truth.skeleton.index(side + "wrist") for side in "lr"]
