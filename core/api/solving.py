@@ -18,6 +18,7 @@ from ..geometry.arrays import runs
 from ..geometry.camera import CameraRig
 from ..markers.filtering import smooth_motion, smooth_take
 from ..markers.label_faults import correct_labels
+from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop
 from ..markers.subject import Subject
@@ -157,15 +158,15 @@ def solve_markers(
     report |= changes | choice
     if is_unnamed(take):
         return _finished(solved, request, None, report)
-    solved, report["coverage"] = _with_coverage(solved, take, subject)
+    solved, report["coverage"] = _with_coverage(solved, take, subject, worn.marker_set)
     return _finished(solved, request, None, report)
 
 
-def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject) -> tuple[SolvedTake, str]:
+def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used: MarkerSet) -> tuple[SolvedTake, str]:
     """Return the take with its unused markers and open limbs, which lower the confidence, and both in words."""
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
-    unused = [i for i, name in enumerate(take.names) if name in shown and name not in subject.marker_set.names]
-    lacking = open_limbs(subject.marker_set, shown)
+    unused = [i for i, name in enumerate(take.names) if name in shown and name not in used.names]
+    lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
     findings = [Reason(ReasonKind.LIMB, f"no marker holds the {limb}: it is guessed") for limb in lacking]
     share = 1.0 - len(lacking) / len(LIMBS)
     poses = tuple(
@@ -174,7 +175,7 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject) -> tu
     )
     unused_m = take.positions_m[:, unused]
     solved = replace(solved, poses=poses, findings=(*solved.findings, *findings), unused_m=unused_m)
-    return solved, coverage_text(subject.marker_set, shown, lacking)
+    return solved, coverage_text(used, shown, lacking)
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,15 @@ def test_an_open_limb_is_told_and_lowers_the_confidence(take, walker, database):
     assert sum(limb.left_out for limb in rows.values()) == 6
 
 
+def test_a_limb_that_a_choice_of_markers_leaves_open_is_told(take, walker, database):
+    chosen = tuple(name for name in SUIT.names if name not in ARM)
+    solved = perfanim.solve(take, walker, database, replace(QUICK, markers=chosen))
+    known = f"{len(chosen)} of {len(SUIT)} markers known"
+    assert solved.report["coverage"] == f"{known}, {len(ARM)} left out; no marker holds the left arm"
+    assert any("no marker holds the left arm" in reason.text for reason in solved.verdict.reasons)
+    assert sum(limb.left_out for limb in solved.verdict.limbs) == len(ARM)
+
+
 def test_unused_markers_count_for_the_nearest_limb(take, truth):
     motion = sliced(truth, 0, 40)
     columns = [take.names.index(name) for name in ("RTOE", "LWRA", "LFIN")]
