@@ -3,7 +3,7 @@
 import re
 
 MOST_TEXT = 300  # characters of a message
-_MOST_FACT, _MOST_PLACE = 190, 90  # letters of fact and place, where all is too long together
+_MOST_FACT, _MOST_PLACE = 190, 90  # longest fact and place, letters, if the whole is too long
 _LIST = re.compile(r"[^,;():]+(?:, [^,;():]+){3,}")  # enumeration of four or more
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # new lines, and what a terminal obeys
 

@@ -79,7 +79,7 @@ def calibrate_subject(
 
     Raises:
         SubjectError: A pose is not held, or too few markers are seen.
-        TakeError: The body has no person's size: the unit of length is wrong.
+        TakeError: The body's size is not human: the unit of length is wrong.
     """
     worn = choose_worn(marker_set, take)
     take = import_take(take, worn, None)
@@ -104,7 +104,7 @@ def fit_subject(
     """Return the skeleton and marker offsets of a performer from motion alone: no pose need be held.
 
     Args:
-        take: Take with y up; of a long one stretches from all of it are used.
+        take: Take with y up; of a long one, stretches spread over it are used.
         database: Motion database with motion like the take's.
         marker_set: Marker set that is worn, see `load_take`; its usual offsets guide the fit. With "auto" the motion
             places the markers that the set does not know.
@@ -114,7 +114,7 @@ def fit_subject(
 
     Raises:
         SubjectError: Too few frames could be explained.
-        TakeError: The take lacks torso markers, or the body has no person's size.
+        TakeError: The take lacks torso markers, or the body's size is not human.
     """
     worn = choose_worn(marker_set, take)
     start = Subject(name, default_skeleton(height_m), worn)

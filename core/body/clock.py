@@ -1,8 +1,8 @@
-"""One clock: the times of frames, and the steady rate at which outputs are laid out.
+"""Clock of a take: the times of its frames, and the steady rate of its outputs.
 
-Frames have times, which files round, cameras jitter, and lost frames leave out. A rate is a property of outputs: that
-of the header where the times agree with it, else another steady rate that explains all times, else the nearest usual
-one. Poses and markers between two frames are interpolated by their times.
+Files round the times of frames, cameras jitter, and some frames are lost. A rate is a property of outputs: the header's
+if the times agree with it, otherwise another steady rate that explains all times, otherwise the nearest usual one.
+Poses and markers are interpolated at the times of the output's frames.
 """
 
 from collections.abc import Callable
@@ -22,32 +22,30 @@ from .skeleton import Skeleton
 
 @dataclass(frozen=True)
 class ClockSettings:
-    """How times become a steady rate."""
+    """Thresholds for finding the steady rate of frame times."""
 
-    # Hz, rates of cameras, films and motion capture systems
+    # rates of cameras, films and motion capture systems, Hz
     usual_hz: tuple[float, ...] = (
         10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 400, 480,
         500, 600, 1000,
     )  # fmt: skip
     roundings_s: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # last decimal of times in files
-    same: float = 0.02  # deviation from a steady rate that is none, frames
-    widest: float = 0.45  # largest deviation by rounding where no frame numbers count the frames, frames
-    near: float = 0.01  # relative difference of a measured rate from a usual one that is a camera's own error
-    uneven: float = 0.5  # deviation of a step from a frame that is told, frames
+    same: float = 0.02  # largest deviation from a steady rate that counts as none, frames
+    widest: float = 0.45  # largest rounding error of times without frame numbers, frames
+    near: float = 0.01  # largest relative difference from a usual rate that is put down to the camera's clock
+    uneven: float = 0.5  # deviation of a step from one frame that is reported, frames
     near_s: float = 0.1  # longest step across which markers and props are interpolated
     short_s: float = 0.25  # longest step of poses that is interpolated by a cubic
-    longest_s: float = (
-        1.0  # longest step that poses move across; in a longer one they are held until this before its end
-    )
+    longest_s: float = 1.0  # longest move of poses across a step; in a longer step they are held first
 
 
 CLOCK = ClockSettings()
 _SECONDS_PER_TICK = (1.0, 1e-3, 1e-6, 1e-9)  # units of times in files
-_LEAST_HZ, _MOST_HZ = 5.0, 5000.0  # rates of markers by which a unit of time is recognised
+_LEAST_HZ, _MOST_HZ = 5.0, 5000.0  # plausible rates of markers, which reveal the unit of times
 
 
 class ClockFault(Enum):
-    """What is told about times."""
+    """Kinds of faults in the times of frames."""
 
     UNEVEN = "frames do not come evenly"
     LOST = "frames are missing"
@@ -57,7 +55,7 @@ class ClockFault(Enum):
 
 @dataclass(frozen=True)
 class ClockNote:
-    """A fault of the times, and its sentence."""
+    """Fault in the times, with a sentence about it."""
 
     kind: ClockFault
     text: str
@@ -68,7 +66,7 @@ class Clock:
     """Times of frames, and the steady rate of their outputs; made by `clock_of`.
 
     Args:
-        rows: (R,) frames whose times ascend; the others stand at no time of their own.
+        rows: (R,) frames with ascending times; the others have no usable time.
         times_s: (R,) their times, without the rounding of a file.
         fps: Steady rate of outputs.
         is_steady: Every time is a whole number of frames after the first.
@@ -101,7 +99,7 @@ class Clock:
 
     @cached_property
     def steady_s(self) -> Array:
-        """Times (N,) of the output's frames, from the first frame on and not beyond the last."""
+        """Times (N,) of the output's frames, from the first input frame to the last at most."""
         count = int(np.floor(self.source_s * self.fps + CLOCK.same)) + 1
         return self.times_s[0] + np.arange(count) / self.fps
 
@@ -113,17 +111,17 @@ class Clock:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the frames are those of the output, one by one."""
+        """Whether the output has exactly the input's frames."""
         return self.is_steady and len(self.steady_s) == self.frames
 
     @property
     def notes(self) -> list[ClockNote]:
-        """What has to be told about the times."""
+        """Faults in the times that the user should know."""
         return [*_order_notes(self), *_header_notes(self), *_step_notes(self)]
 
     @property
     def lost(self) -> int:
-        """Number of frames that a steady rate lacks; 0 where frames come unevenly."""
+        """Number of frames missing at a steady rate; 0 if frames come unevenly."""
         return max(len(self.steady_s) - len(self.rows), 0) if self.is_steady else 0
 
     @property
@@ -132,7 +130,7 @@ class Clock:
         return [note.text for note in self.notes]
 
     def motion(self, name: str, skeleton: Skeleton, rotations: Array, root_positions_m: Array) -> Motion:
-        """Return poses (F, J, 4) and (F, 3) as a motion of the steady rate."""
+        """Return poses (F, J, 4) and (F, 3) as a motion at the steady rate."""
         return Motion(name, self.fps, skeleton, *self.poses(rotations, root_positions_m))
 
     def poses(self, rotations: Array, positions_m: Array) -> tuple[Array, Array]:
@@ -145,7 +143,7 @@ class Clock:
     def seen(self, values: Array, visible: Mask, *, is_rotation: bool = False) -> Array:
         """Return values (F, n) of visible frames at the steady times.
 
-        They are NaN where frames were lost from a steady rate, between frames far apart, and beside invisible ones.
+        They are NaN where frames were lost at a steady rate, between frames far apart, and next to hidden ones.
         """
         if self.is_whole:
             return np.where(visible[:, None], values, np.nan)
@@ -163,12 +161,12 @@ class Clock:
         return self if fps is None or fps == self.fps else replace(self, fps=fps, is_steady=False)
 
     def part(self, start: int, stop: int) -> "Clock":
-        """Return the clock of frames `start` up to, without, `stop`."""
+        """Return the clock of the frames from `start` to before `stop`."""
         kept = (self.rows >= start) & (self.rows < stop)
         return replace(self, rows=self.rows[kept] - start, times_s=self.times_s[kept], frames=stop - start)
 
     def filtered(self, values: Array, change: Callable[[Array], Array], *, is_rotation: bool = False) -> Array:
-        """Return values (F, ..., n) at their own times after a filter of a steady rate; of one frame as they are."""
+        """Return values (F, ..., n) at their own times, filtered at the steady rate; a single frame is unchanged."""
         if len(self.rows) < 2:
             return values
         if self.is_whole:
@@ -184,7 +182,7 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
     Args:
         times_s: Times (F,) of the frames; those that do not ascend, or are NaN, are left out.
         stated_fps: Rate of a header; None, zero or NaN for none.
-        numbers: Numbers (F,) of the frames, which may count them where times are rounded.
+        numbers: Frame numbers (F,), which can replace rounded times.
 
     Raises:
         TakeError: There are no two frames with different times, and no rate is stated.
@@ -216,10 +214,10 @@ def _ascending(times_s: Array) -> IntArray:
 
 
 def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
-    """Return times (F,) of an unknown unit, of seconds to nanoseconds, in seconds.
+    """Return times (F,) in seconds from an unknown unit, seconds to nanoseconds.
 
     Args:
-        stated_fps: Rate of a header, which tells the unit; without one that of markers does, 5 to 5000 Hz.
+        stated_fps: Rate of a header, which tells the unit; without one, it is the unit that gives 5 to 5000 Hz.
     """
     steps = np.diff(times[np.isfinite(times)])
     steps = steps[steps > 0.0]
@@ -233,7 +231,7 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
 
 
 def poses_at(times_s: Array, rotations: Array, positions_m: Array, wanted_s: Array) -> tuple[Array, Array]:
-    """Return poses at any times within those of known ones.
+    """Return poses interpolated at times within those of known ones.
 
     Short steps are interpolated by a cubic, longer ones along the shortest arc; before the end of a very long one the
     pose is held.
@@ -254,21 +252,21 @@ def _candidates(times_s: Array, stated_fps: float | None) -> list[float]:
     found = [stated_fps] if stated_fps is not None else []
     for rate in measured:
         whole = float(round(rate))
-        found += [whole, 1000.0 * whole / 1001.0]  # the second is television's
+        found += [whole, 1000.0 * whole / 1001.0]  # the second is NTSC's
     if abs(_usual(mean) / mean - 1.0) > CLOCK.near:
         found.append(mean)
     return [rate for rate in found if LEAST_FPS <= rate <= MOST_FPS]
 
 
 def _count_time(times_s: Array, numbers: IntArray, fps: float) -> bool:
-    """Return whether frame numbers (F,) tell times that differ from the given ones by their rounding alone."""
+    """Return whether frame numbers (F,) explain the given times up to their rounding."""
     if not len(times_s) or not np.all(np.isfinite(times_s)) or np.any(np.diff(numbers) < 1):
         return False
     return bool(np.ptp(times_s - numbers / fps) <= _rounding_s(times_s) + CLOCK.same / fps)
 
 
 def _steady_places(times_s: Array, fps: float) -> IntArray | None:
-    """Return the whole numbers (R,) of frames after the first that explain the times, None where none do."""
+    """Return the frame counts (R,) since the first frame that explain the times, or None."""
     since_s = times_s - times_s[0]
     places = np.round(since_s * fps).astype(np.int64)
     most_s = min(_rounding_s(times_s) + CLOCK.same / fps, CLOCK.widest / fps)

@@ -22,7 +22,7 @@ class Motion:
         fps: 1 to 2,000.
         rotations: (F, J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
         root_positions_m: (F, 3) world position of the root, metres, up to ten kilometres from the origin.
-        notes: What its reader has to tell.
+        notes: Messages of its reader.
 
     Raises:
         FormatError: An array has a wrong shape, a number is out of range or not finite, or a rotation is not a unit

@@ -1,4 +1,4 @@
-"""How a body stands in the world, and motion of files whose world is upside down."""
+"""Posture of a body in the world, and correction of motion that is upside down."""
 
 from dataclasses import dataclass, replace
 
@@ -12,11 +12,11 @@ from .skeleton import Skeleton, forward_kinematics
 
 @dataclass(frozen=True)
 class PostureSettings:
-    """When a body stands upside down for a whole motion."""
+    """Thresholds for a body that is upside down for a whole motion."""
 
-    samples: int = 600  # most frames that are looked at
+    samples: int = 600  # largest number of frames that are checked
     upright: float = 0.5  # cosine between up and the trunk or the thighs, reached while a body sits, crawls or stands
-    upright_share: float = 0.1  # share of the frames that a body is upright at least, if it is at all
+    upright_share: float = 0.1  # smallest share of upright frames of a body that is ever upright
 
 
 _S = PostureSettings()
@@ -30,8 +30,8 @@ class Posture:
 
     Args:
         positions_m: Joints (F, J, 3).
-        trunk: (F,) cosine between up and the way from the hips to the neck.
-        upright: (F,) the same of the trunk or the thighs, whichever is more upright.
+        trunk: (F,) cosine between up and the direction from the hips to the neck.
+        upright: (F,) the same for the trunk or the thighs, whichever is more upright.
     """
 
     skeleton: Skeleton
@@ -51,7 +51,7 @@ class Posture:
 
     @property
     def world_is_upside_down(self) -> bool:
-        """Whether the body is upside down and not on its hands or hanging: below the floor, or with raised hands."""
+        """Whether it is the world that is upside down: the body is below the floor, or its hands above its head."""
         root, head, *hands = (self.positions_m[:, self.skeleton.index(name), 1] for name in _ENDS)
         is_below = np.median(root) < 0.0
         return self.is_upside_down and bool(is_below or np.median(np.minimum(*hands) - head) > 0.0)
@@ -68,9 +68,9 @@ def posture_of(motion: Motion) -> Posture:
 
 
 def turned_upright(motion: Motion) -> Motion | None:
-    """Return a motion whose world is upside down turned over, None for any other.
+    """Return the motion turned over if its world is upside down, otherwise None.
 
-    Who stands on the hands or hangs by the feet is above the floor, with the hands below the head.
+    A performer in a handstand, or hanging by the feet, is above the floor, with the hands below the head.
     """
     if not posture_of(motion).world_is_upside_down:
         return None
@@ -83,6 +83,6 @@ def turned_upright(motion: Motion) -> Motion | None:
 
 
 def _rise(starts: Array, ends: Array) -> Array:
-    """Return the cosines between upwards and the ways (..., 3) from starts to ends."""
+    """Return the cosines between up and the directions (..., 3) from starts to ends."""
     way = ends - starts
     return np.asarray(way[..., 1] / np.maximum(np.linalg.norm(way, axis=-1), 1e-9))

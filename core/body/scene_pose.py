@@ -11,7 +11,7 @@ from .body_parts import PARTS
 from .pose_notes import PoseNote
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
-_REASON = 0.25  # share of a stretch's poses with a note from which the note is its reason
+_REASON = 0.25  # smallest share of a stretch's poses with a note that is its reason
 # expected error from which a part is probably wrong; that of hands and feet is never below half of this
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
@@ -101,7 +101,7 @@ class ScenePose:
 
     Args:
         performers: Pose of each performer, in the capture's order.
-        props: one pose for each prop, in their order.
+        props: Pose of each prop, in the capture's order.
         notes: Problems of all performers and props.
     """
 

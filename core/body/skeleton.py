@@ -96,7 +96,7 @@ class Skeleton:
         return result
 
     def carrying(self, joints: IntArray) -> tuple["Skeleton", IntArray]:
-        """Return the skeleton of some joints and their ancestors, by depth, and their indices here."""
+        """Return the skeleton of some joints and their ancestors, ordered by depth, and their indices in this one."""
         kept = self.is_ancestor[joints].any(axis=0)
         order = np.concatenate([level[kept[level]] for level in joint_levels(tuple(self.parents.tolist()))])
         place = np.full(len(self) + 1, -1)  # the root's parent stays -1

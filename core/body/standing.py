@@ -7,7 +7,7 @@ from .skeleton import Skeleton
 from .standard_skeleton import default_skeleton
 
 SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of the default skeleton
-_STATURE_M = 1.72  # of the default skeleton: 1.63 from the soles to the end of the head's bone, the skull is above it
+_STATURE_M = 1.72  # default skeleton: 1.63 m from the soles to the end of the head's bone, and the skull above it
 
 _SPINE = ("lowerback", "upperback", "thorax", "lowerneck", "upperneck")
 _LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")

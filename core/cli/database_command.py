@@ -65,7 +65,7 @@ def _get(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     _check_build_options(args)  # before hours of waiting
     if args.collection is None:
         if args.out is not None:
-            raise SettingsError("--out without a collection", advice=f"give {', '.join(public_collections())}")
+            raise SettingsError("--out needs a collection", advice=f"give {', '.join(public_collections())}")
         return {"collections": [asdict(each) for each in public_collections().values()]}
     share = 1.0 if args.out is None else 0.5
     archive = get_collection(args.collection, args.to, lambda fraction, text: progress(share * fraction, text))

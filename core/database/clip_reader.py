@@ -27,7 +27,7 @@ from ..geometry.arrays import FloatArray
 from ..system.json_process import JsonProcess
 from .skeleton_facts import skeleton_facts, skeleton_from_facts
 
-_LEAST_FRAMES = 4  # of a clip: the search looks at accelerations
+_LEAST_FRAMES = 4  # fewest frames of a clip: the search uses accelerations
 
 
 @dataclass(frozen=True)

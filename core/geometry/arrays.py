@@ -20,7 +20,7 @@ def runs(flags: Mask) -> list[tuple[int, int]]:
 
 
 def evenly(total: int, most: int) -> IntArray:
-    """Return at most so many indices, spread from 0 to total - 1."""
+    """Return at most `most` indices, spread evenly from 0 to total - 1."""
     return np.unique(np.linspace(0, total - 1, min(most, total)).astype(np.int64)) if total else np.arange(0)
 
 

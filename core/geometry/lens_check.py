@@ -1,4 +1,4 @@
-"""Lenses that cannot be: calibrations that went wrong, or of another lens model."""
+"""Check for impossible lenses, which show a failed calibration or another lens model."""
 
 from dataclasses import dataclass
 
@@ -14,14 +14,14 @@ class LensLimits:
     widest_deg: float = 150.0  # field of view; rectilinear lenses end at 120, this model becomes useless above
     narrowest_deg: float = 0.5
     stretched: float = 2.0  # ratio of the two focal lengths; anamorphic lenses have 2 at most
-    clear: float = 0.5  # part of half the image's shorter side that the distortion must reach without folding
+    clear: float = 0.5  # share of half the image's shorter side that the distortion must cover without folding
 
 
 LIMITS = LensLimits()
 
 
 def lens_fault(camera: Camera) -> str:
-    """Return why a camera's lens cannot be, "" for a lens that can."""
+    """Return why a camera's lens is impossible, or "" if it is plausible."""
     focal = np.array([camera.matrix[0, 0], camera.matrix[1, 1]])
     size = np.array(camera.image_size, dtype=np.float64)
     field_deg = float(np.degrees(2.0 * np.arctan(np.max(0.5 * size / focal))))

@@ -51,7 +51,7 @@ def read_arrays(
 
 
 def read_array(path: Path | str) -> NDArray[Any]:
-    """Return the array of a .npy file; FormatError if it is none, or damaged."""
+    """Return the array of a .npy file; FormatError if it is not one, or is damaged."""
     where = str(path)
     data = read_bytes(path)
     check_kind(data[:4096], where, "NumPy array")

@@ -1,4 +1,4 @@
-"""Size of the person in a take, which tells a wrong unit of length."""
+"""Check of the body's size in a take, which reveals a wrong unit of length."""
 
 from dataclasses import dataclass
 
@@ -15,16 +15,16 @@ from ..markers.marker_take import MarkerTake
 
 @dataclass(frozen=True)
 class HumanSizeSettings:
-    """Range of people, and of mistakes."""
+    """Range of human sizes, and tolerance for recognising a wrong unit."""
 
     shortest_m: float = 0.72
-    tallest_m: float = 4.0  # labels on other places of the trunk make a person up to twice as large
-    samples: int = 200  # frames that are looked at
-    same_unit: float = 1.6  # factor up to which a person of the default skeleton's size is taken to be the cause
+    tallest_m: float = 4.0  # trunk markers worn elsewhere make a body up to twice as large
+    samples: int = 200  # largest number of frames that are checked
+    same_unit: float = 1.6  # largest ratio to the default size, after a change of unit, at which the unit is blamed
 
 
 _S = HumanSizeSettings()
-# what the numbers seem to be, and what the file calls them, by the factor of the size
+# ratio to the default size -> unit of the numbers, unit that the file states
 _MISTAKES = {
     1e-3: ("metres", "millimetres"),
     1e-2: ("metres", "centimetres"),
@@ -39,15 +39,15 @@ _MISTAKES = {
 
 
 def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
-    """Refuse a take whose person is no person's size.
+    """Raise TakeError for a take whose body has no human size.
 
-    The torso hardly bends, so the distances of its markers tell the size; a take without two of them tells none.
+    The torso hardly bends, so the distances between its markers give the size. Takes with fewer than two of them pass.
 
     Args:
         take: Take under the names of the set.
 
     Raises:
-        TakeError: The person is smaller than an infant or a giant; names the size, and the unit that would fit.
+        TakeError: The body is too small or too large for a person; the message has its size and the likely unit.
     """
     scale = _scale(take, marker_set)
     size_m = scale * stature_m(default_skeleton())
@@ -87,7 +87,7 @@ def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
 
 
 def _length(metres: float) -> str:
-    """Return a length for people, in a unit of its size."""
+    """Return a length as text, in a suitable unit."""
     for unit, name in ((1e3, "km"), (1.0, "m"), (1e-2, "cm")):
         if metres >= unit:
             return f"{metres / unit:.2g} {name}"

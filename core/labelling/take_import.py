@@ -38,7 +38,7 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> Mark
             the file's axes.
 
     Raises:
-        TakeError: The markers are not the set's, the body has no person's size, or too few markers are seen at once to
+        TakeError: The markers are not the set's, the body's size is not human, or too few markers are seen at once to
             find the vertical.
         MarkerSetError: The set has no usual offsets, and the floor or the names are to be found by them.
     """
@@ -77,9 +77,10 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
         except TakeError as error:
             problem = problem or error
             continue
-        if len(axes) == 1 or axis_up(named, marker_set) == "y":  # lying bodies are recognised, too, but not upright
+        # names can also be found along a wrong axis, but the body then lies or is upside down
+        if len(axes) == 1 or axis_up(named, marker_set) == "y":
             found.append(named)
-    if found:  # a body that lies or is upside down has some of another's places
+    if found:  # along a wrong axis some markers are at other markers' places
         return min(found, key=lambda named: misfit_of_names_m(named, marker_set))
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
     raise TakeError(problem.what if problem else "", where=take.name, advice=advice)

@@ -1,4 +1,4 @@
-"""The axis of a take's world that points up, by the body that moves in it."""
+"""Up axis of a take's world, found from the body that moves in it."""
 
 from dataclasses import dataclass
 
@@ -26,14 +26,14 @@ TURNS = {  # rotation from a world with this axis up to one with y up
 class UpAxisSettings:
     """Weights of the evidence, chosen on CMU and Bandai takes and on bodies that crawl, sit, lie down and get up."""
 
-    samples: int = 60  # frames that are looked at
-    fewest: int = 4  # markers that show the posture of the whole body
-    body: float = 0.7  # of the mean cosine between the axis and a standing body's vertical, fitted to all markers
-    trunk: float = 0.3  # the same of the markers of the torso: who sits has it upright
-    moves: float = 0.7  # per metre that the top of the body moves along the axis more than its bottom: the floor holds
+    samples: int = 60  # largest number of frames that are checked
+    fewest: int = 4  # fewest markers of a frame that show the posture of the whole body
+    body: float = 0.7  # weight of the mean cosine between the axis and the vertical of a body fitted to all markers
+    trunk: float = 0.3  # the same for the torso markers: the torso is upright in a seated body, too
+    moves: float = 0.7  # weight per metre by which the body's top moves further along the axis than its bottom
     most_moves_m: float = 0.5
-    usual: float = 0.2  # of the two axes that programs write upwards
-    outliers: float = 5.0  # percent of the frames at either end
+    usual: float = 0.2  # weight of y and z, the up axes of most programs
+    outliers: float = 5.0  # percentage of extreme values left out at either end
 
 
 _S = UpAxisSettings()
@@ -43,8 +43,8 @@ _USUAL = ("y", "z")
 def axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
     """Return the axis, one of `TURNS`, that points up in a take with the set's names.
 
-    A body stands or sits upright for most of a take, its head above its feet; who lies down, crawls or turns over for
-    a while moves the head up and down, and the lowest point of the body stays on the floor.
+    A body stands or sits upright for most of a take, with its head above its feet. When it lies down, crawls or turns
+    over for a while, its head moves up and down, while its lowest point stays on the floor.
 
     Raises:
         TakeError: Too few markers are seen at once.
@@ -89,7 +89,7 @@ def _mean_up(template: Array, rows: Array, seen: Array, fewest: int) -> Array:
 
 
 def _top_moves_m(heights: Array) -> float:
-    """Return how much more the top of the body moves than its bottom, of marker heights (F, M)."""
+    """Return how much further the top of the body moves than its bottom, from marker heights (F, M)."""
     shares = (_S.outliers, 100.0 - _S.outliers)
     top, bottom = (np.ptp(np.percentile(ends, shares)) for ends in (np.nanmax(heights, 1), np.nanmin(heights, 1)))
     return float(np.clip(top - bottom, -_S.most_moves_m, _S.most_moves_m))

@@ -1,8 +1,8 @@
-"""Labels that were exchanged for a while, found by continuity and by distances on the body, and put back.
+"""Correction of labels that were exchanged for a while, by continuity and by distances on the body.
 
-Two markers exchange their labels at a seam where both trajectories jump, and where each goes on as the other did. How
-much better that explains the positions is summed over the stretches of a take (Viterbi 1967), with what distances to
-the markers say that keep theirs: along bones they hardly change.
+Two markers exchange their labels at a seam where both trajectories jump and each goes on as the other did. The evidence
+is summed over the stretches of a take (Viterbi 1967), together with that of the distances to other markers, which
+hardly change along a bone.
 """
 
 from dataclasses import dataclass
@@ -16,26 +16,24 @@ from .trajectory_seams import SeamScale, after, before, cost
 
 @dataclass(frozen=True)
 class ExchangeSettings:
-    """Settings of `undo_exchanges`; chosen as those of `SeamSettings`."""
+    """Settings of `undo_exchanges`; chosen like `SeamSettings`."""
 
-    jump_m: float = 0.03  # miss that both trajectories need somewhere
+    jump_m: float = 0.03  # smallest miss that each trajectory needs at some seam
     jump_sigmas: float = 4.0  # the same in standard deviations
-    possible: float = 6.0  # evidence at a seam, nats, from which it is a candidate
-    possible_in_gap: float = -3.0  # the same of one in a gap, where markers are exchanged more often than found there
-    gap: int = 3  # steps from which both are counted as hidden meanwhile
+    possible: float = 6.0  # evidence from which a seam is a candidate, nats
+    possible_in_gap: float = -3.0  # the same in a gap, where exchanges are more frequent than the evidence shows
+    gap: int = 3  # shortest step between common positions that counts as a gap, frames
     change: float = 9.0  # cost of each end of an exchange, nats
     change_in_gap: float = 6.0  # the same in a gap
     at_end: float = 9.0  # cost of being exchanged when the take begins or ends
-    frame: float = 0.01  # cost of each exchanged frame, nats: of two explanations the shorter is meant
-    apart: int = 2  # seams beside a candidate that show the same jump
-    partners: int = 3  # markers whose distance is compared
+    frame: float = 0.01  # cost of each exchanged frame, nats: prefers the shorter of two explanations
+    apart: int = 2  # seams on either side of a candidate that show the same jump
+    partners: int = 3  # other markers whose distances are compared
     rigid_m: float = 0.03  # largest standard deviation of a distance that is compared
-    least_rigid_m: float = 0.01  # least one: skin
-    most_body: float = (
-        15.0  # most evidence of distances for or against a stretch: their other marker may be exchanged, too
-    )
-    independent_s: float = 0.25  # time after which a distance is a new measurement
-    most: int = 200  # exchanges that are put back
+    least_rigid_m: float = 0.01  # smallest standard deviation, from skin motion
+    most_body: float = 15.0  # limit of the evidence of distances: the other marker may be exchanged, too
+    independent_s: float = 0.25  # time after which a distance counts as a new measurement
+    most: int = 200  # largest number of exchanges that are undone
 
 
 _S = ExchangeSettings()
@@ -67,7 +65,7 @@ def undo_exchanges(times_s: Array, points_m: Array, neighbours: Mask) -> tuple[A
 
 
 class _Search:
-    """Finds the best explained pair, again after each that was put back."""
+    """Search for the pair with the most evidence, repeated after each correction."""
 
     def __init__(self, times_s: Array, points_m: Array, neighbours: Mask) -> None:
         self._times_s, self.points_m = times_s, points_m.copy()
@@ -84,7 +82,7 @@ class _Search:
         return self._found[max(gains, key=gains.__getitem__)][1] if gains else []
 
     def put_back(self, exchanges: list[Exchange]) -> None:
-        """Exchange the labels again, and look anew at all pairs of these markers."""
+        """Swap the labels back, and search all pairs with these markers again."""
         changed = exchanges[0].markers
         for each in exchanges:
             rows = slice(each.first, each.last + 1)
@@ -110,7 +108,7 @@ class _Search:
         return bool(np.any((misses > _S.jump_m) & (misses > _S.jump_sigmas * sigmas)))
 
     def _exchanges(self, a: int, b: int) -> tuple[float, list[Exchange]]:
-        """Return the evidence, nats, for the most likely exchanges of two markers, and these."""
+        """Return the evidence for the most likely exchanges of two markers, nats, and the exchanges."""
         rows = np.flatnonzero(np.isfinite(self.points_m[:, [a, b], 0]).all(axis=1))
         if len(rows) < 6:
             return 0.0, []
@@ -140,14 +138,14 @@ class _Search:
 
 
 def _candidates(gains: Array, hidden: Mask) -> IntArray:
-    """Return the seams at which labels may have been exchanged: most evidence around, or in a gap."""
+    """Return the seams at which labels may have been exchanged: the most evidence nearby, or in a gap."""
     padded = np.pad(gains, _S.apart, constant_values=-np.inf)
     most = np.lib.stride_tricks.sliding_window_view(padded, 2 * _S.apart + 1).max(axis=1)
     return np.flatnonzero(((gains >= most) & (gains > _S.possible)) | (hidden & (gains > _S.possible_in_gap)))
 
 
 def _most_likely(gains: Array, exchanged: Array) -> tuple[float, IntArray]:
-    """Return the evidence for, and the states (K + 1,) of the stretches between K seams: 1 for exchanged.
+    """Return the evidence for the most likely states, and the states (K + 1,) between K seams, 1 for exchanged.
 
     Args:
         gains: Evidence (K,) that the state changes, less the cost of a change.
@@ -188,7 +186,7 @@ class RigidDistances:
             self._sigmas[a, b] = self._sigmas[b, a] = max(sigma, _S.least_rigid_m) if sigma < _S.rigid_m else np.inf
 
     def partners(self, marker: int, without: int | None = None) -> IntArray:
-        """Return the markers whose distance changes least, without one."""
+        """Return the markers whose distance to a marker changes least; `without` is left out."""
         sigmas = self._sigmas[marker].copy()
         if without is not None:
             sigmas[without] = np.inf

@@ -1,7 +1,7 @@
 """Faults of the labels of a take: exchanged markers, frozen stretches, wild points.
 
-A label is believed where its trajectory goes on as a body can. Exchanged labels are put back, other faults are made
-missing positions. Both directions of time are looked at, so this is for takes that are whole.
+A label is trusted while its trajectory continues as a body can move. Exchanged labels are put back; positions with
+other faults are taken as missing. Both directions of time are used, so this works on complete takes only.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ class LabelFault:
 
     Args:
         first, last: Frames of the take, from 0, both included.
-        labels: The markers.
+        labels: Names of the markers.
         kind: What was wrong.
     """
 
@@ -60,43 +60,43 @@ class LabelFault:
 
 @dataclass(frozen=True)
 class FaultSettings:
-    """Settings of `correct_labels`; chosen as those of `SeamSettings`."""
+    """Settings of `correct_labels`; chosen like `SeamSettings`."""
 
     fewest_frames: int = 8  # shortest take that shows what is usual
-    still_sigmas: float = 0.1  # step of a marker, in standard deviations of its misses, that counts as none
-    still_m: float = 1e-7  # step that counts as none whatever the noise: rounding of conversions
-    still_frames: int = 3  # equal positions from which a marker stands still
-    still_evidence: float = 9.0  # evidence, nats, that it did not come to rest or did not leave as bodies do
-    still_step: float = 3.0  # most evidence, nats, of each step without the marker's noise
-    rounded: float = 3.0  # least noise, in steps of rounding, that rounding cannot hide
-    quietest: float = 0.05  # share of a marker's misses that are less than its noise
-    still_move_m: float = 0.02  # distance that the body moves meanwhile, so that a lack of noise matters
-    still_harm_m: float = 0.01  # jump at either end that matters without noise
-    still_drift_m: float = 0.05  # distance by which the speed at either end leads away that matters, too
-    still_drift_evidence: float = 14.0  # evidence, nats, that the latter takes
-    all_still: float = 0.6  # share of the other markers that stand still at once when the recording hung
-    quantile: float = 0.3  # of the distances of wild points: the one that counts
-    jump_m: float = 0.055  # distance of wild points from where the motion leads
-    jump_sigmas: float = 4.0  # miss at a seam where wild points may begin or end
-    wild_s: float = 0.5  # longest stretch that can be wild
-    wild_evidence: float = 22.0  # evidence, nats, for wild points
-    wild_point: float = 1.5  # the same for each of them
-    beside: int = 6  # seams on either side of wild points that show how sudden the motion is just then
-    edge: float = 0.5  # miss at either end of wild points, as a share of their distance; else it is a step
-    bridge_sigmas: float = 3.0  # miss between before and after wild points that noise explains
+    still_sigmas: float = 0.1  # largest step of a still marker, in standard deviations of its misses
+    still_m: float = 1e-7  # the same in metres whatever the noise: rounding of conversions
+    still_frames: int = 3  # fewest equal positions of a still marker
+    still_evidence: float = 9.0  # evidence needed that it stops or starts unlike a body, nats
+    still_step: float = 3.0  # limit of the evidence of each step without noise, nats
+    rounded: float = 3.0  # smallest noise that rounding cannot hide, in steps of rounding
+    quietest: float = 0.05  # quantile of a marker's misses that is its noise at its quietest
+    still_move_m: float = 0.02  # distance that the body must move meanwhile for missing noise to matter
+    still_harm_m: float = 0.01  # smallest jump at either end that matters
+    still_drift_m: float = 0.05  # smallest drift by the speed at either end that matters, too
+    still_drift_evidence: float = 14.0  # evidence needed for such a drift, nats
+    all_still: float = 0.6  # share of other markers that are still at once, above which the recording hung
+    quantile: float = 0.3  # quantile of the distances of wild points that counts
+    jump_m: float = 0.055  # smallest distance of wild points from where the motion leads
+    jump_sigmas: float = 4.0  # smallest miss at their first and last seam, standard deviations
+    wild_s: float = 0.5  # longest stretch of wild points
+    wild_evidence: float = 22.0  # evidence needed for wild points, nats
+    wild_point: float = 1.5  # additional evidence needed for each of them, nats
+    beside: int = 6  # seams on either side of wild points that show how sudden the motion is there
+    edge: float = 0.5  # smallest miss at either end, as a share of their distance; below it, they are a step
+    bridge_sigmas: float = 3.0  # largest miss between before and after wild points, standard deviations
     together: float = 0.3  # distance of other markers on the bone, as a share of the point's, when the whole bone jumps
-    wild_sigmas: float = 4.0  # distance from where the motion leads, in standard deviations of that
+    wild_sigmas: float = 4.0  # the same as `jump_m`, standard deviations of the miss across the stretch
 
 
 _S = FaultSettings()
 
 
 def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tuple[LabelFault, ...]]:
-    """Return a take whose faulty labels are put back or missing, and where that was so, by time.
+    """Return a take with faulty labels put back or removed, and the faults in time order.
 
     Args:
         take: Take under the names of the subject's markers; other trajectories stay as they are.
-        subject: Who wears the markers on which joints.
+        subject: Performer, whose joints carry the markers.
     """
     worn = [marker for marker in subject.marker_set.markers if marker.name in take.names]
     if take.frames < _S.fewest_frames or not worn or np.any(np.diff(take.times_s) <= 0.0):
@@ -133,7 +133,7 @@ def _steps_between(subject: Subject, joints: Sequence[int]) -> IntArray:
 
 
 def _nearest(steps: IntArray) -> Mask:
-    """Return which markers are the fewest bones away from each (M, M), without itself."""
+    """Return for each marker which others are the fewest bones away (M, M)."""
     itself = np.eye(len(steps), dtype=bool)
     apart = np.where(itself, steps.max() + 1, steps)
     return np.asarray((apart == apart.min(axis=1, keepdims=True)) & ~itself)
@@ -174,7 +174,7 @@ def _missing(faulty: Mask, names: Sequence[str], kind: FaultKind) -> list[LabelF
 
 
 def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
-    """Return where (F, M) markers keep a position that the motion before or after contradicts."""
+    """Return a mask (F, M) of positions that stay the same although the motion before or after contradicts it."""
     steps = np.linalg.norm(np.diff(points_m, axis=0), axis=-1)
     still = steps <= np.maximum(_S.still_m, _S.still_sigmas * scale.usual)
     seen = np.isfinite(steps)
@@ -196,9 +196,9 @@ def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) ->
 
 
 def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
-    """Return the evidence (M,), nats, of each step of length 0 that a position was filled in: it has no noise.
+    """Return the evidence (M,), nats, of each step of length 0 that a position was filled in, as it lacks noise.
 
-    Only noise counts that the marker has when it is quietest, and that is more than the rounding of the take.
+    What counts is the noise of the marker at its quietest, if it is above the rounding of the take.
     """
     moved = steps[np.isfinite(steps) & (steps > _S.still_m)]
     rounding_m = max(float(moved.min()), _S.still_m) if len(moved) else np.inf
@@ -232,7 +232,7 @@ def _moved(points_m: Array, marker: int, others: Mask, first: int, last: int) ->
 
 
 def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: float) -> bool:
-    """Return whether a path (F, 3) that stands still from one frame to another does not come to rest or leave so.
+    """Return whether the motion before or after a still stretch of a path (F, 3) contradicts it.
 
     Args:
         sigma_m: Usual standard deviation of its misses.
@@ -240,7 +240,7 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
     evidence = jump_m = drift_m = 0.0
     come, go = np.arange(first + 1)[::-1], np.arange(last, len(path))
     for frames, end in ((come, first), (go, last)):
-        # the last value is true where positions were filled with it, so the motion before leads there and beyond
+        # filling repeats the last true position, so the motion before leads through it
         rows = frames[np.isfinite(path[frames, 0])][: 3 + _S.beside][0 if end == first else 1 :]
         if len(rows) < 3:
             continue
@@ -263,7 +263,7 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
 
 
 def _wild(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
-    """Return where (F, M) markers are where neither before nor after leads them."""
+    """Return a mask (F, M) of positions to which neither the motion before nor after leads."""
     wild = np.zeros(points_m.shape[:2], dtype=bool)
     for marker, others in enumerate(nearest):
         beside = points_m[:, others]
@@ -273,7 +273,7 @@ def _wild(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> M
 
 
 class _WildSearch:
-    """Takes positions out of one trajectory while that explains the others better.
+    """Removes positions of a trajectory while that makes the rest of it more likely.
 
     Args:
         path: The trajectory (F, 3).
@@ -319,7 +319,7 @@ class _WildSearch:
         return max(usual, float(self._scale.usual[self._marker]))
 
     def _gain(self, rows: IntArray, points: IntArray, misses: Array) -> float:
-        """Return the evidence, nats, that points are wild, less what it takes."""
+        """Return the evidence, nats, that points are wild, less the evidence needed."""
         start, stop = max(points[0] - 4, 0), min(points[-1] + 5, len(rows))
         if points[0] - start < 2 or stop - 1 - points[-1] < 2:
             return 0.0
@@ -355,7 +355,7 @@ def _away(times_s: Array, points_m: Array, rows: IntArray, points: IntArray) -> 
     """Return how far (n, M, 3) trajectories (F, M, 3) are from cubics through two positions before and two after.
 
     Args:
-        rows: Frames in which there are positions.
+        rows: Frames with positions.
         points: Successive indices into these.
     """
     beside = rows[[points[0] - 2, points[0] - 1, points[-1] + 1, points[-1] + 2]]

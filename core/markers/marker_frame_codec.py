@@ -15,8 +15,8 @@ _MAGIC = b"PFMF"
 _VERSION, _OLDEST = 4, 3
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
 _STAMP = struct.Struct("<d")
-_NOT_MOVED = 0xFFFFFFFF  # in place of the count of a camera's detected blobs: they are its blobs
-_NOT_COMPUTED = 0xFFFFFFFF  # in place of the count of its normalised coordinates
+_NOT_MOVED = 0xFFFFFFFF  # count of a camera's detected blobs that means they are its blobs, unchanged
+_NOT_COMPUTED = 0xFFFFFFFF  # count of its normalised coordinates that means none are stored
 
 
 def pack(frame: MarkerFrame) -> bytes:

@@ -124,9 +124,9 @@ class MarkerSet:
         return replace(self, markers=tuple(marker for marker in self.markers if marker.name in names))
 
     def worn(self, names: Sequence[str]) -> "MarkerSet":
-        """Return the set without the markers that are not in `names`, with whatever torso there is.
+        """Return the set without the markers that are not in `names`, however few are on the torso.
 
-        Where fewer than three torso markers are left, those on the bones next to the torso find the root, too.
+        If fewer than three torso markers are left, those on the bones next to the torso help to find the root.
 
         Raises:
             MarkerSetError: Fewer than three markers are on or next to the torso.

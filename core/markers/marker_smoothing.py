@@ -1,6 +1,6 @@
 """Zero-lag smoothing of markers by their own noise.
 
-Errors that last, as those of keypoints, stay in the positions and count in their deviations. Each marker passes a
+Lasting errors, like those of keypoints, stay in the positions and count in their deviations. Each marker passes a
 multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact markers pass unchanged. A
 marker that is hidden for a moment is extrapolated, with a growing standard deviation.
 """

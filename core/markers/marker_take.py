@@ -48,7 +48,7 @@ class MarkerTake:
     frame_numbers: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     times_s: Array = field(default_factory=lambda: np.empty(0))
     single: SingleViews | None = None  # markers that single cameras saw, where that is known
-    notes: tuple[str, ...] = ()  # what its reader has to tell
+    notes: tuple[str, ...] = ()  # messages of its reader
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", printable(self.name))

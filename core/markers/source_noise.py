@@ -1,4 +1,4 @@
-"""Errors of points by the kind of their source: one setting for filters, solver, body fit and confidence."""
+"""Errors of points by kind of source, shared by filters, solver, body fit and confidence."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,11 @@ from .marker_set import PointKind
 
 @dataclass(frozen=True)
 class SourceNoise:
-    """What to expect of the points of a kind of source; lengths are of one coordinate unless said."""
+    """Errors to expect of the points of a kind of source, each per coordinate."""
 
-    most_fast_m: float  # largest noise from frame to frame that is smoothed; more is sudden motion at a low rate
-    lasting_m: float  # errors that last for many frames, which no smoothing of a point removes
-    calm_hz: float  # cut-off for poses of recorded takes, above which there is noise only
+    most_fast_m: float  # largest frame-to-frame noise that is smoothed; more is sudden motion at a low rate
+    lasting_m: float  # standard deviation of errors that last many frames, so smoothing cannot remove them
+    calm_hz: float  # cut-off for poses of recorded takes, above which there is only noise
 
 
 _NOISES = {

@@ -1,4 +1,4 @@
-"""Marker takes laid out at a steady rate by their times."""
+"""Marker takes resampled at a steady rate."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from .marker_take import MarkerTake
 
 
 def take_clock(take: MarkerTake) -> Clock:
-    """Return the clock of a take's frames; where all have one time, their numbers and the nominal rate give it."""
+    """Return the clock of a take's frames; if all have the same time, frame numbers and nominal rate give it."""
     clock = clock_of(take.times_s, take.fps, take.frame_numbers)
     if len(clock.rows) > 1 or take.frames == 1:
         return clock
@@ -27,9 +27,9 @@ def frame_times(take: MarkerTake) -> Array:
 
 
 def steady_take(take: MarkerTake) -> MarkerTake:
-    """Return the take with frames of a steady rate, for files that state one; the take itself where it is steady.
+    """Return the take at a steady rate, for files that state one; the take itself if it is steady already.
 
-    Positions are interpolated by the times. They are missing in frames lost from a steady rate, between frames that are
+    Positions are interpolated by the times. They are missing in frames lost at a steady rate, between frames that are
     far apart, and beside frames in which the marker is hidden. Markers that single cameras saw are left out.
     """
     clock = take_clock(take)

@@ -1,8 +1,9 @@
-"""Seams of trajectories: what two neighbouring positions would have to be, seen from before and from after.
+"""Seams of trajectories: how well the motion before and after a moment fits together.
 
-At a seam, the moment between two successive positions, a trajectory is continued in a straight line from the two
-positions before and from the two after. Where a marker accelerates steadily, both meet; how far they miss each other
-is scaled by how far the same trajectory's continuations usually do, over gaps of the same length and at the same time.
+A seam is the moment between two successive positions. The trajectory is extrapolated to it along a straight line, from
+the two positions before and from the two after. The distance between the two results is the miss, which is zero while
+a marker accelerates steadily. It is measured in the trajectory's usual misses across gaps of the same length, around
+the same time.
 """
 
 from dataclasses import dataclass
@@ -17,18 +18,18 @@ _FEWEST = 10  # seams needed for an estimate
 
 @dataclass(frozen=True)
 class SeamSettings:
-    """How far continuations miss each other in true trajectories; chosen on the CMU subjects 05, 14, 16, 127, 135."""
+    """Misses in true trajectories; chosen on the CMU subjects 05, 14, 16, 127, 135."""
 
-    least_m: float = 0.3e-3  # least standard deviation of a coordinate: rounding, skin
-    beside: int = 8  # seams on either side that show how sudden the motion is just then
-    gaps: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # steps between the positions beside a seam that are tried out
+    least_m: float = 0.3e-3  # smallest standard deviation of a coordinate, from rounding and skin
+    beside: int = 8  # seams on either side that show how sudden the motion is there
+    gaps: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # steps across a seam for which the misses are measured
 
 
 _S = SeamSettings()
 
 
 def before(times_s: Array, points_m: Array) -> Array:
-    """Return positions (N - 1, 3) at the seams of N positions, continued from before; NaN at the first."""
+    """Return positions (N - 1, 3) at the seams of N positions, extrapolated from before; NaN at the first."""
     middle_s = 0.5 * (times_s[1:] + times_s[:-1])
     found = np.full((len(times_s) - 1, 3), np.nan)
     share = (middle_s[1:] - times_s[1:-1]) / (times_s[1:-1] - times_s[:-2])
@@ -37,7 +38,7 @@ def before(times_s: Array, points_m: Array) -> Array:
 
 
 def after(times_s: Array, points_m: Array) -> Array:
-    """Return positions (N - 1, 3) at the seams of N positions, continued from after; NaN at the last."""
+    """Return positions (N - 1, 3) at the seams of N positions, extrapolated from after; NaN at the last."""
     return before(-times_s[::-1], points_m[::-1])[::-1]
 
 
@@ -79,12 +80,12 @@ class SeamScale:
         return self._at_gap[:, 0]
 
     def over(self, marker: int, elapsed_s: Array) -> Array:
-        """Return the standard deviations of misses over times without a position."""
+        """Return the standard deviations of misses across gaps of some durations."""
         gaps = np.log(np.maximum(elapsed_s / self._step_s, 1.0))
         return np.asarray(np.exp(np.interp(gaps, np.log(_S.gaps), np.log(self._at_gap[marker]))))
 
     def _complete(self) -> None:
-        """Give unknown entries those of the other markers, or of shorter gaps; longer gaps are never better known."""
+        """Fill unknown entries from the other markers, or from shorter gaps; longer gaps never have smaller misses."""
         for column in range(len(_S.gaps)):
             known = np.isfinite(self._at_gap[:, column])
             usual = np.median(self._at_gap[known, column]) if known.any() else np.nan
@@ -95,7 +96,7 @@ class SeamScale:
     def of(self, marker: int, times_s: Array, misses_m: Array) -> Array:
         """Return the standard deviations (N - 1,) of misses at the seams of positions at times (N,).
 
-        Where a trajectory misses by more for a while, its motion is sudden: the median there counts.
+        Larger misses for a while show sudden motion, so the median there counts.
         """
         usual = self.over(marker, np.diff(times_s))
         ratios = np.concatenate((np.full(_S.beside, np.nan), misses_m / usual, np.full(_S.beside, np.nan)))
@@ -104,7 +105,7 @@ class SeamScale:
 
 
 def _medians(rows: Array) -> Array:
-    """Return the medians (N,) of rows (N, K) without their NaN; 0 where there is nothing else."""
+    """Return the medians (N,) of rows (N, K) without NaN; 0 where all are NaN."""
     ordered = np.sort(rows, axis=1)  # NaN last
     counts = np.isfinite(rows).sum(axis=1)
     each: IntArray = np.arange(len(rows))

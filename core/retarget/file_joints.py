@@ -50,7 +50,7 @@ def _match(names: tuple[str, ...], parents: bytes, offsets_m: bytes) -> dict[str
 
 
 def _with_sides(tree: BoneTree) -> BoneTree | None:
-    """Return joints of which each two have the same name with sides by their places, None if these cannot tell.
+    """Return joints named in pairs with sides by their places, or None if the places cannot tell.
 
     The toes show where the front is.
     """

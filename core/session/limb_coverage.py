@@ -14,7 +14,7 @@ from ..body.standard_skeleton import JOINT_NAMES
 from ..geometry.arrays import Array, evenly
 from ..markers.marker_set import MarkerSet
 
-# A limb is determined by a marker beyond its hinge: the elbow bends by what the hand does, the knee by the foot.
+# A marker beyond its hinge determines a limb: the hand shows how the elbow bends, the foot how the knee does.
 _LIMBS = {"arm": ("radius", "wrist", "hand", "fingers", "thumb"), "leg": ("tibia", "foot", "toes")}
 LIMBS = {
     f"{side} {limb}": tuple(side[0] + joint for joint in joints)
@@ -27,8 +27,8 @@ LIMBS = {
 class CoverageSettings:
     """Settings of the coverage."""
 
-    samples: int = 50  # frames in which unused markers are looked for
-    farthest_m: float = 0.5  # distance of an unused marker from the body, beyond which it is another thing's
+    samples: int = 50  # frames that are searched for unused markers
+    farthest_m: float = 0.5  # largest distance from the body at which an unused marker belongs to it
 
 
 _S = CoverageSettings()
@@ -42,7 +42,7 @@ class LimbCoverage:
         limb: One of `body_parts.PARTS`.
         markers: Its markers that were used and located at least once.
         known: Those whose place a marker set knows.
-        placed: Those whose place the motion showed.
+        placed: Those that the motion placed.
         left_out: Markers of the take near it that were not used.
         distance_m: Median distance of located and solved markers, NaN without any.
         distance_95_m: Distance that 95 % of them are within.
@@ -70,7 +70,7 @@ class LimbCoverage:
 
 
 def parts_of(marker_set: MarkerSet) -> dict[str, list[int]]:
-    """Return the markers of each part of the body that carries some; the hips' are the torso's."""
+    """Return the markers of each part of the body that carries some; those of the hips belong to the torso."""
     joints = [JOINT_NAMES.index(marker.joint) for marker in marker_set.markers]
     joints = [PART_JOINTS["torso"][0] if joint == 0 else joint for joint in joints]
     parts = {part: [i for i, joint in enumerate(joints) if joint in own] for part, own in PART_JOINTS.items()}
@@ -131,7 +131,7 @@ def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence
 
 
 def open_limbs(marker_set: MarkerSet, names: Sequence[str]) -> list[str]:
-    """Return the limbs that the markers `names` leave open although the set, worn as a whole, determines them."""
+    """Return the limbs that the markers `names` leave undetermined although the complete set determines them."""
     carried = {marker.joint for marker in marker_set.markers}
     shown = {marker.joint for marker in marker_set.markers if marker.name in names}
     return [limb for limb, joints in LIMBS.items() if carried & set(joints) and not shown & set(joints)]

@@ -1,4 +1,4 @@
-"""Solving of whole takes to motions."""
+"""Solving whole takes into motions."""
 
 import time
 from collections.abc import Sequence

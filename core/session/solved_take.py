@@ -43,12 +43,12 @@ class SolvedTake:
         seconds: Computing time of each frame (F,), without the second pass of a solve in both directions.
         relabelled: Frames (F,) whose labels were proven by later frames.
         clock: Times of the poses that the motions show, and the motions' steady rate; None for poses alone.
-        is_finished: The motions are smoothed, or hold the feet: the poses alone do not make them.
+        is_finished: The motions are smoothed or foot-locked, so the poses alone do not give them.
         setup: Cameras, performers, props, database and settings of this solve; None for poses alone.
         frames: Marker frames, each with the time at which it arrived, s.
         recording: Recorded take that was solved again; None for a marker take.
         report: Warnings and figures of this solve, by their names in the `solve` command's JSON object.
-        findings: Reasons against the first performer's motion that the take's markers give.
+        findings: Reasons against the first performer's motion found in the take's markers.
         faults: Stretches with labels that are still wrong, of the first performer.
         corrected: Stretches whose wrong labels were put right, or left out, before the solve.
         unused_m: Markers (F, N, 3) of a marker take that were not used.

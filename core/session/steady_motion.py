@@ -1,4 +1,4 @@
-"""Poses as motions, laid out by their times."""
+"""Motions at a steady rate from poses, by their times."""
 
 from collections.abc import Sequence
 
@@ -36,7 +36,7 @@ def steady_motion(poses: Sequence[PerformerPose], subject: Subject, name: str, c
 
 
 def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
-    """Return poses frame by frame, whatever their times: of a steady rate, or compared with a take's frames."""
+    """Return a motion with one frame for each pose, whatever its time: for steady poses, or comparison by frames."""
     return Motion(name, fps, subject.skeleton, *_arrays(poses))
 
 

@@ -20,7 +20,7 @@ class TrackingSettings:
     explained_m: float = 0.03  # distance of solved from observed markers at which confidence has fallen to 1/e
     familiar_m: float = 0.15  # distance to the closest example at which confidence has fallen to 1/e
     wrong_m: float = 0.10  # distance of solved from observed markers above which labels or pose are wrong
-    lasting: tuple[float, float] = (3.5, 8.0)  # distances added to both, in lengths of the source's lasting errors
+    lasting: tuple[float, float] = (3.5, 8.0)  # added to both distances, in RMS lengths of the source's lasting errors
     wrong_for_s: float = 0.5  # duration of wrong markers after which labelling restarts
     lost_for_s: float = 1.0  # duration with fewer torso markers after which labelling restarts
     torso_markers: int = 2  # fewest torso markers of a tracked body

@@ -41,9 +41,7 @@ _WEIGHT_POWER = 4.0  # a trajectory's weight falls with this power of its expect
 _WEIGHT_S = 0.25  # standard deviation of the time over which these errors are averaged
 _UNKNOWN_DEG = 90.0  # expected error of parts with unknown error
 _SMOOTH_HZ = 8.0  # cut-off for the trajectory of what no marker shows
-_CALM_SHARE = (
-    0.27  # highest cut-off for the fitted poses, which follow the rest of the markers' noise, of the frame rate
-)
+_CALM_SHARE = 0.27  # highest cut-off for the fitted poses, which follow remaining marker noise, share of the frame rate
 _REPORT_EVERY = 30  # frames between two reports of progress
 _TOGETHER = 128  # frames of which priors, or fits, are computed at once
 _TORSO = list(PARTS).index("torso")  # part of the root

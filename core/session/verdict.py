@@ -1,4 +1,4 @@
-"""Verdict on a solved take: whether somebody who looks at the motion would accept it, or the reasons why not."""
+"""Verdict on a solved take: whether a viewer would accept the motion, and if not, why."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -27,23 +27,23 @@ _LONG_BONES = {"femur": "thigh", "tibia": "shank", "humerus": "upper arm", "radi
 class VerdictSettings:
     """Limits of a good motion besides `PostureSettings`, met by all CMU and Bandai takes, crawls and cartwheels."""
 
-    unsolved: float = 0.2  # share of frames without a pose of their own
-    wrong_m: float = 0.1  # median distance of markers and body over the take, from which no body was found
-    limb_m: float = 0.08  # the same of one limb's markers: a hand's width
+    unsolved: float = 0.2  # largest share of frames without a solved pose
+    wrong_m: float = 0.1  # median distance of markers from the body over the take, above which no body was found
+    limb_m: float = 0.08  # the same for the markers of one limb: a hand's width
     stretch_m: float = 0.12  # median distance of a limb's markers in one frame, from which the frame is doubtful
     stretch_s: float = 0.2  # shortest doubtful stretch
     shortest_m: float = 0.6  # stature of a small child
     tallest_m: float = 2.4
-    bone_factor: float = 2.0  # a limb's bone relative to the rest of the body and to usual proportions
+    bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest of the body suggests, or its inverse
     hover_m: float = 0.3  # height of the lower foot's joint above the floor
-    hover_share: float = 0.1  # share of the take that a foot is lower than that at least
+    hover_share: float = 0.1  # smallest share of the take with a foot below that height
     sink_m: float = 0.15  # depth of the lower foot below the floor in most frames
-    duration_s: float = 0.02  # difference from the source's duration
-    duration_share: float = 0.01  # the same, share of the duration
+    duration_s: float = 0.02  # largest difference from the source's duration
+    duration_share: float = 0.01  # the same as a share of the duration
 
 
 class ReasonKind(Enum):
-    """Check that a solved take fails, the gravest first."""
+    """Checks that a solved take can fail, the gravest first."""
 
     UNSOLVED = auto()
     MARKERS = auto()  # no body fits the markers
@@ -57,7 +57,7 @@ class ReasonKind(Enum):
 
 @dataclass(frozen=True)
 class Reason:
-    """Why a motion is not good, in a sentence."""
+    """Reason against a motion, with a sentence for people."""
 
     kind: ReasonKind
     text: str
@@ -69,7 +69,7 @@ class TakeVerdict:
 
     Args:
         reasons: Why the motion is not good, the gravest first; empty for a good one.
-        limbs: Markers of the parts, those that carry or should carry some.
+        limbs: Coverage of the parts that carry markers, or should.
         stretches: Where the motion is in doubt, in time order.
     """
 
@@ -123,7 +123,7 @@ def judge(
         duration_s: Time from the first to the last frame of the source that the motion shows.
         has_floor: Whether y = 0 is the floor.
         reasons: Findings about the markers from before the solve.
-        stretches: Doubtful stretches that were found before the solve, with labels that are still wrong.
+        stretches: Stretches found before the solve where labels are still wrong.
     """
     distances_m = _marker_distances(poses)
     parts = parts_of(marker_set) if marker_set is not None else {}
@@ -138,7 +138,7 @@ def judge(
 
 
 def is_unsolved(poses: Sequence[PerformerPose]) -> Mask:
-    """Return (F,) whether a frame only repeats the last pose, or waits in the T pose."""
+    """Return a mask (F,) of frames that only repeat the last pose, or wait in the T pose."""
     return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
 
 
@@ -151,7 +151,7 @@ def _marker_distances(poses: Sequence[PerformerPose]) -> Array:
 def _far_stretches(
     distances_m: Array, parts: dict[str, list[int]], poses: Sequence[PerformerPose]
 ) -> list[DoubtfulStretch]:
-    """Return where a part of the body is away from its markers."""
+    """Return the stretches in which a part of the body is away from its markers."""
     times_s = np.array([pose.time_s for pose in poses]) - poses[0].time_s
     found = []
     for part, markers in parts.items():
@@ -172,7 +172,7 @@ def _stretch_text(stretch: DoubtfulStretch) -> str:
 
 
 def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbCoverage]) -> list[Reason]:
-    """Return what is wrong with the way from markers to body."""
+    """Return what is wrong with the fit of the body to the markers."""
     unsolved = float(np.mean(is_unsolved(poses)))
     if unsolved == 1.0:
         return [Reason(ReasonKind.UNSOLVED, "no frame shows the markers of the torso")]
@@ -190,7 +190,7 @@ def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequ
 
 
 def _size_reasons(skeleton: Skeleton) -> list[Reason]:
-    """Return what is not human about the bones."""
+    """Return what is implausible about the lengths of the bones."""
     scale, usual = girth_scale(skeleton), default_skeleton()
     height_m = stature_m(skeleton)
     if not _S.shortest_m <= height_m <= _S.tallest_m:

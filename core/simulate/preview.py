@@ -106,7 +106,7 @@ def floor_image(camera: Camera) -> Image:
 
 
 def brightened(image: Image) -> Image:
-    """Return an image of a marker camera, which shows little else than markers, with its dark parts brightened."""
+    """Return a marker camera's image, which shows little but markers, with its dark parts brightened."""
     table = np.rint(255.0 * (np.arange(256) / 255.0) ** 0.55).astype(np.uint8)
     return np.asarray(cv2.LUT(image, table), dtype=np.uint8)
 

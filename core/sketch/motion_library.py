@@ -35,9 +35,9 @@ class LibrarySettings:
 
     search_fps: float = 30.0  # rate of the frames at which a window may begin
     lowest_percent: float = 5.0  # percentile of a clip's heights that is its floor: single frames are noise
-    low_m: float = 0.05  # a standing foot is lower above that floor, still toes above their lowest within a second
-    standing_m_s: float = 0.35  # a standing foot is slower,
-    still_m_s: float = 0.25  # and still toes
+    low_m: float = 0.05  # largest height of a standing foot above that floor; of still toes above their lowest nearby
+    standing_m_s: float = 0.35  # largest speed of a standing foot
+    still_m_s: float = 0.25  # largest speed of still toes
     steady_s: float = 0.1  # shortest contact
     chunk: int = 1 << 15  # frames computed at once
 

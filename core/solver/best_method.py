@@ -41,8 +41,8 @@ _LEAST_OFF = 0.8
 # Distance of the markers from the neighbours, in their deviations, above which the neighbours of a body that the
 # database knows are widened in proportion: it moves in a new way.
 _USUAL_DEVIATION = 0.5
-# A pose's deviations given its markers grow with this power of the markers' deviation from the prior, scaled for bodies
-# that the database lacks, and for those it knows; fitted to takes, see `session.part_errors`.
+# Deviations of a pose given its markers grow with this power of the markers' deviation from the prior plus a small one.
+# The scales are for bodies that the database lacks and for those it knows; fitted to takes, see `session.part_errors`.
 _WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
 _LIMIT_PERCENTILES = (1.0, 99.0)  # range of the database's joint angles that gives the limits
 _LIMIT_MARGIN_RAD = 0.05  # added to this range

@@ -89,7 +89,7 @@ def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
 
 
 def worn_in(take: MarkerTake, subject: Subject) -> Subject:
-    """Return the subject with the markers that a take shows, and whatever torso there is.
+    """Return the subject with the markers that a take shows, however few are on the torso.
 
     The subject is unchanged if the take's markers are not labelled, or none are on or next to the torso.
     """

@@ -23,7 +23,7 @@ class ChangeSigmas:
     size: float = 0.08  # relative size of the whole body
     part: float = 0.04  # relative size of a part besides
     offset_m: float = 0.02  # marker about its usual offset
-    placed_m: float = 0.05  # the same of one that the motion placed
+    placed_m: float = 0.05  # the same for a marker that the motion placed
 
 
 SIGMAS = ChangeSigmas()
@@ -39,7 +39,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 
 def part_covariance(parts: int) -> Array:
-    """Return the usual covariance (P, P) of the sizes of parts: of the whole body, and of each besides."""
+    """Return the usual covariance (P, P) of the sizes of parts: common to the whole body, plus each part's own."""
     return np.full((parts, parts), SIGMAS.size**2) + SIGMAS.part**2 * np.eye(parts)
 
 

@@ -35,12 +35,12 @@ class MotionFitSettings:
 
     rounds: int = 4
     most_frames: int = 300  # more frames tell little new about the body
-    stretches: int = 6  # they are chosen in as many parts of the take, so that many poses are among them
+    stretches: int = 6  # number of stretches, one from each of as many parts of a take, for a variety of poses
     fewest_frames: int = 20
     large_m: float = 0.06  # frames with a larger median marker error are left out
-    large_sigmas: float = 3.0  # added to that, in lasting errors of the points' source
+    large_sigmas: float = 3.0  # added to this, in standard deviations of the source's lasting errors
     marker_sigma_m: float = 0.01  # marker about the modelled one: skin and solver
-    # shares of the usual deviations for keypoints: distances have shown their bones, and they lie near joints
+    # shares of the usual deviations for keypoints: their distances gave the bones, and they lie near joints
     keypoint_shares: tuple[float, float] = (0.1, 0.1)  # of sizes, of offsets
     independent_frames: float = 30.0  # weight of all frames together, as near ones repeat each other's errors
 
@@ -85,7 +85,7 @@ def subject_from_motion(
 
 
 def _telling_frames(observed: Array, torso: Mask) -> IntArray:
-    """Return the frames to fit to: those that show the torso, of a long take stretches from all of it.
+    """Return the frames to fit to: those that show the torso; of a long take, stretches spread over it.
 
     In each part of the take the stretch with most markers is chosen.
     """

@@ -1,9 +1,9 @@
-"""Places on the body for markers that no marker set knows, from a take's motion.
+"""Placement of markers that no marker set knows, by a take's motion.
 
-A marker that keeps its place in a bone's frame is worn on that bone. Bones that known markers determine show it at
-once. A limb that they leave open is first laid through the unknown markers: its first bone points at one of them, its
-second at another, in all frames alike, and the two that leave the markers closest to the body are taken. Then poses and
-places are found in turn.
+A marker that is fixed in a bone's frame is worn on that bone. For bones that known markers determine, the poses show
+this directly. A limb that they leave undetermined is first fitted to the unknown markers: its first bone points at one
+of them, its second at another, the same two in all frames. The pair that leaves the markers closest to the body wins.
+Then poses and places are estimated in turn.
 """
 
 from dataclasses import dataclass, replace
@@ -31,19 +31,17 @@ from .from_motion import frames_of
 class PlacementSettings:
     """Settings of the placement."""
 
-    frames: int = 16  # spread over the take
-    fewest: int = 4  # of these frames that show a marker: fewer do not tell whether it keeps its place
+    frames: int = 16  # number of frames, spread over the take
+    fewest: int = 4  # fewest of these frames that tell whether a marker keeps its place
     rounds: int = 2
-    moved_share: float = (
-        0.5  # share of the way to the places by new poses: along a limb poses and places can both drift
-    )
+    moved_share: float = 0.5  # share of each update of the places: along a limb, poses and places can drift together
     spread_m: float = 0.02  # usual spread of a marker's place on its bone: skin, and error of the poses
     flesh_m: float = 0.08  # usual distance of a marker from its bone
-    largest_spread_m: float = 0.05  # beyond it the marker is on no bone
-    farthest_m: float = 0.2  # distance from the bone beyond which a marker is another thing's
-    capped_m: float = 0.3  # largest distance that counts against a limb's course
-    size_share: float = 0.4  # a bone may be longer or shorter than the skeleton's by so much
-    every: int = 2  # of these frames every second one tells a limb's course
+    largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
+    farthest_m: float = 0.2  # largest distance of a worn marker from its bone
+    capped_m: float = 0.3  # limit of each distance in the cost of a limb's fit
+    size_share: float = 0.4  # largest relative difference of a bone from the skeleton's
+    every: int = 2  # step between the frames to which a limb is fitted
     hand_m: float = 0.15  # length of hand or foot beyond wrist or ankle
 
 
@@ -53,7 +51,7 @@ _LOOSE = ("fingers", "thumb")  # joints whose poses few markers determine
 
 @dataclass(frozen=True)
 class _Limb:
-    """Joints of an open limb: of its first and second bone, and what follows."""
+    """Joints of an undetermined limb: of its first and second bone, and those below."""
 
     first: int
     second: int
@@ -66,7 +64,7 @@ class _Limb:
 
 
 def place_markers(take: MarkerTake, subject: Subject, database: Database, progress: Progress = no_progress) -> Subject:
-    """Return the subject with the markers of a take that its set does not know, where the motion shows their places.
+    """Return the subject with the unknown markers of a take added, where the motion shows their places.
 
     Args:
         take: Take with y up under the names of the subject's marker set.
@@ -123,7 +121,7 @@ def _local_places(part: MarkerTake, subject: Subject, database: Database, points
 def _first_places(
     part: MarkerTake, start: Subject, database: Database, unknown: list[str], points_m: Array
 ) -> tuple[Marker, ...]:
-    """Return the places by the poses of the known markers, on open limbs by the courses of these."""
+    """Return the places by the poses of the known markers, on undetermined limbs by their fits."""
     skeleton = start.skeleton
     positions_m, world = _posed(part, start, database)
     local_m = _in_bones(points_m, positions_m, world)
@@ -161,7 +159,7 @@ def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
 def _lay(
     limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, apart_m: Array, costs: Array, offsets_m: Array
 ) -> None:
-    """Lay a limb through the markers, and write its costs (U, J) and places (U, J, 3) of markers.
+    """Fit a limb to the markers, and write its costs (U, J) and places (U, J, 3) of markers.
 
     Args:
         root_m: First joint of the limb (F, 3).
@@ -225,7 +223,7 @@ def _beside(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[Array, 
 def _kept_places(
     local_m: Array, skeleton: Skeleton, unknown: list[str], places: tuple[Marker, ...]
 ) -> tuple[Marker, ...]:
-    """Return the places by new poses: each marker on its bone or a neighbouring one, or on no bone any more."""
+    """Return the places by new poses: each marker on its bone, a neighbouring one or none."""
     costs, offsets_m = _costs(local_m, skeleton)
     allowed = np.zeros(costs.shape, dtype=bool)
     for marker in places:

@@ -34,7 +34,7 @@ class RefineSettings:
 
     rounds: int = 4
     interval_s: float = 0.25  # between the frames used
-    most_frames: int = 240  # one minute; of a longer take spread over it
+    most_frames: int = 240  # one minute; spread over a longer take
     fewest_frames: int = 3
     farthest_m: float = 0.12  # from the closest example; beyond it the motion is another
     root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; wide, as examples do not tell where the body is

@@ -6,7 +6,7 @@ from ..errors import FormatError, PerfanimError, shorten
 
 _HEAD = 4096  # bytes that show what a file is
 _ASF_GUID = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
-# first bytes of formats, as their standards define them -> the thing's name
+# first bytes of a format, by its standard -> its name
 _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
     (_ASF_GUID, "a film (Windows Media)"),
     (b"\x1aE\xdf\xa3", "a film (Matroska or WebM)"),
@@ -91,7 +91,7 @@ def check_kind(
 
 
 def decode_text(data: bytes, where: str, expected: str, kind: type[PerfanimError] = FormatError) -> str:
-    """Return a text: UTF-8, or UTF-16 and UTF-32 by their marks or zeros, else in Windows' Latin letters.
+    """Return a text: UTF-8, UTF-16 or UTF-32 by byte order mark or zero bytes, otherwise Windows-1252.
 
     Args:
         expected: What the reader reads, as "TRC file".
@@ -110,7 +110,7 @@ def decode_text(data: bytes, where: str, expected: str, kind: type[PerfanimError
 
 
 def _wide_encoding(data: bytes) -> str:
-    """Return the encoding of a text of two or four bytes a letter, "" for others."""
+    """Return the encoding of a text with two or four bytes per character, "" for others."""
     marked = next((encoding for mark, encoding in _WIDE_MARKS if data.startswith(mark)), "")
     even, odd = data[:64:2], data[1:64:2]
     if marked or any(even) == any(odd):
@@ -119,7 +119,7 @@ def _wide_encoding(data: bytes) -> str:
 
 
 def utf8_text(data: bytes, where: str, expected: str) -> bytes:
-    """Return a text file's bytes in an extension of ASCII, without a mark; errors as in `decode_text`.
+    """Return a text file's bytes in an extension of ASCII, without a byte order mark; errors as in `decode_text`.
 
     Long files in such encodings are not decoded, because that takes time.
     """

@@ -102,7 +102,7 @@ class Channel:
             )
 
     def take_filter_settings(self) -> dict[str, Any] | None:
-        """Return the settings of a new FILTER message, None without one."""
+        """Return the settings of a new FILTER message, or None."""
         settings, self._filter_settings = self._filter_settings, None
         return settings
 

@@ -55,7 +55,7 @@ class RestartPoint:
         return FrameOffset(number - frame.number, self.time_s + passed_s - frame.time_s)
 
     def gap_s(self, frame: MarkerFrame) -> float:
-        """Return the gap between this frame and the next one, whose offset is applied."""
+        """Return the gap between this frame and the next one, which has the offset already."""
         return max(frame.time_s - self.time_s - self.period_s, 0.0)
 
 

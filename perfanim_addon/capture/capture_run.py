@@ -125,7 +125,7 @@ class CaptureRun:
         self._restarting = f"{cause}: starting it again"
 
     def take_preview(self) -> Image | None:
-        """Return a new picture of the cameras (height, width, 3), RGB, None without one."""
+        """Return a new picture of the cameras (height, width, 3), RGB, or None."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()
 

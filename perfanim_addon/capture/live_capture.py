@@ -217,7 +217,7 @@ class LiveCapture:
 
 
 def running_capture() -> LiveCapture | None:
-    """Return the capture that runs now, None without one."""
+    """Return the capture that runs now, or None."""
     running = activity.current()
     return running if isinstance(running, LiveCapture) else None
 

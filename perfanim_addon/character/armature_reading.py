@@ -69,8 +69,8 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
 def own_scale(bone: bpy.types.PoseBone) -> float:
     """Return the uniform scale of a bone, 1 for a stretched one.
 
-    glTF files can scale bones; importers leave that in the pose, though it belongs to the rest pose. What stretches a
-    bone is left from an animation.
+    glTF files can scale bones; importers leave that in the pose, though it belongs to the rest pose. Uneven scale
+    is left over from an animation.
     """
     least, most = min(bone.scale), max(bone.scale)
     return float(sum(bone.scale)) / 3.0 if least > 0.0 and most - least <= LIMITS.same_scale * most else 1.0
@@ -103,7 +103,7 @@ def check_scale(armature_object: bpy.types.Object) -> None:
 
 
 def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], moved: Iterable[str]) -> None:
-    """Reset stretch and location of turned bones after an earlier animation, but for the locations of moved bones."""
+    """Reset stretch and location of turned bones after an earlier animation, except the locations of moved bones."""
     kept = set(moved)
     for name in turned:
         bone = armature_object.pose.bones[name]

@@ -1,9 +1,9 @@
 """Rest poses of characters as their importers show them.
 
-glTF files place, turn and scale joints by nodes, but bind meshes by matrices of their own. Where these differ, the
-importer takes the bones from the matrices and poses the topmost one, so that the scene shows the nodes. Reset to its
-bones, such a character would lie, sink or be a hundred times too large: what its topmost bone shows becomes part of its
-rest pose.
+glTF files place, turn and scale joints by nodes, but bind meshes by matrices of their own. Where the two differ, the
+importer takes the bones from the matrices and poses the topmost bone so that the scene matches the nodes. Reset to its
+bones, such a character would lie down, sink or be a hundred times too large, so the pose of the topmost bone becomes
+part of the rest pose.
 """
 
 from dataclasses import dataclass
@@ -19,18 +19,18 @@ from .armature_reading import LIMITS, own_scale
 
 @dataclass(frozen=True)
 class PlacementLimits:
-    """Which pose of the topmost bone places the character; the rest is left from an animation."""
+    """Limits that tell a placement by the topmost bone from the remains of an animation."""
 
     still_rad: float = 0.02  # rotation up to which a bone is at rest
-    step: float = 0.5  # height of the hips against their rest, part of the body's extent; a crouch takes less
-    height: float = 0.5  # height of a body that stands, part of its extent; that of one that lies is its depth
+    step: float = 0.5  # least vertical shift of the topmost bone, share of the body's extent; a crouch shifts it less
+    height: float = 0.5  # least height of a standing body, share of its extent; a lying one is flatter
 
 
 _LIMITS = PlacementLimits()
 
 
 def release_pose(armature_object: bpy.types.Object) -> None:
-    """Detach other animation of an armature, which stays in the file, and bring its bones to the shown rest pose."""
+    """Detach an armature's other animation, which stays in the file, and reset its bones to the shown rest pose."""
     bpy.context.view_layer.update()
     placement = _placement(armature_object)
     animation = armature_object.animation_data
@@ -53,13 +53,13 @@ def _top(armature_object: bpy.types.Object) -> bpy.types.PoseBone:
 
 
 def _placement(armature_object: bpy.types.Object) -> Matrix | None:
-    """Return the transform, in an armature's space, by which its topmost bone places the body; None for none."""
+    """Return the transform, in an armature's space, by which its topmost bone places the body, or None."""
     if armature_object.library is not None or armature_object.data.library is not None:
         return None
     top, bones = _top(armature_object), armature_object.pose.bones
     rotation = np.array((top.matrix @ top.bone.matrix_local.inverted()).to_quaternion().to_matrix())
     if any(bone.matrix_basis.to_quaternion().angle > _LIMITS.still_rad for bone in bones if bone != top):
-        rotation = _quarters(rotation)  # an animation leans and turns the body, too
+        rotation = _quarters(rotation)  # an animation also leans and turns the body
     scale = own_scale(top)
     in_scene = np.array(armature_object.matrix_world.to_3x3())
     heads = scale * np.array([bone.bone.head_local for bone in bones])
@@ -73,13 +73,13 @@ def _placement(armature_object: bpy.types.Object) -> Matrix | None:
 
 
 def _quarters(rotation: Array) -> Array:
-    """Return the nearest rotation (3, 3) by quarter turns; without one, as for half-way turns, none."""
+    """Return the nearest rotation (3, 3) by quarter turns; the identity if it is ambiguous."""
     nearest = np.where(np.abs(rotation) > np.cos(np.radians(44.0)), np.sign(rotation), 0.0)
     return nearest if abs(np.linalg.det(nearest) - 1.0) < 1e-9 else np.eye(3)
 
 
 def _take_into_rest(armature_object: bpy.types.Object, placement: Matrix) -> None:
-    """Transform the rest pose of bones and meshes; what hangs on a bone stays where it is."""
+    """Transform the rest pose of bones and meshes; objects parented to a bone stay where they are."""
     hung = [child for child in armature_object.children if child.parent_type == "BONE"]
     places = [child.matrix_world.copy() for child in hung]
     for mesh_object in bpy.context.scene.objects:

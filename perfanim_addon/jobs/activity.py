@@ -35,7 +35,7 @@ _state = _State()
 
 
 def current() -> Activity | None:
-    """Return the running activity, None without one."""
+    """Return the running activity, or None."""
     return _state.activity
 
 

@@ -88,7 +88,7 @@ class Job:
             raise message.error()
 
     def take_preview(self) -> Image | None:
-        """Return a new camera image (height, width, 3), RGB, None without one."""
+        """Return a new camera image (height, width, 3), RGB, or None."""
         message, self._preview = self._preview, None
         return None if message is None else message.preview()
 

@@ -81,7 +81,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         chosen = settings(context)
         fields, every_s = _board_fields(chosen), None
         if isinstance(fields["source"], LiveCameras):
-            # all cameras, even if the present calibration has one
+            # all cameras, even if the current calibration has only one
             fields["source"] = replace(fields["source"], devices=tuple(readiness.devices(chosen)))
             every_s = chosen.board_every_s if chosen.board_timed else None
         out = str(user_folder("calibrations", "board"))

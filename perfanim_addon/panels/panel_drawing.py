@@ -40,7 +40,7 @@ def draw_progress(layout: bpy.types.UILayout, fraction: float, text: str) -> Non
 
 
 def job_of(panel: str) -> Job | None:
-    """Return the running job of a panel, None without one."""
+    """Return the running job of a panel, or None."""
     job = activity.current()
     return job if isinstance(job, Job) and job.panel == panel else None
 

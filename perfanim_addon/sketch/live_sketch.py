@@ -153,7 +153,7 @@ _running: list[LiveSketch] = []  # at most one
 
 
 def current() -> LiveSketch | None:
-    """Return the running live sketch, None without one."""
+    """Return the running live sketch, or None."""
     return _running[0] if _running else None
 
 

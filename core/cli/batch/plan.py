@@ -322,7 +322,7 @@ def _results_in(folder: Path) -> set[str]:
     """Return the names of the files in a folder that belong to the records of a batch."""
     found = set[str]()
     for record in (folder / REPORT).glob("*.json"):
-        with suppress(PerfanimError, ValueError, AttributeError, KeyError, TypeError):  # a record may be anybody's file
+        with suppress(PerfanimError, ValueError, AttributeError, KeyError, TypeError):  # it may be any file
             found |= {SUMMARY, *map(str, json.loads(read_bytes(record, MOST_RECORD_BYTES))["outputs"].values())}
     return found
 

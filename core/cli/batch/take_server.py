@@ -33,7 +33,7 @@ def serve_task(text: str) -> str:
 
 
 class CommandLine:
-    """The commands of a take, run here, with a session cache that takes share."""
+    """Runs the commands of a take in this process, with a session cache shared between takes."""
 
     def __init__(self) -> None:
         import cv2

@@ -32,8 +32,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     moved = names[int(np.argmax(result.turned_deg))]
     if result.bumped and not result.sure:
         raise CalibrationError(
-            f"{moved} was bumped against {names[0]}, and the markers tell where it is to "
-            f"{100.0 * result.depth_sigma:.1f} % of their distance only",
+            f"{moved} has moved relative to {names[0]}, and the markers give its new position only to within "
+            f"{100.0 * result.depth_sigma:.1f} % of their distance",
             where=str(args.cameras),
             advice="calibrate again with the board",
         )

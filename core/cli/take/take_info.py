@@ -142,5 +142,5 @@ def _left_out(numbers: Any, clock: Clock | None) -> int:
 
 
 def _told(clock: Clock | None) -> list[str]:
-    """Return what else is to be told about the times."""
+    """Return the other notes about the times."""
     return [note.text for note in clock.notes if note.kind is not ClockFault.LOST] if clock is not None else []

@@ -34,7 +34,7 @@ from .reader_parts import (
     table_of,
 )
 
-# FreeMoCap's tables: columns of those with a row per point, models and trajectories that count
+# FreeMoCap's tables with a row per point: their columns, and the model and trajectory that are read
 _LONG, _BODY_MODEL, _POSITIONS = frozenset(("frame", "keypoint", "x", "y", "z")), "body", "3d_xyz"
 _BY_CAMERA = "timestamp_by_camera"
 
@@ -73,7 +73,7 @@ def declared_frames(path: Path | str) -> int:
 
 
 def _separator(text: str) -> str:
-    """Return the sign between the fields, by the first line that is not blank or a comment."""
+    """Return the field separator, from the first line that is not blank or a comment."""
     first = next((line for line in text.splitlines() if line.strip() and line[:1] != "#"), "")
     return separator_of(first) or ","
 
@@ -188,12 +188,12 @@ def _date_seconds(cell: str) -> str:
 
 
 def _first_place(pattern: re.Pattern[str], header: list[str]) -> int | None:
-    """Return the first column with such a name, None without one."""
+    """Return the first column with such a name, or None."""
     return next((place for place, cell in enumerate(header) if pattern.fullmatch(cell)), None)
 
 
 def _seconds(times: Array, name: str) -> Array:
-    """Return a column of times in seconds, by the unit in its name; that of "timestamp" alone is found by the steps."""
+    """Return a column of times in seconds, by the unit in its name; for "timestamp" alone, the steps show it."""
     match = _CLOCK.fullmatch(name)
     unit = (match["unit"] or "").lower() if match else ""
     if match and match["stamp"] and not unit:

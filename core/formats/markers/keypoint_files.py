@@ -1,7 +1,7 @@
-"""Keypoints of markerless tools: what their tables and arrays leave open.
+"""Keypoints of markerless tools: the names, unit and rate that their files do not state.
 
-FreeMoCap writes arrays (.npy) and tables of points without a rate and without a unit: its points are in millimetres.
-Points of hands and face and centres of mass, which can be among them, say nothing about the body's joints.
+FreeMoCap writes arrays (.npy) and tables of points in millimetres, without stating rate or unit. They can include
+points of hands and face and centres of mass, which say nothing about the body's joints.
 """
 
 from collections.abc import Sequence
@@ -21,10 +21,10 @@ from .reader_parts import make_take
 
 BODY = "body_"  # FreeMoCap's prefix of the names of the body's points
 
-_ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # sets by their number of points
+_ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # marker sets by their number of points
 _HOLISTIC = (543, 553)  # points of MediaPipe's holistic model: those of the body, then hands and face
-_METRES = ((8.0, 1.0), (400.0, 0.01), (np.inf, 0.001))  # metres per unit in which a body's extent is below a number
-_USUAL_FPS = 30.0  # of webcams and phones
+_METRES = ((8.0, 1.0), (400.0, 0.01), (np.inf, 0.001))  # largest extent of a body in a unit, metres per unit
+_USUAL_FPS = 30.0  # frame rate of webcams and phones
 
 
 def are_keypoints(names: Sequence[str]) -> bool:
@@ -36,10 +36,10 @@ def are_keypoints(names: Sequence[str]) -> bool:
 
 
 def read_npy(path: Path | str) -> MarkerTake:
-    """Return the take of an array (F, J, 3) of keypoints, whose names follow from their number.
+    """Return the take of an array (F, J, 3) of keypoints, named by their number.
 
     Raises:
-        FormatError: The file is damaged, or its shape is another.
+        FormatError: The file is damaged, or the array has another shape.
     """
     where, points = str(path), read_array(path)
     count = points.shape[1] if points.ndim == 3 else 0
@@ -61,11 +61,11 @@ def keypoint_take(
 ) -> MarkerTake:  # fmt: skip
     """Return a take of the body's keypoints in metres.
 
-    The unit is that in which the body has the size of one; a rate that is not stated comes from the time stamps in the
-    recording's folder, or is the usual one.
+    The unit is the one that gives the body a human size. A rate that is not stated comes from the time stamps in the
+    recording's folder; without these, a usual rate is assumed.
 
     Args:
-        points: Keypoints (F, J, 3) in a unit that is not stated.
+        points: Keypoints (F, J, 3) in an unknown unit.
         fps: Rate; not positive if it is not stated.
         times_s: Times (F,) of the frames, NaN where they are not known.
     """

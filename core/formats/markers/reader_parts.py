@@ -36,12 +36,12 @@ def head_of(path: Path | str, most: int = 1 << 16) -> bytes:
 
 
 def separator_of(line: str) -> str | None:
-    """Return the sign that separates the fields of a line: tab, semicolon or comma; None for blanks."""
+    """Return the field separator of a line: tab, semicolon or comma; None for blanks."""
     found = max("\t;,", key=line.count)  # a tie goes to the first
     return found if found in line else None
 
 
-# seconds in the units of times, and the steps of frames whose times have none
+# seconds per unit of time; "" if a header names none
 SECONDS = {
     "": 1.0,
     "s": 1.0,
@@ -113,7 +113,7 @@ def make_take(
 ) -> MarkerTake:  # fmt: skip
     """Return a take with true times, and a rate that agrees with them.
 
-    Infinite positions are missing, and points at the very origin, which many systems write for missing ones.
+    Infinite positions count as missing, as do points at the exact origin, which many systems write for missing ones.
 
     Args:
         fps: Rate that the header states; it need not be positive where there are times.
@@ -135,7 +135,7 @@ def make_take(
 def _clock(
     where: str, stated_fps: float, frames: IntArray, times_s: Array | None
 ) -> tuple[float, Array, tuple[str, ...]]:
-    """Return the rate of a file's frames, their times (F,), and what is to be told about them."""
+    """Return the rate of a file's frames, their times (F,), and notes about them."""
     stated = stated_fps if stated_fps > 0.0 else None
     if times_s is not None:
         known = seconds_of(np.asarray(times_s, dtype=np.float64), stated)

@@ -90,7 +90,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
 
 
 def _is_used(name: str, is_packed: bool = False) -> bool:
-    """Return whether a file is read; an archive in an archive is, so that it is named as one."""
+    """Return whether a file is read; an archive within an archive is, so that the error names it."""
     if is_packed and is_archive(name):
         return True
     return PurePosixPath(name).suffix.lower() in _USED_SUFFIXES or PurePosixPath(name).name == _INDEX_NAME

@@ -77,7 +77,7 @@ def unpack_pose(data: bytes) -> ScenePose:
     at = _PART_ERRORS.size + size
     pose = _unpack_scene(data[_PART_ERRORS.size : at])
     if parts != len(PARTS) or len(data) != at + 4 * parts * len(pose.performers):
-        raise CaptureError("the errors of parts were cut off", where=f"frame {pose.number}")
+        raise CaptureError("the errors of the body's parts are incomplete", where=f"frame {pose.number}")
     rows = np.frombuffer(data, dtype="<f4", offset=at).astype(np.float64).reshape(-1, parts)
     known = [row if np.isfinite(row).all() else row[:0] for row in rows]
     performers = (replace(each, part_errors_deg=row) for each, row in zip(pose.performers, known, strict=True))

@@ -187,7 +187,7 @@ def read_take_file(path: Path | str) -> TakeFile:
 
 
 def _fault_of_facts(chunk: Chunk, where: str) -> Fault | None:
-    """Return the fault of a chunk with a correct checksum and invalid facts, None without one."""
+    """Return the fault of a chunk with a correct checksum and invalid facts, or None."""
     read = _OPTIONAL.get(chunk.kind)
     try:
         if read is not None:

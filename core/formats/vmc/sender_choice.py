@@ -1,4 +1,4 @@
-"""Choice of one program where several send to one port."""
+"""Choice of one program when several send to one port."""
 
 import math
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ Source: TypeAlias = tuple[str, int]  # address and port of a sender
 
 @dataclass(frozen=True)
 class SenderLimits:
-    """When another program takes the place of the first."""
+    """Limits from which another program is accepted."""
 
-    silence_s: float = 1.0  # after which the sender is gone; programs send every 4 to 33 ms
-    fresh_ports: int = 3  # different ports in succession, of a program that opens a new one for each packet
+    silence_s: float = 1.0  # silence after which a sender is gone; programs send every 4 to 33 ms
+    fresh_ports: int = 3  # new ports in succession that show a program opens one for each packet
 
 
 LIMITS = SenderLimits()
 
 
 class SenderChoice:
-    """Accepts packets of one program, the first; another one follows it once it is silent.
+    """Accepts packets of the first program only; once it is silent, those of the next one.
 
     Attributes:
         others: Programs whose packets were dropped, ten at most.
@@ -33,7 +33,7 @@ class SenderChoice:
         self._has_fresh_ports = False
 
     def accepts(self, source: Source, time_s: float) -> bool:
-        """Return whether a packet that arrived at a time, on any monotonic clock, is of the chosen program."""
+        """Return whether to accept a packet from a source; `time_s` is its arrival on any monotonic clock."""
         if self._has_fresh_ports and (self._chosen is None or source[0] == self._chosen[0]):
             return True
         if source != self._chosen and time_s - self._heard_s <= LIMITS.silence_s:

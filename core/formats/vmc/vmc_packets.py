@@ -102,7 +102,7 @@ def read_packet(packet: bytes, faults: list[str] | None = None) -> list[Placemen
     """Return the transforms and times of a packet in its order.
 
     Args:
-        faults: Gets what is wrong with messages that violate the protocol; the others of the packet are returned.
+        faults: Receives what is wrong with messages that violate the protocol; the others are still returned.
 
     Raises:
         FormatError: The packet violates the protocol, or without `faults` one of its messages does.
@@ -122,7 +122,7 @@ def read_packet(packet: bytes, faults: list[str] | None = None) -> list[Placemen
 
 
 def _messages(packet: bytes, faults: list[str] | None) -> Iterator[bytes]:
-    """Yield the messages of a packet, including those in nested bundles; parts of a bundle that are none are faults.
+    """Yield the messages of a packet, including those in nested bundles; invalid parts of a bundle are faults.
 
     The library's own reader loops forever if a size points backwards, so sizes are checked here.
     """

@@ -31,7 +31,7 @@ _LIGHT = (0.64, 0.89, 0.72)  # brightness of the faces across x, y, z
 
 @dataclass(frozen=True)
 class RoomView:
-    """Room in one camera: lit and shining parts, (height, width, 3) grey levels."""
+    """Empty room as one camera sees it: reflected and emitted light (height, width, 3), grey levels."""
 
     lit: Array
     shine: Array

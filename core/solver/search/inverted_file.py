@@ -21,8 +21,8 @@ _COMPONENTS = BESIDE - 1
 _SAMPLES = 4096  # frames that give the components
 _COMPARED = 2.0  # frames compared in full per frame wanted
 _FIRST = 64  # closest frames that are sorted
-# Cosine of the angle between the remainders of the query's pose and of a near one, which the components leave out; with
-# this value the estimated distances rank frames best, on takes that a database lacks.
+# Assumed cosine between the remainders of the query's pose and of a near one, which the components leave out. With this
+# value the estimated distances rank frames best, on takes that a database lacks.
 _ALIKE = 0.5
 _ROOM = 1.25  # largest stored fact relative to those of the sample; larger ones are clipped
 _CHUNK = 8192  # frames processed at once

@@ -17,7 +17,7 @@ from .finding import Fault, Finding
 # A turn almost along the epipolar lines adds little error, but a correction removes nearly all of it: a bump is clear
 # from this error in pixels, and this ratio of the errors before and after the correction.
 _CLEAR = (0.4, 6.0)
-_SHARES = (0.2, 0.05)  # of the moments, that show exchanged and flipped images
+_SHARES = (0.2, 0.05)  # smallest shares of moments that show exchanged, and flipped, images
 
 
 def mismatch_fault(mismatches: Sequence[ImageMismatch | None]) -> list[Finding]:

@@ -197,7 +197,7 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
     for is_old in (False, True)[: 1 + (board.rows % 2 == 0)]:
         corners, ids, _, codes = cv2.aruco.CharucoDetector(charuco_board(board, is_old)).detectBoard(picture)
         is_found = ids is not None and len(ids) >= _SEARCH.least_charuco_corners
-        if is_found or codes is None or len(codes) < 2:  # without codes in view there is no older board, either
+        if is_found or codes is None or len(codes) < 2:  # without codes in view it is not an older board, either
             break
     if not is_found:
         return None

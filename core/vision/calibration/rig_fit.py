@@ -111,7 +111,7 @@ def fit_rig(
 
 
 def fit_of_one(single: SingleCamera) -> RigFit:
-    """Return the fit of a rig of one camera, in the world's origin."""
+    """Return the fit of a rig of one camera, which is at the world's origin."""
     return RigFit(
         single.intrinsics[None],
         (np.eye(4),),

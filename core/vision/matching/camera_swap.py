@@ -75,7 +75,7 @@ class CameraSwapDetector:
 
 
 def image_mismatches(rig: CameraRig) -> tuple[ImageMismatch, ...]:
-    """Return what can be wrong with the images of two cameras; nothing is known of other numbers."""
+    """Return what can be wrong with the images of two cameras; nothing for other numbers of cameras."""
     if len(rig) != 2:
         return ()
     found = [ImageMismatch(_EXCHANGED, is_exchange=True)]

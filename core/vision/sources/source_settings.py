@@ -27,11 +27,11 @@ class SourceSettings:
     late: float = 0.25  # time after an incomplete set in which the missing image is dropped, periods
     patience: float = 2.0  # longest wait for the other cameras' images, periods
     # films
-    other_rate: float = 1.2  # ratio of two films' rates from which they are paired by the slower one's moments
-    same_rate: float = 1.001  # ratio of rates up to which films of one length have as many images
-    end_frames: int = 2  # frames by which films may end apart
-    stamp_jitter: float = 0.25  # deviation of all time stamps from a steady rate that is none, frames
-    least_step: float = 0.05  # least time between two images whose stamps do not ascend, frames
+    other_rate: float = 1.2  # ratio of two films' rates from which the slower one gives the moments
+    same_rate: float = 1.001  # largest ratio of rates of films that should have equally many images
+    end_frames: int = 2  # largest difference between the ends of films, frames
+    stamp_jitter: float = 0.25  # largest deviation of a film's time stamps that still means a steady rate, frames
+    least_step: float = 0.05  # step between two images whose stamps do not ascend, frames
     # faults, reported within a quarter of a second on the panel
     silent_s: float = 0.12  # time without an image that is a fault
     silent_periods: float = 2.5  # the same in periods; the longer counts

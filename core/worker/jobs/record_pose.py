@@ -79,7 +79,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Ch
     if request.source.is_live:
         count_down(images, request.countdown_s, channel, INSTRUCTIONS[poses[0]])
     elif not isinstance(request.source, SimulatedPerformer) and len(poses) > 1:
-        # a recording follows no instructions: the poses are somewhere in it
+        # a recording does not follow instructions: the poses can be anywhere in it
         yield from _for_seconds(images, WORKER.recording_s, channel, "looking for the markers", None)
         return
     for number, pose in enumerate(poses):
@@ -90,7 +90,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Ch
 
 
 def count_down(images: Iterator[ImageSet], seconds: float, channel: Channel, text: str) -> None:
-    """Skip the images of some time; send the seconds left and a text."""
+    """Skip the images of a countdown; send the seconds left with a text."""
     due_s, sent = time.perf_counter() + seconds, 0
     for _ in images:
         if channel.stop_requested.is_set():
