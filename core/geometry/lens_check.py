@@ -28,7 +28,7 @@ def lens_fault(camera: Camera) -> str:
     if not LIMITS.narrowest_deg < field_deg < LIMITS.widest_deg:
         return f"has a field of view of {field_deg:.3g} degrees, which no lens of this model has"
     if np.max(focal) > LIMITS.stretched * np.min(focal):
-        return f"has the focal lengths {focal[0]:.4g} and {focal[1]:.4g} pixels, which no lens has"
+        return f"has focal lengths {focal[0]:.4g} and {focal[1]:.4g} pixels, which no lens has"
     centre = camera.matrix[:2, 2]
     if np.any(centre < -0.5 * size) or np.any(centre > 1.5 * size):
         return f"has its optical axis at pixel {centre[0]:.0f}, {centre[1]:.0f}, far outside of the image"

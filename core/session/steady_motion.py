@@ -26,7 +26,7 @@ def pose_clock(
     try:
         return clock_of(np.array([pose.time_s for pose in poses]), stated_fps)
     except TakeError as error:
-        what = f"has {len(poses)} poses that make no motion"
+        what = f"has {len(poses)} poses, too few for a motion"
         raise TakeError(what, where=where, advice="record a longer take") from error
 
 

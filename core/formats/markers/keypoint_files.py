@@ -48,7 +48,7 @@ def read_npy(path: Path | str) -> MarkerTake:
         sizes = ", ".join(f"{size} ({name})" for size, name in _ORDERS.items())
         raise FormatError(
             f"holds an array of the shape {points.shape}, no keypoints", where=where,
-            advice=f"give frames, points and x, y, z; the number of points tells their names: {sizes}",
+            advice=f"write it with shape (frames, points, 3), where the number of points is one of {sizes}",
         )  # fmt: skip
     names = load_marker_set(known).names
     take = keypoint_take(where, names, points[:, : len(names)].astype(np.float64), float("nan"))

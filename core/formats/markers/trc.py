@@ -96,7 +96,7 @@ def _fields_without_separators(lines: list[str], header: dict[str, str], where: 
     for number, line in enumerate(lines[5:], start=6):
         fields = line.split() or [""]
         if fields[0] and len(fields) != 2 + 3 * markers:
-            advice = "export it with tabs: between blanks nothing tells which value is missing"
+            advice = "export it with tabs: fields separated by blanks do not show which value is missing"
             what = f"has {len(fields)} of {2 + 3 * markers:g} values"
             raise FormatError(what, where=f"{where}, line {number}", advice=advice)
         yield fields
