@@ -82,6 +82,7 @@ class FaultSettings:
     wild_evidence: float = 22.0  # evidence needed for wild points, nats
     wild_point: float = 1.5  # additional evidence needed for each of them, nats
     beside: int = 6  # seams on either side of wild points that show how sudden the motion is there
+    independent: int = 16  # distance from which wild points do not change each other's evidence, positions
     edge: float = 0.5  # smallest miss at either end, as a share of their distance; below it, they are a step
     bridge_sigmas: float = 3.0  # largest miss between before and after wild points, standard deviations
     together: float = 0.3  # distance of other markers on the bone, as a share of the point's, when the whole bone jumps
@@ -287,29 +288,31 @@ class _WildSearch:
     def all(self, rows: IntArray) -> IntArray:
         """Return the frames of wild points among those where the marker is seen."""
         kept = rows
-        while len(kept) > 6:
-            taken = self._best(kept)
-            if not len(taken):
-                break
-            kept = np.delete(kept, taken)
+        while len(kept) > 6 and (taken := self._best(kept)):
+            kept = np.delete(kept, np.concatenate(taken))
         return np.setdiff1d(rows, kept)
 
-    def _best(self, rows: IntArray) -> IntArray:
-        """Return the indices into rows of the wild points with the most evidence for each; none without."""
+    def _best(self, rows: IntArray) -> list[IntArray]:
+        """Return the indices into rows of wild points, those with more evidence for each than any others near them."""
         times_s, path = self._times_s[rows], self._path[rows]
         misses = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
         sigmas = self._scale.of(self._marker, times_s, misses)
         torn = np.flatnonzero((misses > 0.5 * _S.jump_m) & (misses > _S.jump_sigmas * sigmas))
-        best, taken = 0.0, np.empty(0, dtype=np.int64)
+        found: list[tuple[float, IntArray]] = []
         for i, start in enumerate(torn):
             for stop in torn[i + 1 :]:
                 if times_s[stop] - times_s[start] > _S.wild_s:
                     break
                 points = np.arange(start + 1, stop + 1)
                 gain = self._gain(rows, points, misses) / len(points)
-                if gain > best:
-                    best, taken = gain, points
-        return taken
+                found += [(gain, points)] * (gain > 0.0)
+        found.sort(key=lambda each: -each[0])
+        first, last = np.array([[points[0], points[-1]] for _, points in found]).reshape(-1, 2).T
+        is_near = [
+            (first[:place] <= points[-1] + _S.independent) & (last[:place] >= points[0] - _S.independent)
+            for place, (_, points) in enumerate(found)
+        ]
+        return [points for (_, points), better in zip(found, is_near, strict=True) if not better.any()]
 
     def _usual(self, points: IntArray, misses: Array) -> float:
         """Return the standard deviation of misses beside points, without the seams that they touch."""
