@@ -58,7 +58,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
         MarkerSetError: The set has no offsets.
     """
     skeleton = default_skeleton()
-    upright = upright_rotation(take, marker_set, skeleton, pose(skeleton))
+    upright = _upright_rotation(take, marker_set, skeleton, pose(skeleton))
     calm = smooth_take(take, min(_S.smoothing_hz, 0.2 * take.fps))
     stands = _stance_points(calm, marker_set, skeleton, upright)
     if len(stands) < _S.fewest_s * take.fps:
@@ -77,7 +77,7 @@ def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
     return replace(take, positions_m=transform(rotation, translation, take.positions_m), single=single)
 
 
-def upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
+def _upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
     """Return the rotation (3, 3) from a level frame, by the body's mean vertical."""
     template = marker_set.positions_on(skeleton, pose)
     columns = _columns(take, marker_set)
