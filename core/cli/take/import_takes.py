@@ -37,8 +37,8 @@ def add_parser(group: Any) -> None:
         parser,
         "--marker-set",
         "NAME",
-        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong "
-        f"(default: the subject's, {AUTO} without a subject)",
+        f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of a take's labels belong, the "
+        "others placed by the motion (default: the subject's; without a subject the one of most labels)",
     )
     add_names_option(parser)
     add_choice(parser, "--method", METHODS, "how poses are found (default best)", default="best")
@@ -113,7 +113,8 @@ def _import_one(
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
     out = unused_path(Path(args.out), take.name)
     take = replace(take, name=take_name(out))  # so that takes of one name differ in lists
-    solved = solve_markers(take, subject, database, SolveRequest(args.method), progress)
+    request = SolveRequest(args.method, place_markers=args.marker_set == AUTO)
+    solved = solve_markers(take, subject, database, request, progress)
     warnings += [note for note in take.notes if note not in warnings]
     warnings += solved.clock.sentences if solved.clock is not None else []
     solved.save(out, capture={"imported": str(path), "up": args.up})

@@ -91,7 +91,8 @@ def test_markers_that_were_not_worn_are_not_hidden_ones(bring, tmp_path, walk, s
     part = replace(walk, names=tuple(walk.names[at] for at in kept), positions_m=walk.positions_m[:, kept])
     write_take(part, tmp_path / "part.csv")
     (row,) = bring(tmp_path / "part.csv")["takes"]
-    assert row["warnings"] == ["not in part.csv: LFOO"]
+    guessed = "no marker holds the left leg: it is guessed"
+    assert row["warnings"] == ["not in part.csv: LFOO", f"part.csv: {guessed}"]
     take = read_take_file(row["out"])
     assert take.setup.subjects()[0].marker_set.names == part.names
     assert not any("hidden" in note.text for kept in take.poses for note in kept.pose.notes)
@@ -101,6 +102,16 @@ def test_markers_that_were_not_worn_are_not_hidden_ones(bring, tmp_path, walk, s
     assert told["warnings"] == ["not in the take: LFOO"]
     assert told["figures"]["hidden"] == 0
     assert told["figures"]["confidence"] == pytest.approx(row["confidence"], abs=1e-3)
+
+
+def test_markers_that_no_set_knows_are_placed_if_the_labels_choose_the_set(bring, tmp_path, walk):
+    hips = [walk.names.index(name) for name in ("LWAI", "RWAI")]
+    positions = np.concatenate((walk.positions_m, walk.positions_m[:, hips].mean(axis=1, keepdims=True)), axis=1)
+    write_take(replace(walk, names=(*walk.names, "knob"), positions_m=positions), tmp_path / "a.csv")
+    for options, placed in ((("--marker-set", "auto"), ["knob"]), ((), [])):
+        (row,) = bring(tmp_path / "a.csv", options=options)["takes"]
+        worn = read_take_file(row["out"]).setup.subjects()[0].marker_set
+        assert [marker.name for marker in worn.markers if marker.placed] == placed
 
 
 def test_markers_that_no_body_explains_are_told(bring, tmp_path, walk):
