@@ -48,7 +48,8 @@ def make_takes(truth, subject) -> Callable[[Path], None]:
         (folder / "empty.c3d").write_bytes(b"")
         blank = np.full_like(walk.positions_m, np.nan)
         write_take(replace(walk, positions_m=blank), folder / "blank.csv")
-        write_take(replace(walk, names=tuple(f"M{i}" for i in range(8))), folder / "foreign.csv")
+        seven = replace(walk, names=tuple(f"M{i}" for i in range(7)), positions_m=walk.positions_m[:, :7])
+        write_take(seven, folder / "foreign.csv")  # eight would be named by their places
         write_take(replace(walk, names=tuple(reversed(walk.names))), folder / "exchanged.take.npz")
 
     return make
