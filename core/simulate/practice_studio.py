@@ -158,6 +158,16 @@ def _exchanged(rng: Generator) -> Studio:
     return replace(studio, empty=[images[::-1] for images in studio.empty], moments=moments)
 
 
+def _flipped(rng: Generator) -> Studio:
+    """Mirror the images of some cameras, or turn them by half a turn."""
+    code, cameras = int(rng.choice((1, -1))), _some_cameras(rng)
+
+    def change(number: int, image: Image) -> Image:
+        return np.asarray(cv2.flip(image, code)) if number in cameras else image
+
+    return _change_images(_studio(rng), change)
+
+
 def _bumped(rng: Generator) -> Studio:
     """Turn a camera by 1 to 3 degrees about any axis after its calibration."""
     studio, index, axis = _studio(rng), int(rng.integers(2)), rng.normal(size=3)
@@ -203,5 +213,6 @@ _FAULTS: dict[Fault, Callable[[Generator], Studio]] = {
     Fault.FAR: lambda rng: _moved(rng, -rng.uniform(3.0, 5.0)),
     Fault.SQUARE_SIZE: _wrong_square,
     Fault.MARKER_MISSING: _without_marker,
+    Fault.FLIPPED: _flipped,
 }
 STUDIO_FAULTS = tuple(_FAULTS)

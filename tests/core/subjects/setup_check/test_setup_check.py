@@ -23,7 +23,7 @@ def findings_of(studio):
 
 def test_every_fault_has_a_studio_or_a_board():
     assert {*STUDIO_FAULTS, Fault.BOARD_SMALL} == set(Fault)
-    assert len(Fault) == 12
+    assert len(Fault) == 13
 
 
 @pytest.mark.parametrize("seed", [1, 2])
