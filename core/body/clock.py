@@ -329,7 +329,8 @@ def _order_notes(clock: Clock) -> list[ClockNote]:
 
 def _header_notes(clock: Clock) -> list[ClockNote]:
     stated = clock.stated_fps
-    if stated is None or abs(stated / clock.fps - 1.0) <= CLOCK.near:
+    # of frames that come unevenly a header can but state the mean rate
+    if stated is None or any(abs(stated / fps - 1.0) <= CLOCK.near for fps in (clock.fps, clock.mean_fps)):
         return []
     text = (
         f"the header says {stated:g} frames per second, the times {clock.mean_fps:.4g} on average: the times count, "

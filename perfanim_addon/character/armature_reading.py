@@ -78,6 +78,8 @@ def own_scale(bone: bpy.types.PoseBone) -> float:
 
 def _shown_scales(armature_object: bpy.types.Object, parents: IntArray) -> Array:
     """Return the length (B,) that bones of an armature show for a length of 1."""
+    if armature_object.pose is None:  # of an object that is in no scene
+        return np.ones(len(parents))
     scales = np.array([own_scale(bone) for bone in armature_object.pose.bones], dtype=np.float64)
     for index, (bone, parent) in enumerate(zip(armature_object.data.bones, parents, strict=True)):
         if parent >= 0 and not bone.inherit_scale.startswith("NONE"):

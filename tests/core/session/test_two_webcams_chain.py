@@ -76,7 +76,8 @@ def test_walking_performer_becomes_a_walking_character(folder, shared_dir, walks
     )  # fmt: skip
     assert solved["frames"] == LAST - FIRST
     assert solved["marker_rms_mm"] < 15.0
-    assert solved["warnings"] == []
+    assert len(solved["warnings"]) == 1  # what webcams are like
+    assert "frames come unevenly" in solved["warnings"][0] and "outputs have 30 per second" in solved["warnings"][0]
 
     take, subject, motion = read_take(take_file), load_subject(subject_file), read_motion(out)
     check_cameras(load_rig(level), take)
