@@ -33,6 +33,7 @@ class ClockSettings:
     same: float = 0.02  # largest deviation from a steady rate that counts as none, frames
     widest: float = 0.45  # largest rounding error of times without frame numbers, frames
     near: float = 0.01  # largest relative difference from a usual rate that is put down to the camera's clock
+    lost: float = 3.0  # step, in median ones, that is a gap and tells nothing of the rate
     uneven: float = 0.5  # deviation of a step from one frame that is reported, frames
     near_s: float = 0.1  # longest step across which markers and props are interpolated
     short_s: float = 0.25  # longest step of poses that is interpolated by a cubic
@@ -201,7 +202,9 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
         places = _steady_places(known_s, fps)
         if places is not None:
             return Clock(rows, known_s[0] + places / fps, fps, True, stated_fps, len(times_s))
-    return Clock(rows, known_s, _usual(1.0 / float(np.median(np.diff(known_s)))), False, stated_fps, len(times_s))
+    steps_s = np.diff(known_s)
+    step_s = float(np.mean(steps_s[steps_s <= CLOCK.lost * np.median(steps_s)]))
+    return Clock(rows, known_s, _usual(1.0 / step_s), False, stated_fps, len(times_s))
 
 
 def _ascending(times_s: Array) -> IntArray:
