@@ -80,12 +80,12 @@ class MarkerPipeline:
                 alike = [other.name for other in self.rig.cameras if other.image_size == (width, height)]
                 turned = f", as of camera {alike[0]}: are they exchanged?" if alike else ""
                 turned = ", as if turned by a quarter" if is_turned else turned
-                advice = "turn the film back, or record" if is_turned else "record"
+                advice = "record at the size of the calibration, or calibrate again"
                 raise CaptureError(
                     f"images are {width}x{height}, the calibration is for "
                     f"{camera.image_size[0]}x{camera.image_size[1]}{turned}",
                     where=f"camera {camera.name}",
-                    advice=f"{advice} at the size of the calibration, or calibrate again",
+                    advice=f"turn the film back, or {advice}" if is_turned else advice,
                 )
         rows = zip(self.detectors, images.images, images.usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)

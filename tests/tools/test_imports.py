@@ -8,7 +8,7 @@ import pytest
 
 TOOLS = Path(__file__).resolve().parents[2] / "tools"
 MODULES = [".".join(path.relative_to(TOOLS).with_suffix("").parts) for path in sorted(TOOLS.rglob("*.py"))]
-OF_EXTRAS = {"jax": ("train_prior", "prior_training.network"), "atheris": ()}
+OF_EXTRAS = {"jax": ("train_prior", "prior_training.network"), "pymomentum": ("bench.momentum_solve",), "atheris": ()}
 MISSING = [name for package, names in OF_EXTRAS.items() if importlib.util.find_spec(package) is None for name in names]
 
 
