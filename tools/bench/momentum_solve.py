@@ -12,10 +12,14 @@ import sys
 import sysconfig
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pymomentum.geometry as pm
+from numpy.typing import NDArray
 from pymomentum.marker_tracking import CalibrationConfig, TrackingConfig, calibrate_markers, process_markers
+
+Array = NDArray[Any]
 
 _CM = 100.0  # Momentum's settings are for centimetres
 
@@ -47,7 +51,7 @@ def main() -> None:
     np.savez(args.out, joints_m=places / _CM, markers_m=markers / _CM, seconds=seconds)
 
 
-def _character(given: dict[str, np.ndarray]) -> pm.Character:
+def _character(given: dict[str, Array]) -> pm.Character:
     """Return the skeleton with rotations of all joints, a place of the root, and sizes, left as right."""
     names, none = [str(name) for name in given["joints"]], np.array([0.0, 0.0, 0.0, 1.0], np.float32)
     skeleton = pm.Skeleton(
@@ -78,7 +82,7 @@ def _character(given: dict[str, np.ndarray]) -> pm.Character:
     return pm.Character("body", skeleton, model, locators=locators)
 
 
-def _markers(names: np.ndarray, positions_m: np.ndarray) -> list[pm.Marker]:
+def _markers(names: Array, positions_m: Array) -> list[pm.Marker]:
     seen = np.isfinite(positions_m).all(axis=-1)
     return [
         pm.Marker(str(name), _CM * position if visible else np.zeros(3), occluded=not visible)
@@ -86,7 +90,7 @@ def _markers(names: np.ndarray, positions_m: np.ndarray) -> list[pm.Marker]:
     ]
 
 
-def _rotated(turns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+def _rotated(turns: Array, vectors: Array) -> Array:
     """Return vectors turned by quaternions (x, y, z, w)."""
     axis, w = turns[..., :3], turns[..., 3:]
     once = 2.0 * np.cross(axis, vectors)

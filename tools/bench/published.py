@@ -56,15 +56,16 @@ def published(run: Run, momentum: Path | None = None, suits: Path | None = None)
     jobs = {take.title: (take.title, run.read(take), path, settings[take.title]) for take in PUBLISHED_TAKES}
     solved = run.each("published", _solve, jobs, lambda done: done[0])
     rows = [row for each, _ in solved for row in each]
+    beside = beside_momentum(run, momentum, suits or run.data) if momentum else []
     figures = {
         "rows": rows,
         "means": _means(rows),
-        "suits": beside_momentum(run, momentum, suits or run.data) if momentum else [],
+        "suits": beside,
         "priors": {title: Path(each.best.prior_file).name for title, each in settings.items()},
         "database": describe(database),
     }
     plots = write_pictures(run.out / "published-strips", [picture for _, each in solved for picture in each])
-    return run.write("published", figures, {"": rows, "suits": figures["suits"]}, plots)
+    return run.write("published", figures, {"": rows, "suits": beside}, plots)
 
 
 def _solve(
