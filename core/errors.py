@@ -4,7 +4,8 @@ import re
 
 MOST_TEXT = 300  # characters of a message
 _MOST_FACT, _MOST_PLACE = 190, 90  # longest fact and place, letters, if the whole is too long
-_LIST = re.compile(r"[^,;():]+(?:, [^,;():]+){3,}")  # enumeration of four or more
+# enumeration of four or more; begun where a part begins, as a search from each letter takes the square of the length
+_LIST = re.compile(r"(?:^|(?<=[,;():]))[^,;():]+(?:, [^,;():]+){3,}")
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # new lines, and what a terminal obeys
 
 
@@ -26,7 +27,7 @@ def fit_sentence(text: str, most: int) -> str:
     text = printable(text)
     for found in sorted(_LIST.findall(text), key=len, reverse=True):
         items = found.split(", ")
-        kept = len(items)
+        kept = min(len(items), most)  # more never fit
         while len(text) > most and kept > 2:
             kept -= 1
             shorter = f"{', '.join(items[:kept])} and {len(items) - kept} more"
