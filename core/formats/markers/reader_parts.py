@@ -41,6 +41,8 @@ def separator_of(line: str) -> str | None:
     return found if found in line else None
 
 
+LARGEST_FRAME = 2.0**53  # a float64 does not hold every whole number beyond it
+
 # seconds per unit of time; "" if a header names none
 SECONDS = {
     "": 1.0,
@@ -122,7 +124,7 @@ def make_take(
     seen = np.all(np.isfinite(positions_m), axis=-1) & np.any(positions_m != 0.0, axis=-1)
     positions_m = np.where(seen[..., None], positions_m, np.nan)
     frames = np.arange(len(positions_m))
-    if frame_numbers is not None and np.all(np.isfinite(frame_numbers)):
+    if frame_numbers is not None and np.all(np.abs(frame_numbers) <= LARGEST_FRAME):
         frames = frame_numbers.astype(np.int64)
     fps, times, notes = _clock(where, fps, frames, times_s)
     names = unique_names([each.strip() or "unnamed" for each in names])
