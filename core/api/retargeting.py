@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from ..body.motion import Motion
 from ..formats.markers.marker_files import check_ending
 from ..formats.motion.bvh import write_bvh
-from ..retarget.joint_naming import NAMINGS
+from ..retarget.displayed_joint_names import NAMINGS
 from ..retarget.retargeter import RootMotion
 from ..system.blender_process import check_blender, run_in_blender
 from ..system.schema import About, check_ranges

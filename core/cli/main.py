@@ -18,7 +18,7 @@ from typing import NoReturn, TextIO
 from .. import __version__
 from ..errors import MOST_TEXT, PerfanimError, fit_sentence
 from .command_summary import PartialResult, jsonable, summary_text
-from .guarded_run import guarded_run
+from .output_guard import guarded_run
 
 # The module NAME_command has add_parser(subparsers), which sets `run`: (args, progress) -> summary or `PartialResult`.
 COMMANDS = (

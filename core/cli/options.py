@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from ..errors import SettingsError
-from ..retarget.joint_naming import NAMINGS, OWN
+from ..retarget.displayed_joint_names import NAMINGS, OWN
 from ..retarget.retargeter import RootMotion
 from ..system.schema import keys_of
 

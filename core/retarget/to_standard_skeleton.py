@@ -18,9 +18,9 @@ from ..body.source_motion import SourceMotion, every_frame, source_kinematics, s
 from ..body.standard_skeleton import JOINT_NAMES, default_skeleton
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray
+from .displayed_joint_names import NAMINGS
 from .file_joints import match_joints
 from .file_rest_pose import align_rest
-from .joint_naming import NAMINGS
 
 _SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # thighs and upper arms, which all files have, give the body's size
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))

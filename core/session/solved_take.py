@@ -24,7 +24,7 @@ from ..formats.take_file.take_setup import TakeNotes
 from ..formats.take_file.whole_take import write_whole_take
 from ..geometry.arrays import Array, Mask
 from ..markers.marker_frame import MarkerFrame
-from ..retarget.joint_naming import OWN
+from ..retarget.displayed_joint_names import OWN
 from ..solver.settings import SolveSettings
 from ..system.outputs import check_no_input
 from .capture_setup import CaptureSetup

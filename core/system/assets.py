@@ -5,7 +5,7 @@ from .. import PACKAGE_ROOT
 ASSETS = PACKAGE_ROOT / "assets"
 BATCH_STYLE = ASSETS / "batch_report.css"
 CHARACTER = ASSETS / "character.npz"
-COLLECTIONS = ASSETS / "collections.toml"
+COLLECTIONS = ASSETS / "public_collections.toml"
 JOINTS = ASSETS / "joints.toml"
 MARKER_SETS = ASSETS / "marker_sets"
 MOTION = ASSETS / "motion"

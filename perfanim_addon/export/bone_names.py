@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import bpy
 
 from ...core.errors import CharacterError
-from ...core.retarget.joint_naming import naming_of
+from ...core.retarget.displayed_joint_names import naming_of
 
 
 @contextmanager

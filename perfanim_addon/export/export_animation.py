@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.body.skeleton import Skeleton
 from ...core.errors import CharacterError, FormatError
-from ...core.formats.motion.bvh_axes import transform_bvh
+from ...core.formats.motion.bvh_transform import transform_bvh
 from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
 from ..animation.actions import scene_frames, write_action

@@ -9,7 +9,7 @@ from ...core.body.clock import clock_of
 from ...core.errors import PerfanimError, TakeError
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.take_reader import read_take_file, summarise
-from ...core.retarget.joint_naming import OWN
+from ...core.retarget.displayed_joint_names import OWN
 from .. import take_library
 from ..capture.performer_targets import add_character
 from ..capture.write_take import increasing, pose_arrays

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ...errors import PerfanimError
 from ...formats.markers.marker_files import declared_frames
 from ...formats.motion.write_motion import write_motion
-from ...retarget.joint_naming import OWN
+from ...retarget.displayed_joint_names import OWN
 from ...session.solved_take import SolvedTake
 from .content_hash import file_digest
 from .plan import ALSO, REPORT, TakePlan

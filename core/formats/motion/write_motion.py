@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ...body.motion import Motion, resampled
 from ...errors import FormatError
-from ...retarget.joint_naming import OWN, rename_joints
+from ...retarget.displayed_joint_names import OWN, rename_joints
 from .angles_csv import write_angles_csv
 from .bvh import write_bvh
 from .vrma import write_vrma
@@ -26,7 +26,7 @@ def write_motion(
     Args:
         path: File that ends in one of `MOTION_ENDINGS`.
         units: Unit of length in a BVH file, one of `bvh.UNITS`; the other formats use metres.
-        naming: Key of `joint_naming.NAMINGS`: names of the joints in BVH and CSV. VRM has its own names.
+        naming: Key of `displayed_joint_names.NAMINGS`: names of the joints in BVH and CSV. VRM has its own names.
         rate: Frames per second; None for the motion's own rate.
 
     Raises:

@@ -1,7 +1,7 @@
 """A command of the command line, run in the worker for Blender."""
 
-from ...cli.guarded_run import guarded_run
 from ...cli.main import COMMANDS, build_parser
+from ...cli.output_guard import guarded_run
 from ...errors import CaptureError
 from ...system.priority import step_back
 from ..channel import Channel

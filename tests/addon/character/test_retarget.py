@@ -17,7 +17,7 @@ from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.cli.main import build_parser
 from perfanim.core.errors import CharacterError
 from perfanim.core.formats.motion.bvh import write_bvh
-from perfanim.core.retarget.joint_naming import NAMINGS
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.retarget.retargeter import RootMotion
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver

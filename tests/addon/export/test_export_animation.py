@@ -11,7 +11,7 @@ from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.errors import CharacterError, FormatError
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.retarget.joint_naming import NAMINGS
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.character import create_character

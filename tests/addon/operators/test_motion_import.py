@@ -10,7 +10,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.motion.write_motion import write_motion
 from perfanim.core.formats.vmc.humanoid import BONES
-from perfanim.core.retarget.joint_naming import NAMINGS
+from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.character.axes import BLENDER_FROM_WORLD
 

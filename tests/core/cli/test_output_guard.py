@@ -5,8 +5,8 @@ import shlex
 from pathlib import Path
 
 import pytest
-from perfanim.core.cli.guarded_run import guarded_run
 from perfanim.core.cli.main import main
+from perfanim.core.cli.output_guard import guarded_run
 from perfanim.core.errors import FormatError
 from perfanim.core.system.files import atomic_path
 from perfanim.core.system.progress import no_progress

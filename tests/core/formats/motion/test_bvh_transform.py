@@ -5,7 +5,7 @@ import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.source_motion import source_kinematics
 from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
-from perfanim.core.formats.motion.bvh_axes import transform_bvh
+from perfanim.core.formats.motion.bvh_transform import transform_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.system.assets import MOTION

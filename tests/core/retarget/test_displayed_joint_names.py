@@ -9,7 +9,7 @@ from perfanim.core.formats.motion.bvh import read_bvh, write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.vmc.humanoid import BONES
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.retarget.joint_naming import NAMINGS, naming_of, rename_joints
+from perfanim.core.retarget.displayed_joint_names import NAMINGS, naming_of, rename_joints
 
 
 @pytest.mark.parametrize("naming", NAMINGS)
