@@ -230,14 +230,14 @@ def test_the_list_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (
             {"megabytes": "many"},
-            "public_collections.toml, walks: megabytes must be a whole number from 1 to 1,000,000 MB",
+            "collections.toml, walks: megabytes must be a whole number from 1 to 1,000,000 MB",
         ),
-        ({"address": None}, "public_collections.toml, walks: lacks 'address', a text that is not empty"),
+        ({"address": None}, "collections.toml, walks: lacks 'address', a text that is not empty"),
     ],
 )
 def test_a_list_that_does_not_fit_is_refused(tmp_path, monkeypatch, change, message) -> None:
     row = {"title": "a", "page": "b", "address": "c", "megabytes": 3, "licence": "d", "good_for": "e", "more": 1}
-    path = tmp_path / "public_collections.toml"
+    path = tmp_path / "collections.toml"
     monkeypatch.setattr(public_collections_module, "COLLECTIONS", path)
     write_toml(path, {"walks": {key: value for key, value in (row | change).items() if value is not None}})
     with pytest.raises(FormatError, match=message):
