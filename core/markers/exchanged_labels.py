@@ -5,13 +5,14 @@ is summed over the stretches of a take (Viterbi 1967), together with that of the
 hardly change along a bone.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 import numpy as np
 
 from ..geometry.arrays import Array, IntArray, Mask
-from .trajectory_seams import SeamScale, after, before, cost
+from .trajectory_seams import SeamScale, after, before, cost, sudden
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,30 @@ def undo_exchanges(times_s: Array, points_m: Array, neighbours: Mask) -> tuple[A
     return search.points_m, found
 
 
+@dataclass(frozen=True)
+class _Course:
+    """A trajectory at its seams.
+
+    Args:
+        path: Positions (F, 3), NaN where the marker is hidden.
+        rows: Frames where it is seen.
+        ratios: Misses at the seams between these, as shares of the usual ones.
+        come, go: Velocities (F, 3) before and after each frame, NaN where unknown.
+        come_m: Positions (F - 1, 3) halfway to the next frame, extrapolated from before.
+        misses_m2: Squared misses (F - 1,) between successive frames, NaN where unknown.
+        jumps: Whether it jumps somewhere.
+    """
+
+    path: Array
+    rows: IntArray
+    ratios: Array
+    come: Array
+    go: Array
+    come_m: Array
+    misses_m2: Array
+    jumps: bool
+
+
 class _Search:
     """Search for the pair with the most evidence, repeated after each correction."""
 
@@ -73,7 +98,7 @@ class _Search:
         self._distances = RigidDistances(points_m, neighbours)
         self._frame_weight = float(np.median(np.diff(times_s))) / _S.independent_s
         markers = range(points_m.shape[1])
-        self._jumps = {marker: self._jumps_somewhere(marker) for marker in markers}
+        self._courses = [self._course(marker) for marker in markers]
         self._found = {pair: self._exchanges(*pair) for pair in combinations(markers, 2) if self._worth(*pair)}
 
     def best(self) -> list[Exchange]:
@@ -88,7 +113,7 @@ class _Search:
             rows = slice(each.first, each.last + 1)
             self.points_m[rows, list(changed)] = self.points_m[rows, list(changed[::-1])]
         for marker in changed:
-            self._jumps[marker] = self._jumps_somewhere(marker)
+            self._courses[marker] = self._course(marker)
         for pair in combinations(range(self.points_m.shape[1]), 2):
             if set(pair) & set(changed):
                 self._found.pop(pair, None)
@@ -96,38 +121,45 @@ class _Search:
                     self._found[pair] = self._exchanges(*pair)
 
     def _worth(self, a: int, b: int) -> bool:
-        return self._jumps[a] and self._jumps[b]
+        return self._courses[a].jumps and self._courses[b].jumps
 
-    def _jumps_somewhere(self, marker: int) -> bool:
-        rows = np.flatnonzero(np.isfinite(self.points_m[:, marker, 0]))
-        if len(rows) < 4:
-            return False
-        times_s, path = self._times_s[rows], self.points_m[rows, marker]
-        misses = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
-        sigmas = self._scale.of(marker, times_s, misses)
-        return bool(np.any((misses > _S.jump_m) & (misses > _S.jump_sigmas * sigmas)))
+    def _course(self, marker: int) -> _Course:
+        path = self.points_m[:, marker].copy()
+        rows = np.flatnonzero(np.isfinite(path[:, 0]))
+        come, go = np.full((2, *path.shape), np.nan)
+        times_s, seen = self._times_s[rows], path[rows]
+        velocities = np.diff(seen, axis=0) / np.diff(times_s)[:, None]
+        come[rows[1:]], go[rows[:-1]] = velocities, velocities
+        half_s = 0.5 * np.diff(self._times_s)[:, None]
+        misses = np.linalg.norm(before(times_s, seen) - after(times_s, seen), axis=1) if len(rows) > 1 else np.empty(0)
+        ratios, jumps = (
+            self._scale.ratios(marker, times_s, misses),
+            self._scale.torn(marker, times_s, misses, _S.jump_m, _S.jump_sigmas),
+        )
+        come_m = path[:-1] + half_s * come[:-1]
+        misses_m2 = _squares(path[1:] - half_s * go[1:] - come_m)
+        return _Course(path, rows, ratios, come, go, come_m, misses_m2, len(jumps) > 0)
 
     def _exchanges(self, a: int, b: int) -> tuple[float, list[Exchange]]:
         """Return the evidence for the most likely exchanges of two markers, nats, and the exchanges."""
-        rows = np.flatnonzero(np.isfinite(self.points_m[:, [a, b], 0]).all(axis=1))
+        seen = np.isfinite(self._courses[a].path[:, 0] + self._courses[b].path[:, 0])
+        rows = np.flatnonzero(seen)
         if len(rows) < 6:
             return 0.0, []
-        times_s, paths = self._times_s[rows], (self.points_m[rows, a], self.points_m[rows, b])
-        come, go = [before(times_s, path) for path in paths], [after(times_s, path) for path in paths]
-        misses = np.array([[np.linalg.norm(c - g, axis=1) for g in go] for c in come])
-        sigmas = np.maximum(self._scale.of(a, times_s, misses[0, 0]), self._scale.of(b, times_s, misses[1, 1]))
-        costs = np.nan_to_num(cost(misses / sigmas))
-        gains = costs[0, 0] + costs[1, 1] - costs[0, 1] - costs[1, 0]
-        hidden = np.diff(rows) >= _S.gap
-        at = _candidates(gains, hidden)
+        seams = self._possible_seams(a, b, seen, rows)
+        gains = np.full(len(rows) - 1, -np.inf)
+        gains[seams] = self._gains(a, b, rows[seams], rows[seams + 1])
+        at = _candidates(gains, seams, rows)
         if not len(at):
             return 0.0, []
-        frames = self._frame_weight * self._distances.cost_of_exchange(self.points_m[rows], a, b)
+        hidden = rows[at + 1] - rows[at] >= _S.gap
+        paths = [course.path for course in self._courses]
+        frames = self._frame_weight * self._distances.cost_of_exchange(paths, a, b)[rows]
         sums = np.concatenate(([0.0], np.cumsum(frames)))
         edges = np.concatenate(([0], at + 1, [len(rows)]))
         body = np.clip(np.diff(sums[edges]), -_S.most_body, _S.most_body)
         gain, states = _most_likely(
-            gains[at] - np.where(hidden[at], _S.change_in_gap, _S.change), body + _S.frame * np.diff(edges)
+            gains[at] - np.where(hidden, _S.change_in_gap, _S.change), body + _S.frame * np.diff(edges)
         )
         stretches = [
             Exchange(int(rows[start]), int(rows[stop - 1]), (a, b))
@@ -136,12 +168,46 @@ class _Search:
         ]
         return gain, stretches
 
+    def _possible_seams(self, a: int, b: int, seen: Mask, rows: IntArray) -> IntArray:
+        """Return the seams between common frames (rows) at which an exchange can be more likely than none.
 
-def _candidates(gains: Array, hidden: Mask) -> IntArray:
+        Between successive frames one marker misses by half their distance, or neither comes nearer to the other.
+        """
+        own, other = self._courses[a], self._courses[b]
+        apart_m2 = _squares(own.come_m - other.come_m)
+        beside = np.flatnonzero(4.0 * np.maximum(own.misses_m2, other.misses_m2) > apart_m2)
+        return np.union1d((np.cumsum(seen) - 1)[beside], np.flatnonzero(np.diff(rows) > 1))
+
+    def _gains(self, a: int, b: int, start: IntArray, stop: IntArray) -> Array:
+        """Return the evidence (K,), nats, that labels are exchanged between two frames each."""
+        half_s = 0.5 * (self._times_s[stop] - self._times_s[start])[:, None]
+        courses = (self._courses[a], self._courses[b])
+        come = [course.path[start] + half_s * course.come[start] for course in courses]
+        go = [course.path[stop] - half_s * course.go[stop] for course in courses]
+        misses = np.array([[np.linalg.norm(c - g, axis=1) for g in go] for c in come])
+        sigmas = np.maximum(
+            *(
+                self._scale.over(marker, 2.0 * half_s[:, 0])
+                * sudden(course.ratios, np.searchsorted(course.rows, start))
+                for marker, course in zip((a, b), courses, strict=True)
+            )
+        )
+        costs = cost(misses / sigmas)
+        return np.nan_to_num(costs[0, 0] + costs[1, 1] - costs[0, 1] - costs[1, 0], nan=-np.inf)
+
+
+def _squares(apart_m: Array) -> Array:
+    return np.asarray(np.einsum("fc,fc->f", apart_m, apart_m))
+
+
+def _candidates(gains: Array, seams: IntArray, rows: IntArray) -> IntArray:
     """Return the seams at which labels may have been exchanged: the most evidence nearby, or in a gap."""
+    hidden = rows[seams + 1] - rows[seams] >= _S.gap
+    possible = seams[(gains[seams] > _S.possible) | (hidden & (gains[seams] > _S.possible_in_gap))]
     padded = np.pad(gains, _S.apart, constant_values=-np.inf)
-    most = np.lib.stride_tricks.sliding_window_view(padded, 2 * _S.apart + 1).max(axis=1)
-    return np.flatnonzero(((gains >= most) & (gains > _S.possible)) | (hidden & (gains > _S.possible_in_gap)))
+    most = padded[possible[:, None] + np.arange(2 * _S.apart + 1)].max(axis=1, initial=-np.inf)
+    hidden = rows[possible + 1] - rows[possible] >= _S.gap
+    return np.asarray(possible[hidden | (gains[possible] >= most)])
 
 
 def _most_likely(gains: Array, exchanged: Array) -> tuple[float, IntArray]:
@@ -193,15 +259,14 @@ class RigidDistances:
         order = np.argsort(sigmas, kind="stable")[: _S.partners]
         return order[np.isfinite(sigmas[order])]
 
-    def cost_of_exchange(self, points_m: Array, a: int, b: int) -> Array:
-        """Return how much worse (N,) the distances are, nats, when two markers are exchanged in frames (N, M, 3)."""
-        total = np.zeros(len(points_m))
+    def cost_of_exchange(self, paths: Sequence[Array], a: int, b: int) -> Array:
+        """Return how much worse (F,) the distances are, nats, when two markers are exchanged in paths (F, 3) of all."""
+        total = np.zeros(len(paths[a]))
         for marker, other in ((a, b), (b, a)):
             for partner in self.partners(marker, other):
                 usual, sigma = self._usual[marker, partner], self._sigmas[marker, partner]
                 own, theirs = (
-                    cost((np.linalg.norm(points_m[:, each] - points_m[:, partner], axis=-1) - usual) / sigma)
-                    for each in (marker, other)
+                    cost((np.sqrt(_squares(paths[each] - paths[partner])) - usual) / sigma) for each in (marker, other)
                 )
                 total += np.nan_to_num(theirs - own)
         return total

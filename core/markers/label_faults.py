@@ -16,6 +16,7 @@ from .exchanged_labels import Exchange, undo_exchanges
 from .marker_take import MarkerTake, SingleViews
 from .subject import Subject
 from .trajectory_seams import MEDIAN_LENGTH, SeamScale, after, before, cost
+from .wild_points import find_wild_points
 
 
 class FaultKind(Enum):
@@ -74,19 +75,8 @@ class FaultSettings:
     still_harm_m: float = 0.01  # smallest jump at either end that matters
     still_drift_m: float = 0.05  # smallest drift by the speed at either end that matters, too
     still_drift_evidence: float = 14.0  # evidence needed for such a drift, nats
+    beside: int = 6  # seams before or after that show how sudden the motion is there
     all_still: float = 0.6  # share of other markers that are still at once, above which the recording hung
-    quantile: float = 0.3  # quantile of the distances of wild points that counts
-    jump_m: float = 0.055  # smallest distance of wild points from where the motion leads
-    jump_sigmas: float = 4.0  # smallest miss at their first and last seam, standard deviations
-    wild_s: float = 0.5  # longest stretch of wild points
-    wild_evidence: float = 22.0  # evidence needed for wild points, nats
-    wild_point: float = 1.5  # additional evidence needed for each of them, nats
-    beside: int = 6  # seams on either side of wild points that show how sudden the motion is there
-    independent: int = 16  # distance from which wild points do not change each other's evidence, positions
-    edge: float = 0.5  # smallest miss at either end, as a share of their distance; below it, they are a step
-    bridge_sigmas: float = 3.0  # largest miss between before and after wild points, standard deviations
-    together: float = 0.3  # distance of other markers on the bone, as a share of the point's, when the whole bone jumps
-    wild_sigmas: float = 4.0  # the same as `jump_m`, standard deviations of the miss across the stretch
 
 
 _S = FaultSettings()
@@ -110,7 +100,7 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
     scale = SeamScale(take.times_s, points_m)
     for kind in (FaultKind.FROZEN, FaultKind.WILD):
         frozen = kind is FaultKind.FROZEN
-        faulty = (_frozen if frozen else _wild)(take.times_s, points_m, scale, nearest)
+        faulty = (_frozen if frozen else find_wild_points)(take.times_s, points_m, scale, nearest)
         points_m = np.where(faulty[..., None], np.nan, points_m)
         faults += _missing(faulty, names, kind)
     if not faults:
@@ -258,114 +248,3 @@ def _contradicted(times_s: Array, path: Array, first: int, last: int, sigma_m: f
     if jump_m > _S.still_harm_m:
         return evidence > _S.still_evidence
     return drift_m > _S.still_drift_m and evidence > _S.still_drift_evidence
-
-
-# ---- wild points
-
-
-def _wild(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
-    """Return a mask (F, M) of positions to which neither the motion before nor after leads."""
-    wild = np.zeros(points_m.shape[:2], dtype=bool)
-    for marker, others in enumerate(nearest):
-        beside = points_m[:, others]
-        rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))
-        wild[_WildSearch(times_s, points_m[:, marker], beside, scale, marker).all(rows), marker] = True
-    return wild
-
-
-class _WildSearch:
-    """Removes positions of a trajectory while that makes the rest of it more likely.
-
-    Args:
-        path: The trajectory (F, 3).
-        beside: Trajectories (F, N, 3) of markers on the same bone.
-    """
-
-    def __init__(self, times_s: Array, path: Array, beside: Array, scale: SeamScale, marker: int) -> None:
-        self._times_s, self._path, self._beside = times_s, path, beside
-        self._scale, self._marker = scale, marker
-
-    def all(self, rows: IntArray) -> IntArray:
-        """Return the frames of wild points among those where the marker is seen."""
-        kept = rows
-        while len(kept) > 6 and (taken := self._best(kept)):
-            kept = np.delete(kept, np.concatenate(taken))
-        return np.setdiff1d(rows, kept)
-
-    def _best(self, rows: IntArray) -> list[IntArray]:
-        """Return the indices into rows of wild points, those with more evidence for each than any others near them."""
-        times_s, path = self._times_s[rows], self._path[rows]
-        misses = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
-        sigmas = self._scale.of(self._marker, times_s, misses)
-        torn = np.flatnonzero((misses > 0.5 * _S.jump_m) & (misses > _S.jump_sigmas * sigmas))
-        found: list[tuple[float, IntArray]] = []
-        for i, start in enumerate(torn):
-            for stop in torn[i + 1 :]:
-                if times_s[stop] - times_s[start] > _S.wild_s:
-                    break
-                points = np.arange(start + 1, stop + 1)
-                gain = self._gain(rows, points, misses) / len(points)
-                found += [(gain, points)] * (gain > 0.0)
-        found.sort(key=lambda each: -each[0])
-        first, last = np.array([[points[0], points[-1]] for _, points in found]).reshape(-1, 2).T
-        is_near = [
-            (first[:place] <= points[-1] + _S.independent) & (last[:place] >= points[0] - _S.independent)
-            for place, (_, points) in enumerate(found)
-        ]
-        return [points for (_, points), better in zip(found, is_near, strict=True) if not better.any()]
-
-    def _usual(self, points: IntArray, misses: Array) -> float:
-        """Return the standard deviation of misses beside points, without the seams that they touch."""
-        first, last = points[0] - 2, points[-1] + 2
-        beside = np.concatenate((misses[max(first - _S.beside, 0) : max(first, 0)], misses[last : last + _S.beside]))
-        usual = float(np.nanmedian(beside)) / MEDIAN_LENGTH if np.isfinite(beside).any() else 0.0
-        return max(usual, float(self._scale.usual[self._marker]))
-
-    def _gain(self, rows: IntArray, points: IntArray, misses: Array) -> float:
-        """Return the evidence, nats, that points are wild, less the evidence needed."""
-        start, stop = max(points[0] - 4, 0), min(points[-1] + 5, len(rows))
-        if points[0] - start < 2 or stop - 1 - points[-1] < 2:
-            return 0.0
-        near, bridge = np.delete(rows[start:stop], points - start), points[0] - start - 1
-        times_s, path = self._times_s[near], self._path[near]
-        usual = self._usual(points, misses)
-        sigma = np.full(len(near) - 1, usual)
-        sigma[bridge] = self._scale.over(self._marker, times_s[bridge + 1] - times_s[bridge]) * max(
-            1.0, usual / float(self._scale.usual[self._marker])
-        )
-        away = _away(self._times_s, self._path[:, None], rows, points)[:, 0]
-        least = float(np.quantile(np.linalg.norm(away, axis=-1), _S.quantile))
-        if least < max(_S.jump_m, _S.wild_sigmas * sigma[bridge]):
-            return 0.0
-        if min(misses[points[0] - 1], misses[points[-1]]) < _S.edge * least or self._is_body(rows, points, away):
-            return 0.0
-        left = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
-        if left[bridge] > max(
-            _S.edge * least, _S.bridge_sigmas * sigma[bridge]
-        ):  # the trajectory goes on elsewhere: a step
-            return 0.0
-        now = float(np.nansum(cost(misses[start : stop - 1] / usual)))
-        return now - float(np.nansum(cost(left / sigma))) - _S.wild_evidence - _S.wild_point * len(points)
-
-    def _is_body(self, rows: IntArray, points: IntArray, away: Array) -> bool:
-        """Return whether most markers on the same bone jump away from their trajectories, too."""
-        others = np.linalg.norm(_away(self._times_s, self._beside, rows, points), axis=-1).max(axis=0)
-        others = others[np.isfinite(others)]
-        return len(others) > 0 and bool(np.median(others) > _S.together * np.linalg.norm(away, axis=-1).max())
-
-
-def _away(times_s: Array, points_m: Array, rows: IntArray, points: IntArray) -> Array:
-    """Return how far (n, M, 3) trajectories (F, M, 3) are from cubics through two positions before and two after.
-
-    Args:
-        rows: Frames with positions.
-        points: Successive indices into these.
-    """
-    beside = rows[[points[0] - 2, points[0] - 1, points[-1] + 1, points[-1] + 2]]
-    known_s, wanted_s = times_s[beside], times_s[rows[points]]
-    weights = np.ones((len(wanted_s), 4))
-    for i in range(4):
-        for j in range(4):
-            if i != j:
-                weights[:, i] *= (wanted_s - known_s[j]) / (known_s[i] - known_s[j])
-    return np.asarray(points_m[rows[points]] - np.einsum("nk,kmc->nmc", weights, points_m[beside]))

@@ -93,21 +93,33 @@ class SeamScale:
         self._at_gap[:, 0] = np.fmax(self._at_gap[:, 0], _S.least_m)
         self._at_gap = np.fmax.accumulate(self._at_gap, axis=1)
 
-    def of(self, marker: int, times_s: Array, misses_m: Array) -> Array:
-        """Return the standard deviations (N - 1,) of misses at the seams of positions at times (N,).
+    def ratios(self, marker: int, times_s: Array, misses_m: Array) -> Array:
+        """Return the misses (N - 1,) at the seams of positions at times (N,) as shares of the usual ones."""
+        return np.asarray(misses_m / self.over(marker, np.diff(times_s)))
 
-        Larger misses for a while show sudden motion, so the median there counts.
-        """
-        usual = self.over(marker, np.diff(times_s))
-        ratios = np.concatenate((np.full(_S.beside, np.nan), misses_m / usual, np.full(_S.beside, np.nan)))
-        windows = np.lib.stride_tricks.sliding_window_view(ratios, 2 * _S.beside + 1)
-        return np.asarray(usual * np.maximum(_medians(windows) / MEDIAN_LENGTH, 1.0))
+    def torn(self, marker: int, times_s: Array, misses_m: Array, least_m: float, sigmas: float) -> IntArray:
+        """Return the seams of positions at times (N,) with misses above a length and so many standard deviations."""
+        ratios = self.ratios(marker, times_s, misses_m)
+        at = np.flatnonzero((misses_m > least_m) & (ratios > sigmas))
+        return np.asarray(at[ratios[at] > sigmas * sudden(ratios, at)])
 
 
-def _medians(rows: Array) -> Array:
+def sudden(ratios: Array, at: IntArray) -> Array:
+    """Return by what factors (K,) the misses around some seams exceed the usual ones, 1 where they do not.
+
+    Larger misses for a while show sudden motion, so the median there counts.
+
+    Args:
+        ratios: `SeamScale.ratios` of a trajectory.
+    """
+    padded = np.pad(ratios, _S.beside, constant_values=np.nan)
+    return np.maximum(medians(padded[at[:, None] + np.arange(2 * _S.beside + 1)]) / MEDIAN_LENGTH, 1.0)
+
+
+def medians(rows: Array) -> Array:
     """Return the medians (N,) of rows (N, K) without NaN; 0 where all are NaN."""
     ordered = np.sort(rows, axis=1)  # NaN last
     counts = np.isfinite(rows).sum(axis=1)
     each: IntArray = np.arange(len(rows))
-    middle = ordered[each, np.maximum(counts - 1, 0) // 2]
+    middle = 0.5 * (ordered[each, np.maximum(counts - 1, 0) // 2] + ordered[each, counts // 2])
     return np.where(counts > 0, middle, 0.0)
