@@ -8,10 +8,12 @@ from ..body.standard_skeleton import default_skeleton
 from ..database.store import Database
 from ..errors import SettingsError
 from ..labelling.take_import import import_take
+from ..markers.label_faults import correct_labels
 from ..markers.label_matching import AUTO
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
+from ..markers.take_frames import is_unnamed
 from ..subjects import pose_calibration
 from ..subjects.from_motion import subject_from_motion
 from ..subjects.marker_placement import place_markers
@@ -70,7 +72,7 @@ def calibrate_subject(
     """Return the skeleton and marker offsets of a performer who holds calibration poses.
 
     Args:
-        take: Take that shows the poses, with y up.
+        take: Take that shows the poses, see `solve`.
         marker_set: Marker set that is worn, see `load_take`.
         poses: The pose held at the first moment of standing still; or several, each found wherever it is held.
         name: Name of the performer.
@@ -82,7 +84,7 @@ def calibrate_subject(
         TakeError: The body's size is not human: the unit of length is wrong.
     """
     worn = choose_worn(marker_set, take)
-    take = import_take(take, worn, None)
+    take = import_take(take, worn, "auto")
     held = (poses,) if isinstance(poses, str) else tuple(poses)
     if isinstance(poses, str):
         points_m = calibration_points(take, worn, seconds)
@@ -104,7 +106,7 @@ def fit_subject(
     """Return the skeleton and marker offsets of a performer from motion alone: no pose need be held.
 
     Args:
-        take: Take with y up; of a long one, stretches spread over it are used.
+        take: Take, see `solve`; of a long one, stretches spread over it are used.
         database: Motion database with motion like the take's.
         marker_set: Marker set that is worn, see `load_take`; its usual offsets guide the fit. With "auto" the motion
             places the markers that the set does not know.
@@ -118,7 +120,9 @@ def fit_subject(
     """
     worn = choose_worn(marker_set, take)
     start = Subject(name, default_skeleton(height_m), worn)
-    take = import_take(take, worn, None)
+    take = import_take(take, worn, "auto")
+    if not is_unnamed(take):
+        take, _ = correct_labels(take, start)
     if marker_set == AUTO:
         start = place_markers(take, start, database, progress)
     return subject_from_motion(take, start, database, progress)

@@ -18,6 +18,7 @@ from ..geometry.arrays import runs
 from ..geometry.camera import CameraRig
 from ..markers.filtering import smooth_motion, smooth_take
 from ..markers.label_faults import correct_labels
+from ..markers.label_matching import AUTO
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
 from ..markers.prop import Prop
@@ -37,7 +38,8 @@ from ..subjects.refine_body import refine_body
 from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
-from .take_reading import fit_take
+from .calibration import fit_subject
+from .take_reading import choose_worn, fit_take
 
 Facts = dict[str, Any]
 
@@ -101,23 +103,45 @@ def solve(
     """Return the full-body poses and motion of a take.
 
     Args:
-        take: Marker take as `load_take` returns it, or recorded take.
-        subject: Performer; None for the one that a recorded take names.
+        take: Marker take, or recorded take. Labels are matched, and unless it is upright, the axis along which the
+            performer stands becomes y, as by `load_take`.
+        subject: Performer; None for the one that a recorded take names. The motion of a marker take shows bones and
+            offsets, see `fit_subject`.
         database: Motion database or its file; None for the one that a recorded take names.
         request: How to solve.
         progress: Called with the fraction done and the activity.
 
     Raises:
         SubjectError: No performer is known.
-        TakeError: The take has too few markers of the performer.
+        TakeError: The take has too few markers of the performer, the body's size is not human, or the vertical cannot
+            be found.
         DatabaseError: The database is missing, damaged or changed while it was used.
     """
     if isinstance(take, TakeFile):
         return solve_recording(take, request, RecordingChanges(subject), database, progress)
-    if subject is None or database is None:
-        error, lacking = (SubjectError, "performer") if subject is None else (DatabaseError, "motion database")
-        raise error(f"names no {lacking}", where=take.name, advice="give one with the take")
-    return solve_markers(fit_take(take, subject.marker_set, None), subject, database, request, progress)
+    if database is None:
+        raise DatabaseError("names no motion database", where=take.name, advice="give one with the take")
+    if subject is None:
+        worn = choose_worn(AUTO, take)
+        request = replace(request, place_markers=True)
+        return solve_unmeasured(fit_take(take, worn, "auto"), AUTO, database, request, progress)
+    return solve_markers(fit_take(take, subject.marker_set, "auto"), subject, database, request, progress)
+
+
+def solve_unmeasured(
+    take: MarkerTake,
+    marker_set: MarkerSet | str,
+    database: Database | Path | str,
+    request: SolveRequest = AS_USUAL,
+    progress: Progress = no_progress,
+    cache: SessionCache | None = None,
+) -> SolvedTake:
+    """Solve a take with y up of a performer whose bones and offsets its motion shows; see `fit_subject` and `solve`."""
+    cache = cache or SessionCache()
+    opened = _opened(database, cache)
+    subject = fit_subject(take, opened, marker_set, progress=lambda share, text: progress(0.5 * share, text))
+    solved = solve_markers(take, subject, opened, request, progress, cache)
+    return replace(solved, report=solved.report | {"residual_mm": 1e3 * subject.residual_m})
 
 
 def solve_markers(

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..api.solving import RecordingChanges, SolveRequest, solve_markers, solve_recording
+from ..api.solving import RecordingChanges, SolveRequest, solve_markers, solve_recording, solve_unmeasured
 from ..api.take_reading import fit_take, read_labelled, wearing
 from ..errors import FormatError
 from ..formats.markers.marker_files import READABLE, is_recorded
@@ -56,11 +56,14 @@ def add_parser(subparsers: Any) -> None:
 
 
 def _add_performer_options(parser: argparse.ArgumentParser) -> None:
-    subject = "calibrated subject, skeleton and marker offsets (default: a .perftake's own)"
+    subject = (
+        "calibrated subject, skeleton and marker offsets (default: a .perftake's own, or fitted to the motion of a "
+        "marker take)"
+    )
     add_body_options(parser, subject, ".asf or .bvh with the bones to use; needs --marker-set")
     worn = (
         f"shipped marker set or TOML file, or {AUTO}: the shipped one to which most of the take's labels belong, "
-        "the others placed by the motion (default: the subject's)"
+        f"the others placed by the motion (default: the subject's; without one {AUTO})"
     )
     add_text(parser, "--marker-set", "NAME", worn)
 
@@ -119,8 +122,6 @@ def check(args: argparse.Namespace) -> None:
     recorded, take_out = is_recorded(args.take), is_recorded(args.out)
     if not recorded and args.database is None:
         args.wrong_usage("the following arguments are required: --database")
-    if not recorded and args.subject is None and args.skeleton is None:
-        args.wrong_usage("one of the arguments --subject --skeleton is required")
     unlabelled = "only a .perftake holds points without labels"
     for is_wrong, message in (
         (not recorded and args.cameras is not None, "--cameras: only a .perftake holds 2D detections of cameras"),
@@ -164,11 +165,17 @@ def _solve_markers(
     args: argparse.Namespace, request: SolveRequest, progress: Progress, cache: SessionCache
 ) -> SolvedTake:
     take = read_labelled(args.take, args.names)
-    worn = choose_marker_set(args.marker_set, take.names, str(args.take)) if args.marker_set is not None else None
+    has_body = args.subject is not None or args.skeleton is not None
+    named = args.marker_set or (None if has_body else AUTO)
+    worn = choose_marker_set(named, take.names, str(args.take)) if named is not None else None
     subject = chosen_subject(args, worn)
-    assert subject is not None  # noqa: S101 - checked with the options
-    take = fit_take(take, subject.marker_set, args.up or "auto")
-    return solve_markers(take, subject, args.database, request, progress, cache)
+    up = args.up or "auto"
+    if subject is not None:
+        take = fit_take(take, subject.marker_set, up)
+        return solve_markers(take, subject, args.database, request, progress, cache)
+    assert worn is not None  # noqa: S101 - named for want of a subject
+    fitted = AUTO if named == AUTO else worn
+    return solve_unmeasured(fit_take(take, worn, up), fitted, args.database, request, progress, cache)
 
 
 def _solve_recorded(

@@ -34,8 +34,8 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> Mark
     Args:
         marker_set: Marker set with usual offsets.
         up: One of `UPS`: the axis of the file that points up; "auto" for the one along which the performer stands or
-            sits for most of the take (`axis_up`); "feet" for the floor under the feet, which becomes y = 0; None for
-            the file's axes.
+            sits for most of the take (`axis_up`), y of a take that is upright; "feet" for the floor under the feet,
+            which becomes y = 0; None for the file's axes.
 
     Raises:
         TakeError: The markers are not the set's, the body's size is not human, or too few markers are seen at once to
@@ -45,7 +45,7 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> Mark
     if is_unnamed(take):
         return take
     match = match_labels(take.names, marker_set)
-    if up is None:
+    if up is None or (up == "auto" and take.is_upright):
         named = match.rename(take)
         check_human_size(named, marker_set)
         return named
@@ -55,8 +55,9 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> Mark
         named = _by_place(take, marker_set, [up] if up in TURNS else list(TURNS))
     else:
         named = match.rename(take)
-        named = _turn(named, TURNS[up if up in TURNS else axis_up(named, marker_set)])
+        named = turned(named, TURNS[up if up in TURNS else axis_up(named, marker_set)])
     check_human_size(named, marker_set)
+    named = replace(named, is_upright=True)
     return _on_floor(named, marker_set.subset(named.names)) if up == "feet" else named
 
 
@@ -73,7 +74,7 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
     found: list[MarkerTake] = []
     for axis in axes:
         try:
-            named = name_trajectories(_turn(take, TURNS[axis]), marker_set)
+            named = name_trajectories(turned(take, TURNS[axis]), marker_set)
         except TakeError as error:
             problem = problem or error
             continue
@@ -92,10 +93,10 @@ def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     middle, _, axes = principal_axes(points)
     normal = axes[2] if axes[2, 1] > 0.0 else -axes[2]
     turn = rot.to_matrix(rot.between(normal, _UP))
-    return _turn(take, turn, np.array([0.0, -float((turn @ middle)[1]), 0.0]))
+    return turned(take, turn, np.array([0.0, -float((turn @ middle)[1]), 0.0]))
 
 
-def _turn(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
+def turned(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
     """Return a take in a moved world (p to turn p + shift), with its cameras."""
     shift_m = np.zeros(3) if shift_m is None else shift_m
     single = take.single

@@ -49,6 +49,7 @@ class MarkerTake:
     times_s: Array = field(default_factory=lambda: np.empty(0))
     single: SingleViews | None = None  # markers that single cameras saw, where that is known
     notes: tuple[str, ...] = ()  # messages of its reader
+    is_upright: bool = False  # y is known to point up; files keep their own axes until they are imported
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", printable(self.name))

@@ -40,4 +40,6 @@ def steady_take(take: MarkerTake) -> MarkerTake:
         [clock.seen(take.positions_m[:, marker], visible[:, marker]) for marker in range(len(take.names))], axis=1
     )
     numbers = take.frame_numbers[0] + np.arange(len(positions))
-    return MarkerTake(take.name, clock.fps, take.names, positions, numbers, clock.steady_s, notes=take.notes)
+    return replace(
+        take, fps=clock.fps, positions_m=positions, frame_numbers=numbers, times_s=clock.steady_s, single=None
+    )

@@ -70,7 +70,7 @@ def add_parser(subparsers: Any) -> None:
     add_text(shared, "--marker-set", "NAME", f"shipped marker set or TOML file, or {AUTO} (of marker files)")
     add_names_option(shared)
     add_text(shared, "--use", "N|NAME,...", "solve marker takes with a few of a suit's markers")
-    add_choice(shared, "--up", UPS, "axis of marker files that points up (default: y)")
+    add_choice(shared, "--up", UPS, "axis of marker files that points up (default: auto)")
     add_choice(shared, "--method", METHODS, "how poses are found (default best)")
     add_number(shared, "--smooth", "HZ", "low-pass markers before and motion after")
     add_choice(shared, "--feet", FEET, "hold feet in place (default off)")

@@ -10,6 +10,8 @@ from ...database.store import Database, open_database
 from ...errors import TakeError
 from ...formats.markers.marker_files import READABLE, WRITABLE, check_ending, is_recorded, read_take
 from ...formats.markers.rewrite_take import rewrite_take
+from ...labelling.take_import import turned
+from ...labelling.up_axis import TURNS, axis_up
 from ...markers.gap_filling import find_gaps
 from ...markers.label_matching import AUTO, choose_marker_set, load_names, rename_labels
 from ...markers.marker_take import MarkerTake
@@ -51,7 +53,9 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         raise TakeError("holds no trajectories to fill", where=str(args.take), advice=advice)
     take = rename_labels(read, load_names(args.names)) if args.names is not None else read
     subject, take = _subject_and_take(args, take, database, progress)
-    filled, solved = fill_take(take, subject, database, args.filter, progress)
+    turn = TURNS[axis_up(take, subject.marker_set)]
+    filled, solved = fill_take(turned(take, turn), subject, database, args.filter, progress)
+    filled = turned(filled, turn.T)  # the file keeps its axes
     new = filled.visible & ~take.visible
     lengths = [gap.frames for gap in find_gaps(take.visible) if new[gap.start, gap.marker]]
     warnings = rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)

@@ -47,4 +47,5 @@ def take_of_poses(
         np.array([pose.number for pose in poses]),
         np.array([pose.time_s for pose in poses]),
         single,
+        is_upright=True,
     )

@@ -6,6 +6,7 @@ import numpy as np
 import perfanim
 import pytest
 from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.labelling.up_axis import TURNS
 from perfanim.core.markers.prop import Prop
 from perfanim.core.session.capture_setup import CaptureSetup
 from perfanim.core.session.solved_take import SolvedTake
@@ -25,9 +26,24 @@ def solved(take, subject, database):
     return perfanim.solve(take, subject, database, QUICK)
 
 
-def test_marker_take_needs_a_performer_and_a_database(take, subject, database_file):
-    with pytest.raises(perfanim.PerfanimError, match=f"{take.name}: names no performer; give one with the take"):
-        perfanim.solve(take, database=database_file)
+def test_a_performer_whom_nobody_measured_is_fitted(take, truth, database_file):
+    lying = replace(take, positions_m=take.positions_m @ TURNS["z"])  # as most systems write them
+    solved = perfanim.solve(lying, database=database_file)
+    assert solved.verdict.is_good and solved.report["residual_mm"] < 10.0
+    assert perfanim.evaluate(solved.motion, truth)["mpjpe_absolute_mm"] < 60.0
+    with pytest.raises(perfanim.PerfanimError, match="tall"):
+        perfanim.solve(replace(take, positions_m=1e-3 * take.positions_m), database=database_file)
+
+
+def test_an_upright_take_keeps_its_axes(take, subject, database_file, truth):
+    solved = perfanim.solve(replace(take, positions_m=take.positions_m @ TURNS["z"]), subject, database_file, QUICK)
+    assert perfanim.evaluate(solved.motion, truth)["mpjpe_absolute_mm"] < 60.0
+    upright = replace(take, positions_m=take.positions_m @ TURNS["z"], is_upright=True)
+    lies = perfanim.solve(upright, subject, database_file, QUICK)
+    assert np.ptp(lies.motion.root_positions_m[:, 1]) == pytest.approx(np.ptp(truth.root_positions_m[:, 2]), abs=0.05)
+
+
+def test_marker_take_needs_a_database(take, subject):
     with pytest.raises(perfanim.PerfanimError, match="names no motion database"):
         perfanim.solve(take, subject)
 
