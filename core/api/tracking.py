@@ -164,7 +164,7 @@ def _detect(
 ) -> Iterator[MarkerFrame]:
     """Yield the marker frames; append the computing time of each, s, to `spent_s`."""
     if request.seconds is None and _is_endless(source):
-        raise SettingsError("a camera has no end", advice="say how many seconds to record")
+        raise SettingsError("a live camera never ends", advice="say how many seconds to record")
     total = int(getattr(source, "frames", 0)) or round((request.seconds or 0.0) * source.fps)
     for done, images in enumerate(source):
         if request.seconds is not None and max(images.times_s) >= request.seconds:
@@ -308,7 +308,7 @@ def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None
     shown = np.sort(rays if len(rig) == 1 else points)[::-1]
     if not shown.any():
         advice = "check the threshold, the cameras' order and the calibration"
-        raise TakeError("hardly any markers were found", advice=advice)
+        raise TakeError("almost no markers were found", advice=advice)
     worn = worn or max(int(shown[int(_SETTINGS.worn_share * len(shown))]), 1)
     located = np.minimum(points, worn)
     return {

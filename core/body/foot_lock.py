@@ -179,7 +179,7 @@ class FootLock:
         if foot.anchor_m is not None:
             wanted = foot.anchor_m - ball
             wanted[1] = 0.0
-            if not glides:  # a foot that begins to leave is released gradually
+            if not glides:  # a foot that begins to lift is released gradually
                 slow, fast = _SETTINGS.planted_m_s, _SETTINGS.lifted_m_s
                 leaves = min(max((speed - slow) / (fast - slow), 0.0), 1.0)
                 wanted *= np.exp(-leaves * passed_s / _SETTINGS.fade_s)

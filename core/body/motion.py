@@ -49,7 +49,7 @@ class Motion:
             raise FormatError(f"frame rate {self.fps:g} is not {LEAST_FPS:g} to {MOST_FPS:g}", where=self.name)
         squares = np.einsum("fji,fji->fj", self.rotations, self.rotations)
         if not (squares.min() > _LEAST_SQUARE and squares.max() < _MOST_SQUARE):  # nor NaN
-            raise FormatError("a joint's rotation is no unit quaternion", where=self.name)
+            raise FormatError("a joint's rotation is not a unit quaternion", where=self.name)
         if not max(self.root_positions_m.max(), -self.root_positions_m.min()) < _FARTHEST_M:
             raise FormatError(
                 f"the root is not within {_FARTHEST_M:g} m", where=self.name, advice="check the unit of length"

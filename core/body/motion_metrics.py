@@ -127,7 +127,7 @@ def _aligned(motion: Motion, truth: Motion) -> _Pair:
         notes.append(f"{lasts} ({truth.duration_s:.2f} s); the first {frames} are compared")
     shared = [name for name in truth.skeleton.names if name in motion.skeleton.names]
     if len(shared) < 2 or shared[0] != truth.skeleton.names[0] or shared[0] != motion.skeleton.names[0]:
-        raise FormatError("motion and truth share no joints but one", where=f"{motion.name}, {truth.name}")
+        raise FormatError("the motion and the truth share fewer than two joints", where=f"{motion.name}, {truth.name}")
     if len(shared) < max(len(motion.skeleton), len(truth.skeleton)):
         notes.append(f"compared are the {len(shared)} joints that both have")
     return _Pair(

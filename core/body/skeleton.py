@@ -65,7 +65,7 @@ class Skeleton:
         if np.any(np.linalg.norm(self.offsets_m[1:], axis=1) > _LONGEST_BONE_M):
             raise SkeletonError(f"a bone is longer than {_LONGEST_BONE_M:g} m", advice="check the unit of length")
         if not np.all(np.abs(np.linalg.norm(self.angle_axes, axis=1) - 1.0) < 1e-3):
-            raise SkeletonError("the axes of an angle are no rotation")
+            raise SkeletonError("the axes of an angle are not a rotation")
 
     def __len__(self) -> int:
         return len(self.names)
@@ -241,4 +241,4 @@ def _completed(order: str) -> str:
         rest = iter(full)
         if all(axis in rest for axis in order):
             return full
-    raise SkeletonError(f"{order!r} is no order of different axes")
+    raise SkeletonError(f"{order!r} is not an order of three different axes")

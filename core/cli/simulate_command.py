@@ -42,7 +42,7 @@ def add_parser(subparsers: Any) -> None:
     add_text(cameras, "--cameras", "N", "how many cameras (default 2)", type=int, default=2)
     add_number(cameras, "--fps", "HZ", "images per second (default 60)", default=FPS)
     add_number(cameras, "--t-pose", "S", "T pose before the motion, seconds (default 2; 0: none)", default=2.0)
-    add_switch(cameras, "--as-recorded", "leave the motion where it is instead of bringing it before the cameras")
+    add_switch(cameras, "--as-recorded", "leave the motion where it is instead of bringing it in front of the cameras")
     _add_studio_options(cameras)
     add_text(cameras, "--background", "N", "images of the empty room (default 60)", type=int, default=60)
     add_text(cameras, "--board-views", "N", "positions of the board (default 24)", type=int, default=24)

@@ -110,10 +110,10 @@ def _cameras_and_sources(args: argparse.Namespace, rig: CameraRig) -> tuple[Came
     given.sort()
     indices, sources = [index for index, _ in given], [source for _, source in given]
     if len(set(indices)) < len(indices):
-        raise SettingsError("one camera has two sources", where="--camera", advice="name each camera once")
+        raise SettingsError("one camera is given two sources", where="--camera", advice="name each camera once")
     twice = next((source for source in sources if sources.count(source) > 1), None)
     if twice is not None:
-        raise SettingsError(f"two cameras have one source, {twice}", advice="give each camera its own pictures")
+        raise SettingsError(f"two cameras are given the same source, {twice}", advice="give each its own pictures")
     if len(given) == 1:
         if not str(args.out).lower().endswith((".take.npz", ".perftake")):
             raise SettingsError(

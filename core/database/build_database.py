@@ -208,7 +208,7 @@ def _folder_beside(out: Path) -> Iterator[Path]:
 
 def _read(files: Sequence[MotionFile], collected: _Collected, settings: BuildSettings, step: Progress) -> None:
     workers = settings.workers
-    if workers is None:  # reading 8 MiB takes as long as starting processes
+    if workers is None:  # reading 8 MiB takes as long as starting the processes
         enough = sum(file.path.stat().st_size for file in files) > 8 << 20
         workers = (os.cpu_count() or 1) if enough else 1
     with closing(read_files(files, settings.fps, workers)) as results:

@@ -122,7 +122,7 @@ class _ReaderProcess:
             return self._read(task)
         except BrokenPipeError:
             advice = "build with one process"
-            raise DatabaseError("a process that reads motion files died", advice=advice) from None
+            raise DatabaseError("a process that was reading motion files died", advice=advice) from None
 
     def _read(self, task: Sequence[Any]) -> ReadFile:
         header = json.loads(self._process.ask(json.dumps(task)))

@@ -49,7 +49,7 @@ def select_files(files: Sequence[MotionFile], include: Sequence[str], exclude: S
             behaviours = sorted({behaviour_of(file.name, file.description) for file in files})
             listed = ", ".join(behaviours[:20]) + (", ..." if len(behaviours) > 20 else "")
             raise DatabaseError(
-                f"no file name and no behaviour fits {pattern!r}", where="include", advice=f"behaviours: {listed}"
+                f"no file name or behaviour matches {pattern!r}", where="include", advice=f"behaviours: {listed}"
             )
     return [file for file in files if (not include or _fits(file, include)) and not _fits(file, exclude)]
 

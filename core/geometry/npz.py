@@ -46,7 +46,7 @@ def read_arrays(
             if is_over_budget(sum(member.file_size for member in members), size):
                 raise excess
             if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members):
-                raise ValueError("packed in an unknown way")
+                raise ValueError("compressed by an unknown method")
             return {member.filename.removesuffix(".npy"): _array(archive.read(member)) for member in members}
 
 
@@ -111,7 +111,7 @@ def write_arrays(path: Path | str, arrays: Mapping[str, Any], packed: bool = Tru
 def _array(data: bytes) -> NDArray[Any]:
     header = _HEADER.match(data)
     if header is None:
-        raise ValueError("an array of an unknown type")
+        raise ValueError("an array of unknown type")
     dtype, shape = np.dtype(header[1].decode()), tuple(int(size) for size in header[3].split(b",") if size.strip())
     # `reshape` refuses a shape that does not fit the bytes
     flat = np.frombuffer(data, dtype, offset=header.end()).copy()

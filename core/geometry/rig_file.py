@@ -138,7 +138,7 @@ def save_ignored(path: str | Path, places: ArrayLike) -> None:
     keys = _camera_keys(tables)
     if not keys or not all(isinstance(tables[key], dict) for key in keys):
         raise CalibrationError(
-            "is a calibration of another program, which cannot contain ignored places",
+            "is a calibration of another program, which cannot hold ignored places",
             where=str(path),
             advice="calibrate here, or cover the reflections",
         )

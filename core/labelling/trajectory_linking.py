@@ -268,7 +268,7 @@ def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
         shown[tracklet.frames] += 1
     if np.sum(shown > 0) <= _S.fair_share * count:
         raise TakeError(
-            "hardly any markers were found", advice="check the threshold, the cameras' order and the calibration"
+            "almost no markers were found", advice="check the threshold, the cameras' order and the calibration"
         )
     return int(np.sort(shown)[::-1][int(_S.fair_share * count)])
 

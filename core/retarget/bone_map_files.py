@@ -89,6 +89,6 @@ def load_bone_map(name_or_file: str) -> dict[str, str]:
     if not is_file(name_or_file):
         raise CharacterError(
             f"there is no bone map {name_or_file!r}",
-            advice=f"give a file, or one of {', '.join(sorted(paths))}; without one it is found by itself",
+            advice=f"give a file, or one of {', '.join(sorted(paths))}; without one, the map is found automatically",
         )
     return read_bone_map(name_or_file)

@@ -271,8 +271,8 @@ def _check_limbs(fit: BodyFit, poses: Sequence[str]) -> None:
     for limb, off_deg, pose in _astray(fit, poses):
         if off_deg > LIMITS.farthest_swing_deg:
             raise SubjectError(
-                f"{limb} is {off_deg:.0f} degrees away from where {_HELD_AS[pose]} has it",
-                advice="take this pose, or name the one that was taken",
+                f"{limb} is {off_deg:.0f} degrees away from where {_HELD_AS[pose]} puts it",
+                advice="hold this pose, or name the one that was held",
             )
 
 
@@ -326,7 +326,7 @@ def _advice(fit: BodyFit, poses: Sequence[str], residual_m: float, markers_m: di
             + ", ".join(_HELD_AS[name] for name in missing)
         )
     advice += [
-        f"{limb} was {off:.0f} degrees away from where {_HELD_AS[pose]} has it: look at a picture of the pose"
+        f"{limb} was {off:.0f} degrees away from where {_HELD_AS[pose]} puts it: look at a picture of the pose"
         for limb, off, pose in _astray(fit, poses)
         if off > LIMITS.careless_deg
     ]

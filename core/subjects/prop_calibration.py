@@ -65,7 +65,7 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
         )
     if len(chosen) > MOST_MARKERS:
         raise PropError(
-            f"{len(chosen)} markers stay together: more than the prop is in the take",
+            f"{len(chosen)} markers stay together: the take shows more than the prop",
             where=take.name,
             advice="choose frames in which it is moved, or name its markers",
         )
@@ -96,7 +96,7 @@ def _largest_group(take: MarkerTake) -> list[int]:
         raise PropError(
             f"no {FEWEST_MARKERS} of its {count} markers keep their distances",
             where=take.name,
-            advice="record the prop alone, lying before the cameras or moved slowly",
+            advice="record the prop alone, lying in front of the cameras, or moving slowly",
         )
     if len(groups) > 1 and len(groups[-2]) == len(groups[-1]):
         choices = " or ".join(", ".join(take.names[index] for index in sorted(group)) for group in groups[-2:])
@@ -134,7 +134,7 @@ def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
     whole = [f for f in usable if seen[f].all()]
     if not whole:
         raise PropError(
-            f"its {positions_m.shape[1]} markers are never seen at once", where=where, advice="turn it more slowly"
+            f"its {positions_m.shape[1]} markers are never all seen at once", where=where, advice="turn it more slowly"
         )
     shape = positions_m[whole[len(whole) // 2]]
     residual_m = 0.0

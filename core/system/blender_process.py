@@ -44,7 +44,7 @@ def check_blender(blender: str | None) -> None:
         advice = "pip install bpy, of the same Python, or name a Blender program"
         raise CharacterError("Blender's Python module is not here", advice=advice)
     if blender is not None and not is_file(blender):
-        raise CharacterError("is no program", where=blender, advice="name the file of Blender's program")
+        raise CharacterError("is not a program", where=blender, advice="give the path of the Blender executable")
 
 
 def _chosen(blender: str | None) -> str | None:

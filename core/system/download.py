@@ -64,7 +64,7 @@ def check_address(url: str) -> None:
         is_plain = url.isascii() and url.isprintable() and " " not in url
         if parts.scheme in ("http", "https") and parts.hostname and is_plain:
             return
-    raise DownloadError("is no http or https address", where=shorten(url, 100), advice="copy it from the browser")
+    raise DownloadError("is not an http or https address", where=shorten(url, 100), advice="copy it from the browser")
 
 
 def download(url: str, target: Path, progress: Progress, settings: DownloadSettings = SETTINGS) -> Path:
@@ -132,7 +132,7 @@ def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, settings: 
         there = _Part(known.url, "" if validator.startswith("W/") else validator, total)  # weak: may be other bytes
         if is_resumed and total != known.total:
             part.write_bytes(b"")
-            raise ConnectionError("the file has changed meanwhile")
+            raise ConnectionError("the file has changed in the meantime")
         with writing(part, "free some space, or choose another folder"):
             free = shutil.disk_usage(part.parent).free
             if total - start + settings.spare_bytes > free:
@@ -186,7 +186,7 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
     def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
         check_address(newurl)
         if urlsplit(req.full_url).scheme == "https" and urlsplit(newurl).scheme != "https":
-            raise DownloadError("leads to an address without encryption", where=shorten(newurl, 100))
+            raise DownloadError("redirects to an address without encryption", where=shorten(newurl, 100))
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 

@@ -203,7 +203,7 @@ class CheckSetupRequest(CamerasRequest):
 
     job: ClassVar[str] = "check setup"
     marker_set: Annotated[str, About("shipped marker set or its file")]
-    countdown_s: Annotated[float, About("time to go before the cameras", "s", 0.0, _SECONDS)] = 0.0
+    countdown_s: Annotated[float, About("time to go in front of the cameras", "s", 0.0, _SECONDS)] = 0.0
     fault: Annotated[
         str, About("name of a `Fault`: pictures of a studio with it stand for the source's; empty for none")
     ] = ""

@@ -99,7 +99,7 @@ def write_with_plan(
     moved = _moved(plan.located, placement.only)
     if not turned and not moved:
         advice = "select bones of the map in Pose Mode, or write all"
-        raise CharacterError("none of the bones that would move is selected", where=armature_object.name, advice=advice)
+        raise CharacterError("none of the selected bones would be moved", where=armature_object.name, advice=advice)
     pose = apply_plan(plan, rotations, root_positions_m)
     keep_in_quaternions(armature_object, turned)
     clear_offsets(armature_object, turned, moved)

@@ -117,7 +117,7 @@ class CaptureRun:
         elif self._stop_overdue():
             self.phase = Phase.DONE
             self.error = self.error or CaptureError(
-                "the solver did not end in time; its last frames may be missing", advice="look at the end of the action"
+                "the solver did not end in time; its last frames may be missing", advice="check the end of the action"
             )
         return self.poses[-1] if len(self.poses) > before else None
 

@@ -54,7 +54,7 @@ class SelfTest(Job):
             good = sum(pose.performers[0].confidence >= TUNING.sure for pose in run.poses)
             self.lines.append(f"Capture of the simulated performer: {len(run.poses)} poses, {good} of them sure")
             if 2 * good < len(run.poses):
-                raise CaptureError("the simulated performer is followed badly", advice="report this, with these lines")
+                raise CaptureError("the simulated performer is tracked poorly", advice="report this, with these lines")
 
     def _capture_request(self) -> CaptureRequest:
         subject = Subject("Self-test", default_skeleton(), load_marker_set(_MARKER_SET))

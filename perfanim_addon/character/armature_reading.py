@@ -98,7 +98,7 @@ def check_scale(armature_object: bpy.types.Object) -> None:
     name = armature_object.name
     if lengths[0] > (1.0 + LIMITS.same_scale) * lengths[-1]:
         how = f"{lengths[0] / lengths[-1]:.3g} times longer" if lengths[-1] > 0.0 else "flat"
-        raise CharacterError(f"the scene shows it stretched, {how} in one direction", where=name, advice=_APPLY)
+        raise CharacterError(f"the scene stretches it, {how} in one direction", where=name, advice=_APPLY)
     if np.linalg.det(axes) < 0.0:
         advice = f"make the scale positive, or {_APPLY}"
         raise CharacterError("the scene shows it mirrored by a negative scale", where=name, advice=advice)

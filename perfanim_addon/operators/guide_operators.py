@@ -51,7 +51,7 @@ class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
 
 class PERFANIM_OT_check_setup(_PictureJob, bpy.types.Operator):
     """Look for faults of light, cameras and markers: leave the view empty,
-    then stand before the cameras, hold a T pose and walk about"""
+    then stand in front of the cameras, hold a T pose and walk about"""
 
     bl_label = "Check Setup"
     title = "Checking the setup"

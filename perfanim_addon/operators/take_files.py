@@ -81,6 +81,6 @@ class PERFANIM_OT_clean_up_takes(_FileOperator, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> str:
         files = self._files()
         if not files:
-            raise TakeError("nothing is chosen for removal", advice="switch Deleted Takes or Old Takes on")
+            raise TakeError("nothing is selected for removal", advice="switch on Deleted Takes or Old Takes")
         freed = take_library.remove(files)
         return f"{len(files)} files removed, {take_library.size_text(freed)} free"

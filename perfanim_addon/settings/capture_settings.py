@@ -182,7 +182,7 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         "Rate (Hz)", "Frame rate at which the images were taken, where their names do not say it", 30, 1, 500
     )
     calibration: file_path("Calibration", "Calibration file of the two cameras (TOML)")
-    ignored_places: string("Ignored Places", "Reflections that are no markers, until a calibration file holds them")
+    ignored_places: string("Ignored Places", "Reflections that are not markers, until a calibration file holds them")
 
     # Cameras panel: board and floor
     board_kind: choice(

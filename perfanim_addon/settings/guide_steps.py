@@ -169,7 +169,7 @@ def _measuring(settings: Any) -> str:
 
 def _calibrating_text(settings: Any) -> str:
     if _calibrating(settings) == "calibrate_board":
-        return "Hold the board before the cameras, still for a moment in each place that the preview asks for."
+        return "Hold the board in front of the cameras, still for a moment in each place that the preview asks for."
     return "Choose the folders with each camera's pictures of the board, or a calibration under Cameras."
 
 
@@ -190,7 +190,7 @@ _SKIP = _always("Skip This Step")
 EXPOSURE = GuideStep(
     "Exposure",
     _live_or_recorded(
-        "Leave the view empty, click, then stand before the cameras with the markers on and walk about.",
+        "Leave the view empty, click, then stand in front of the cameras with the markers on and walk about.",
         "Click to look through the recording. It should begin with the empty view.",
     ),
     _always("check_setup"),

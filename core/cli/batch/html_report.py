@@ -47,7 +47,7 @@ def _row(record: Record, out: Path) -> str:
     motion = record.outputs.get("character") or record.outputs.get("motion")
     name = escape(record.name)
     if motion:
-        name = f'<a href="{quote(motion, errors="surrogateescape")}">{name}</a>'  # its name may be no text
+        name = f'<a href="{quote(motion, errors="surrogateescape")}">{name}</a>'  # its name may not be valid text
     notes = [f'<div class="reason">{escape(reason)}</div>' for reason in record.reasons]
     notes += [f'<div class="warning">{escape(warning)}</div>' for warning in record.warnings]
     cells = "".join(_cell(record, figure, pattern) for figure, _, pattern in _COLUMNS)

@@ -147,7 +147,7 @@ SETTINGS = Schema(
 )
 _BODIES = ("subject", "skeleton")  # a take's own of either takes the place of both that all takes share
 _PATTERN = "*?["
-_MOST_FILES = 50_000  # that are looked at: a whole disk, named by mistake, is an error soon
+_MOST_FILES = 50_000  # that are looked at: a whole disk, named by mistake, soon ends in an error
 _FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
 
 
@@ -251,7 +251,7 @@ def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str
     if take:
         takes = _find_takes(take, folder, where)
         if name and len(takes) > 1:
-            raise SettingsError(f"{len(takes)} takes have one name", where=where, advice="leave name out")
+            raise SettingsError(f"{len(takes)} takes have the same name", where=where, advice="leave name out")
         return [(name, TakePlan("", label, path, options)) for label, path in takes]
     images = [key for key in ("left", "camera") if own.get(key)]
     if not images:

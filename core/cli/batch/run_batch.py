@@ -47,7 +47,7 @@ def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress:
         do_tasks: does takes and yields their records in any order (see `in_processes`, `on_cluster`).
 
     Raises:
-        FormatError: the folder cannot be written. SettingsError: another batch is writing there.
+        FormatError: the folder cannot be written. SettingsError: another batch is writing to this folder.
     """
     with _workplace(out) as work:
         progress(0.0, "looking for finished takes")
@@ -79,8 +79,8 @@ def _do(
     left: Sequence[TakePlan], out: Path, work: Path, do_tasks: DoTasks, done: dict[str, Record], progress: Progress
 ) -> None:
     weights = {take.name: _weight(take) for take in left}
-    # takes of one performer after each other, who is prepared once; of these the long ones first, or the last process
-    # would be busy with one while the others have nothing to do
+    # one performer's takes in a row, as the performer is prepared once; of these the long ones first, or the last
+    # process would be busy with one while the others have nothing to do
     ordered = sorted(left, key=lambda take: (take.options_of("solve"), -weights[take.name], take.name))
     total, finished, solved, started = sum(weights.values()), 0, 0, time.monotonic()
     before, bad = len(done), sum(record.status == BAD for record in done.values())

@@ -24,7 +24,7 @@ def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:
         "summary.html": page_text(records, out),
     }
     for name, text in texts.items():
-        # names of files may be no text
+        # file names may not be valid text
         (work / name).write_text(text, encoding="utf-8", errors="backslashreplace", newline="\n")
         (work / name).replace(out / name)
     return out / "summary.html"

@@ -24,7 +24,7 @@ def add_parser(group: Any) -> None:
     parser.add_argument(
         "take",
         metavar="TAKE",
-        help="take of the prop alone, lying before the cameras or moved slowly: of `perfanim track` without "
+        help="take of the prop alone, lying in front of the cameras, or moving slowly: of `perfanim track` without "
         "--marker-set, a .perftake, or another system's",
     )
     add_text(parser, "--out", "prop.toml", "definition to write", required=True)

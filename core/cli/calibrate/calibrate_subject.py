@@ -85,7 +85,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     name = args.name or (before.name if before else Path(args.out).stem)
     if args.database:
         if known:
-            raise SettingsError("--skeleton-from and --database exclude each other", advice="leave one of them out")
+            raise SettingsError("--skeleton-from and --database cannot be used together", advice="leave one out")
         subject, facts = _from_motion(args, take, marker_set, before, name, progress)
     else:
         poses = args.poses.split(",") if args.poses else args.pose

@@ -37,15 +37,13 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if not is_recorded(args.take):
         if args.prop is not None or args.performer is not None:
             raise FormatError(
-                "holds the markers of one performer and no props",
+                "holds the markers of one performer only, and no props",
                 where=str(args.take),
                 advice="only a .perftake has further targets",
             )
         markers = read_take(args.take)
         if is_motion(out):
-            raise FormatError(
-                "holds markers and no motion", where=str(args.take), advice="perfanim solve makes motion of markers"
-            )
+            raise FormatError("holds markers, not motion", where=str(args.take), advice="solve it with perfanim solve")
         return _written(markers, out, [])
     take = read_take_file(args.take)
     warnings = list(take.problems)

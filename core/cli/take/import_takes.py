@@ -112,7 +112,7 @@ def _import_one(
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
     out = unused_path(Path(args.out), take.name)
-    take = replace(take, name=take_name(out))  # so that takes of one name differ in lists
+    take = replace(take, name=take_name(out))  # so that takes of the same name can be told apart in lists
     request = SolveRequest(args.method, place_markers=args.marker_set == AUTO)
     solved = solve_markers(take, subject, database, request, progress)
     warnings += [note for note in take.notes if note not in warnings]

@@ -24,7 +24,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     path = Path(args.take)
     out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
     if not is_recorded(out):
-        raise SettingsError(f"{out} does not end in {ENDING}", advice="recorded takes are recognised by this ending")
+        raise SettingsError(f"{out} does not end in {ENDING}", advice="recorded takes have this ending")
     if exists(out) and not args.out:
         raise FormatError("exists already", where=str(out), advice="give another name with --out")
     progress(0.0, "reading")

@@ -162,7 +162,7 @@ class _C3dParser:
         size = (4 * points + analog) * (4 if scale < 0.0 else 2)
         frames = self._frame_count(parameters, max(len(self.data) - start, 0) // size)
         if start <= 0 or frames == 0:
-            raise FormatError("stores no frames", where=self.where, advice="the file is cut off or damaged")
+            raise FormatError("stores no frames", where=self.where, advice="the file is truncated or damaged")
         unit = str(_point(parameters, "UNITS", "mm") or "mm")
         metres = metres_of(unit, self.where)
         is_dec = self.processor == _DEC

@@ -162,7 +162,7 @@ def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> Ma
     frames, at = np.unique(values[:, 0], return_inverse=True)
     labels = list(dict.fromkeys(names))
     if is_over_budget(24 * len(frames) * len(labels), size) or not np.all(np.isfinite(frames)):
-        raise FormatError("lacks most points of most frames, or numbers of frames", where=where)
+        raise FormatError("lacks frame numbers, or most points in most frames", where=where)
     points = np.full((len(frames), len(labels), 3), np.nan)
     column = {label: place for place, label in enumerate(labels)}
     points[at, [column[name] for name in names]] = values[:, 1:]

@@ -87,6 +87,6 @@ def _rows(lines: list[str], first: int, width: int, ahead: int, where: str) -> I
             continue
         fields, place = _fields(line, width), f"{where}, line {number}"
         if len(fields) != width + ahead:
-            advice = "the file is cut off or damaged"
+            advice = "the file is truncated or damaged"
             raise FormatError(f"has {len(fields)} fields, not {width + ahead}", where=place, advice=advice)
         yield fields, place

@@ -102,7 +102,7 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
                 f"has {len(words) - 1} values for {words[0]!r}, {asf.path} says {len(bone.channels)}", where=place
             )
         if any(bone is other for other in layout):
-            raise FormatError(f"repeats the bone {words[0]!r} in one frame", where=place)
+            raise FormatError(f"lists the bone {words[0]!r} in one frame", where=place)
         layout.append(bone)
     if asf.root not in layout:
         raise FormatError("has no root in its first frame", where=where)
@@ -152,7 +152,7 @@ def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> F
         if fault:
             return FormatError(fault, where=f"{where}, line {number}")
     what = "ends within a frame" if step != len(expected) - 1 else "has frames out of sequence"
-    return FormatError(what, where=f"{where}, line {number}", advice="the file is cut off or damaged")
+    return FormatError(what, where=f"{where}, line {number}", advice="the file is truncated or damaged")
 
 
 def _line_fault(words: list[str], expected: list[str]) -> str:

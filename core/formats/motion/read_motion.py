@@ -88,7 +88,7 @@ def _read_parts(path: Path, skeleton: Path | None, name: str) -> MotionParts:
     if suffix == ".amc":
         return _read_amc(path, skeleton, name or path.stem)
     if is_archive(path.name):
-        raise FormatError("is an archive in an archive", where=str(path), advice="unpack it, and give its files")
+        raise FormatError("is an archive inside an archive", where=str(path), advice="unpack it, and give its files")
     if suffix != ".bvh":
         raise FormatError("is not a motion file", where=str(path), advice="give a .bvh or .amc file")
     source = read_bvh(path, unit="auto")
@@ -122,7 +122,7 @@ def _read_amc(path: Path, skeleton: Path | None, name: str) -> MotionParts:
         found = _skeletons_beside(path.parent, changed).of(path.as_posix())
         if found is None:
             raise FormatError(
-                "has no skeleton: no .asf file beside it fits", where=str(path), advice="put its .asf file beside it"
+                "has no skeleton: no .asf file beside it matches", where=str(path), advice="put its .asf file there"
             )
         skeleton = Path(found)
     asf = _asf_file(skeleton, skeleton.stat().st_mtime_ns if is_file(skeleton) else 0)

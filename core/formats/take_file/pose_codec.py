@@ -132,7 +132,7 @@ def _unpack_performer(data: bytes) -> tuple[int, PerformerPose, bytes]:
         _HEADER.unpack_from(data)
     )
     if magic != _MAGIC or version not in (_ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS):
-        raise CaptureError("the solver's process speaks another version", advice="restart Blender")
+        raise CaptureError("the solver's process is of another version", advice="restart Blender")
     floats = 4 * joints + 3 + 6 * markers
     notes_at = _HEADER.size + 8 * (floats + markers)
     end = notes_at + note_bytes

@@ -106,7 +106,7 @@ def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
         SkeletonError: A thigh, shank, upper arm or forearm is missing, or the body is not upright.
     """
     if "Hips" not in poses.names:
-        raise TakeError("has no bone Hips", where=name, advice="let the other program send all bones")
+        raise TakeError("has no bone Hips", where=name, advice="make the other program send all bones")
     offsets = np.median(poses.positions_m, axis=0)
     offsets[0] = 0.0
     if np.max(np.abs(offsets)) < 1e-6:

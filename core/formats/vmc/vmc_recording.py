@@ -106,7 +106,7 @@ class Recording:
             clock = clock_of(times_s - times_s[0])
             if len(clock.steady_s) < _SETTINGS.most_lost * len(frames):
                 return frames, clock
-        raise TakeError("frames arrived too unevenly to be used", where=name, advice="record without a pause")
+        raise TakeError("the frames arrived too unevenly to use", where=name, advice="record without a pause")
 
 
 def _fill_missing(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:

@@ -57,7 +57,7 @@ class Board:
             raise SettingsError(f"unknown board kind {self.kind!r}", advice=f"use {SPEC_HELP}")
         if not (min(self.columns, self.rows) >= 3 and max(self.columns, self.rows) <= 100):
             raise CalibrationError(
-                f"a board of {self.columns}x{self.rows} cannot be used", advice="at least 3x3, at most 100x100"
+                f"a board of {self.columns}x{self.rows} cannot be used", advice="use 3x3 to 100x100 squares"
             )
         if not (np.isfinite(self.square_m) and self.square_m > 0.0):
             raise CalibrationError(
@@ -65,7 +65,7 @@ class Board:
             )
         if self.kind == "charuco" and not 0.0 < self.marker_m < self.square_m:
             raise CalibrationError(
-                "a ChArUco marker must be smaller than its square", advice="give both edges as measured"
+                "a ChArUco marker must be smaller than its square", advice="give both sizes as measured"
             )
 
     @property
@@ -126,7 +126,7 @@ def parse_board(spec: str) -> Board:
         raise SettingsError(
             f"{columns}x{rows} squares need {needed} codes, {board.dictionary} has {there}",
             where="board",
-            advice="take a dictionary with more, e.g. DICT_4X4_250",
+            advice="choose a dictionary with more, e.g. DICT_4X4_250",
         )
     return board
 

@@ -79,9 +79,7 @@ def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
 def scaled_to(rig: CameraRig, points_m: ArrayLike, longest_m: float) -> tuple[CameraRig, Array, float]:
     """Return rig and points (N, 3), scaled to a longest distance of `longest_m`, and the factor."""
     if not 0.0 < longest_m < np.inf:
-        raise CalibrationError(
-            f"a distance between markers of {longest_m:g} m is impossible", advice="measure from middle to middle"
-        )
+        raise CalibrationError(f"markers cannot be {longest_m:g} m apart", advice="measure from middle to middle")
     points = np.asarray(points_m, dtype=np.float64)
     factor = longest_m / float(pdist(points).max())
     cameras = tuple(replace(camera, translation_m=camera.translation_m * factor) for camera in rig.cameras)

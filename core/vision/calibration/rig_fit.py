@@ -131,8 +131,8 @@ def _check_moments(
         if sum(index in members[key] for key in keys) < MINIMUM_VIEWS:
             others = " and ".join(c.name for c in cameras if c is not camera)
             raise CalibrationError(
-                f"the pictures of {camera.name} and of {others} do not belong together",
-                advice="check that the cameras' pictures of one moment have the same number",
+                f"the pictures of {camera.name} and {others} do not match",
+                advice="check that pictures taken at the same moment have the same number",
             )
 
 

@@ -40,7 +40,7 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     up = axes[2] if axes[2] @ to_cameras > 0 else -axes[2]
     forward = to_cameras - up * (up @ to_cameras)
     if np.linalg.norm(forward) < 0.05:
-        raise CalibrationError("the cameras look straight down on the floor's middle", advice="mark where you stand")
+        raise CalibrationError("the cameras look straight down at the floor's middle", advice="mark where you stand")
     forward /= np.linalg.norm(forward)
     new_from_old = np.stack((np.cross(up, forward), up, forward))
     origin = middle - behind_m * forward - above_m * up
@@ -61,7 +61,7 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
     """
     if len(views) != len(rig):
         raise CalibrationError(
-            f"the calibration is of {len(rig)} camera(s), the images of {len(views)}", advice="calibrate these cameras"
+            f"the calibration is for {len(rig)} camera(s), the images of {len(views)}", advice="calibrate these cameras"
         )
     if any(len(view.ids) != len(board.points_m) for view in views):
         raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")
@@ -87,6 +87,6 @@ def _seen_by_one(camera: Camera, view: BoardView, board: Board) -> Array:
     normalised = camera.undistort(view.pixels)
     found, turn, shift = cv2.solvePnP(board.points_m, normalised, np.eye(3), np.zeros(5), flags=cv2.SOLVEPNP_IPPE)
     if not found:
-        raise CalibrationError("the place of the board cannot be found in this picture", advice="lay it nearer")
+        raise CalibrationError("the board's position cannot be found in this picture", advice="lay it nearer")
     local = board.points_m @ cv2.Rodrigues(turn)[0].T + np.ravel(shift)
     return np.asarray((local - camera.translation_m) @ camera.rotation)

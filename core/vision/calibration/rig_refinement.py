@@ -82,7 +82,7 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[FloatArray]]) -> Refine
             raise CalibrationError(
                 f"{len(observed)} markers at {len(np.unique(moments))} moments are seen by several cameras; "
                 f"{_REFINEMENT.least_points} at {_REFINEMENT.least_frames} are needed",
-                advice="move markers through the whole space before the cameras for half a minute, or calibrate again",
+                advice="move markers through all of the cameras' view for half a minute, or calibrate again",
             )
         found, depth_sigma = _fit_cameras(found, observed, weights)
     before, after = (np.array([camera.rotation for camera in each.cameras]) for each in (rig, found))

@@ -43,7 +43,7 @@ class DetectionSettings:
 
     def __post_init__(self) -> None:
         if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
-            raise SettingsError(f"a threshold of {self.threshold:g} grey levels is impossible", advice="use 1 to 250")
+            raise SettingsError(f"the threshold {self.threshold:g} is out of range", advice="use 1 to 250")
 
     @property
     def rim_px(self) -> int:

@@ -77,7 +77,7 @@ def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
         raise CaptureError(
             "the cameras have " + " and ".join(map(str, lengths)) + " pictures and no numbers in common",
             where=str(lists[0][0].parent),
-            advice="name the pictures of one moment with the same number, e.g. left012.jpg and right012.jpg",
+            advice="give pictures taken at the same moment the same number, e.g. left012.jpg and right012.jpg",
         )
     return [dict(enumerate(paths)) for paths in lists]
 

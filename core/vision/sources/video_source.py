@@ -134,7 +134,7 @@ class VideoSource(ClosableSource):
             raise CaptureError(
                 f"ends after {before + 1} frames, before the other video",
                 where=ended[0],
-                advice="cut both to one length",
+                advice="cut both to the same length",
             )
         if ended:
             lead.image = None
@@ -257,7 +257,7 @@ def _check_container(path: str) -> None:
         raise CaptureError(
             f"cannot be opened as a video (it does not begin like one{f': it is {kind}' if kind else ''})",
             where=path,
-            advice="give the film's own file, no playlist: MP4 (H.264) or AVI (MJPEG)",
+            advice="give the film itself, not a playlist: MP4 (H.264) or AVI (MJPEG)",
         )
 
 

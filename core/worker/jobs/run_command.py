@@ -12,11 +12,11 @@ def run(request: CommandRequest, channel: Channel) -> None:
     """Run the command; progress as STATUS messages, the summary as RESULT."""
     arguments = request.arguments
     if not arguments or arguments[0] not in COMMANDS:
-        raise CaptureError(f"was asked for an unknown command: {' '.join(arguments)}", where="worker")
+        raise CaptureError(f"was sent an unknown command: {' '.join(arguments)}", where="worker")
     try:
         options = build_parser(arguments[:1]).parse_args(arguments)
     except SystemExit as error:
-        raise CaptureError(f"was asked for wrong options: {' '.join(arguments)}", where="worker") from error
+        raise CaptureError(f"was sent wrong options: {' '.join(arguments)}", where="worker") from error
 
     if request.gently:
         step_back()

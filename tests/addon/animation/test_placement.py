@@ -122,7 +122,7 @@ def test_only_some_bones_are_moved(performer):
     for joint, bone in enumerate(SKELETON.names):
         wanted = (second if bone in arm else first)[0][1:-1, joint]
         assert np.degrees(rot.angle_between(found[:, joint], wanted)).max() < FLOAT32_DEG, bone
-    with pytest.raises(CharacterError, match="none of the bones"):
+    with pytest.raises(CharacterError, match="none of the selected bones"):
         write(performer, np.arange(1, 41), second, Placement(only=["nose"]))
     assert set(bpy.data.actions.keys()) == {"walk", name}
 

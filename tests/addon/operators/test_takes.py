@@ -220,7 +220,7 @@ def test_clean_up_removes_what_is_deleted_or_old_and_nothing_else(
     assert takes.disk_space()[1] == 0
     assert bpy.ops.perfanim.clean_up_takes(deleted=False, old=True, days=90, stars=0) == {"FINISHED"}
     assert {item.title for item in listed_takes()} == {"new", "old but good"}
-    with pytest.raises(RuntimeError, match="nothing is chosen"):
+    with pytest.raises(RuntimeError, match="nothing is selected"):
         bpy.ops.perfanim.clean_up_takes(deleted=True, old=False)
 
 

@@ -67,8 +67,8 @@ def test_numbers_out_of_range_are_refused(value: float) -> None:
     with pytest.raises(FormatError, match="turn: the root is not within 10000 m; check the unit of length"):
         replace(motion, root_positions_m=roots)
     rotations[7, 3, 2] = value
-    with pytest.raises(FormatError, match="turn: a joint's rotation is no unit quaternion"):
+    with pytest.raises(FormatError, match="turn: a joint's rotation is not a unit quaternion"):
         replace(motion, rotations=rotations)
-    with pytest.raises(FormatError, match="no unit quaternion"):
+    with pytest.raises(FormatError, match="not a unit quaternion"):
         replace(motion, rotations=0.99 * motion.rotations)
     assert replace(motion, rotations=motion.rotations.astype(np.float32)).frames == 31

@@ -170,7 +170,7 @@ def test_what_one_camera_cannot_give_is_refused(folder, capsys):
     for more, reason in (
         (["--out", f"{folder}/one.trc"], "cannot hold what one camera shows"),
         (["--out", f"{folder}/one.take.npz", "--truth", f"{folder}/truth.trc"], "needs markers in space"),
-        (["--out", f"{folder}/one.take.npz", "--camera", f"left={folder}/right"], "one camera has two sources"),
+        (["--out", f"{folder}/one.take.npz", "--camera", f"left={folder}/right"], "one camera is given two sources"),
     ):
         assert main([*one, *more]) == 1
         assert reason in capsys.readouterr().err

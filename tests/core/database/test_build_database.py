@@ -86,7 +86,7 @@ def test_include_and_exclude_by_name_and_behaviour(folder: Path, tmp_path: Path)
     assert names(include=["stroll"]) == names(include=["walk_*"]) == names(exclude=["sprint"]) == ["walk_01"]
     assert names(include=["stroll", "run_02.bvh"]) == ["run_02", "walk_01"]
     assert names(include=["*_0*"], exclude=["stroll"]) == ["run_02"]
-    with pytest.raises(DatabaseError, match=r"no behaviour fits 'swim'; behaviours: broken, sprint, stroll"):
+    with pytest.raises(DatabaseError, match=r"or behaviour matches 'swim'; behaviours: broken, sprint, stroll"):
         names(include=["swim"])
     with pytest.raises(DatabaseError, match="no usable motion"):
         names(exclude=["*"])
@@ -370,7 +370,7 @@ def test_what_leaves_nothing_is_named(folder: Path, tmp_path: Path) -> None:
         build_database([tmp_path / "short.bvh"], tmp_path / "a.db")
     with zipfile.ZipFile(tmp_path / "outer.zip", "w") as outer:
         outer.write(_zip(folder, tmp_path / "inner.zip"), "sub/inner.zip")
-    with pytest.raises(DatabaseError, match=r"outer.zip/sub/inner.zip: is an archive in an archive; unpack it"):
+    with pytest.raises(DatabaseError, match=r"outer.zip/sub/inner.zip: is an archive inside an archive; unpack it"):
         build_database([tmp_path / "outer.zip"], tmp_path / "a.db")
 
 

@@ -110,7 +110,7 @@ def test_hostile_members_are_refused(tmp_path: Path, member: bytes) -> None:
 def test_other_compressions_are_refused(tmp_path: Path, packing: int) -> None:
     with zipfile.ZipFile(tmp_path / "a.npz", "w", packing) as archive:
         archive.writestr("a.npy", _npy())
-    with pytest.raises(FormatError, match="packed in an unknown way"):
+    with pytest.raises(FormatError, match="compressed by an unknown method"):
         read_arrays(tmp_path / "a.npz")
 
 

@@ -124,9 +124,9 @@ def test_depth_jumps_do_not_exchange_markers():
 
 def test_frames_without_markers_are_refused():
     empty = [MarkerFrame(f, f / 30.0) for f in range(10)]
-    with pytest.raises(TakeError, match="hardly any markers"):
+    with pytest.raises(TakeError, match="almost no markers"):
         track_markers(empty, "empty", 30.0)
-    with pytest.raises(TakeError, match="hardly any markers"):
+    with pytest.raises(TakeError, match="almost no markers"):
         track_markers([], "none", 30.0)
     with pytest.raises(TakeError, match="at most 0 of 12"):
         track_markers([], "none", 30.0, count=12)
@@ -168,7 +168,7 @@ def test_rare_markers_are_refused(shown, found):
     if found:
         assert track_markers(frames, "short", 30.0).take.visible.sum() == 5 * shown
     else:
-        with pytest.raises(TakeError, match="hardly any markers"):
+        with pytest.raises(TakeError, match="almost no markers"):
             track_markers(frames, "short", 30.0)
 
 

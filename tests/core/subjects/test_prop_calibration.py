@@ -81,7 +81,7 @@ def test_what_is_no_prop_is_refused(sword):
     take = waved(sword, hidden=0.0)
     shy = take.positions_m.copy()
     shy[np.arange(FRAMES), np.arange(FRAMES) % 5] = np.nan
-    with pytest.raises(PropError, match="never seen at once"):
+    with pytest.raises(PropError, match="never all seen at once"):
         calibrate_prop(replace(take, positions_m=shy), "mine")
     two = np.concatenate((take.positions_m[:, :3], markers_of(sword, *swung(FRAMES, 9))[:, :3]), axis=1)
     with pytest.raises(PropError, match=r"may be (A, B, C or D, E, F|D, E, F or A, B, C)"):

@@ -205,5 +205,5 @@ def test_nobody_answers(tmp_path: Path) -> None:
     "url", ["", "x", "file:///etc/passwd", "http://", "http://a/\n", "http://[::1", "ftp://a/b.zip", "http://a/b c"]
 )
 def test_what_is_no_address_is_refused(url: str) -> None:
-    with pytest.raises(DownloadError, match="is no http or https address"):
+    with pytest.raises(DownloadError, match="is not an http or https address"):
         check_address(url)

@@ -235,7 +235,7 @@ def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
         "take recover {take} --out {tmp}/a.bvh": "does not end in .perftake",
         "take recover {take} --out {take}": "would be overwritten",
         "take export {take} --out {tmp}/a.doc": "has an ending that cannot be written",
-        "take export {tmp}/a.take.npz --out {tmp}/a.bvh": "holds markers and no motion",
+        "take export {tmp}/a.take.npz --out {tmp}/a.bvh": "holds markers, not motion",
         "take export {tmp}/bare.perftake --out {tmp}/b.bvh": "has no poses",
         "take export {tmp}/bare.perftake --out {tmp}/b.csv": "has no poses",
         "solve {tmp}/bare.perftake --out {tmp}/b.bvh": "has 0 poses",

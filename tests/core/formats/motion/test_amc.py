@@ -55,7 +55,7 @@ def test_frames_with_nan_are_no_motion() -> None:
     asf = parse_asf(ASF.encode(), "a.asf")
     content = AMC.replace("ltibia 41", "ltibia nan").encode()
     assert np.isnan(parse_amc_values(content, "a.amc", asf).values).sum() == 1
-    with pytest.raises(FormatError, match="no unit quaternion"):
+    with pytest.raises(FormatError, match="not a unit quaternion"):
         parse_amc(content, "a.amc", asf)
 
 

@@ -115,5 +115,5 @@ def test_floor_and_scale_are_found_on_the_command_line(
 
     (tmp_path / "level.toml").unlink()
     assert main([*arguments[:-1], str(tmp_path / "room1.avi"), "--longest-mm", "-5"]) == 1
-    assert "a distance between markers of" in capsys.readouterr().err
+    assert "markers cannot be" in capsys.readouterr().err
     assert not (tmp_path / "level.toml").exists()
