@@ -191,7 +191,8 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
     unused = [i for i, name in enumerate(take.names) if name in shown and name not in used.names]
     lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
-    findings = [Reason(ReasonKind.LIMB, f"no marker holds the {limb}: it is guessed") for limb in lacking]
+    held = f"no marker holds the {', the '.join(lacking)}: {'it is' if len(lacking) == 1 else 'they are'} guessed"
+    findings = [Reason(ReasonKind.LIMB, held)] if lacking else []
     share = 1.0 - len(lacking) / len(LIMBS)
     poses = tuple(
         replace(pose, performers=tuple(replace(each, confidence=share * each.confidence) for each in pose.performers))

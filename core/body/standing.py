@@ -1,4 +1,6 @@
-"""Size of a standing body: girth, stature, and height of the root above the soles."""
+"""Size of a standing body: girth, stature, human statures, and height of the root above the soles."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,6 +11,17 @@ from .standard_skeleton import default_skeleton
 SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of the default skeleton
 _STATURE_M = 1.72  # default skeleton: 1.63 m from the soles to the end of the head's bone, and the skull above it
 
+
+@dataclass(frozen=True)
+class HumanSize:
+    """Statures of people, by which wrong units are found."""
+
+    shortest_m: float = 0.72  # a small child; a body in inches that is taken for centimetres is smaller
+    tallest_m: float = 2.4
+    largest_m: float = 4.0  # limit of rough estimates: markers of the trunk worn elsewhere make it up to twice as large
+
+
+HUMAN = HumanSize()
 _SPINE = ("lowerback", "upperback", "thorax", "lowerneck", "upperneck")
 _LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
 

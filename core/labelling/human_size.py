@@ -6,7 +6,7 @@ import numpy as np
 
 from ..body.calibration_poses import standing
 from ..body.standard_skeleton import default_skeleton
-from ..body.standing import stature_m
+from ..body.standing import HUMAN, stature_m
 from ..errors import TakeError
 from ..geometry.arrays import Array
 from ..markers.marker_set import MarkerSet
@@ -15,10 +15,8 @@ from ..markers.marker_take import MarkerTake
 
 @dataclass(frozen=True)
 class HumanSizeSettings:
-    """Range of human sizes, and tolerance for recognising a wrong unit."""
+    """Settings of the check."""
 
-    shortest_m: float = 0.72
-    tallest_m: float = 4.0  # trunk markers worn elsewhere make a body up to twice as large
     samples: int = 200  # largest number of frames that are checked
     same_unit: float = 1.6  # largest ratio to the default size, after a change of unit, at which the unit is blamed
 
@@ -51,7 +49,7 @@ def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
     """
     scale = _scale(take, marker_set)
     size_m = scale * stature_m(default_skeleton())
-    if not np.isfinite(scale) or _S.shortest_m <= size_m <= _S.tallest_m:
+    if not np.isfinite(scale) or HUMAN.shortest_m <= size_m <= HUMAN.largest_m:
         return
     factor = min(_MISTAKES, key=lambda known: abs(np.log(scale / known)))
     told, advice = "", "check its unit of length"

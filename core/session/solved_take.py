@@ -82,12 +82,11 @@ class SolvedTake:
     def verdict_of(self, performer: int) -> TakeVerdict:
         """Return the verdict on the motion of one performer, counted from 0."""
         rig = self.setup.rig if self.setup else None
-        shown = self.recorded_poses()
         found = judge(
             self.motions[performer],
             self.poses_of(performer),
             self.setup.performers[performer].marker_set if self.setup else None,
-            duration_s=shown[-1].time_s - shown[0].time_s,
+            duration_s=self.clock.source_s if self.clock else self.motions[performer].duration_s,
             has_floor=rig is None or floor_of(rig) is not None,
             reasons=() if performer else self.findings,
             stretches=() if performer else self.faults,

@@ -12,7 +12,7 @@ from ..body.posture import posture_of
 from ..body.scene_pose import DoubtfulStretch, PerformerPose
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
-from ..body.standing import girth_scale, stature_m
+from ..body.standing import HUMAN, girth_scale, stature_m
 from ..geometry.arrays import Array, Mask, runs
 from ..markers.marker_set import MarkerSet
 from .limb_coverage import LimbCoverage, limb_coverage, parts_of
@@ -32,8 +32,6 @@ class VerdictSettings:
     limb_m: float = 0.08  # the same for the markers of one limb: a hand's width
     stretch_m: float = 0.12  # median distance of a limb's markers in one frame, from which the frame is doubtful
     stretch_s: float = 0.2  # shortest doubtful stretch
-    shortest_m: float = 0.6  # stature of a small child
-    tallest_m: float = 2.4
     bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest of the body suggests, or its inverse
     hover_m: float = 0.3  # height of the lower foot's joint above the floor
     hover_share: float = 0.1  # smallest share of the take with a foot below that height
@@ -193,7 +191,7 @@ def _size_reasons(skeleton: Skeleton) -> list[Reason]:
     """Return what is implausible about the lengths of the bones."""
     scale, usual = girth_scale(skeleton), default_skeleton()
     height_m = stature_m(skeleton)
-    if not _S.shortest_m <= height_m <= _S.tallest_m:
+    if not HUMAN.shortest_m <= height_m <= HUMAN.tallest_m:
         return [Reason(ReasonKind.SIZE, f"the body is {height_m:.2g} m tall")]
     for bone, text in _LONG_BONES.items():
         for side, side_text in (("l", "left"), ("r", "right")):

@@ -36,6 +36,11 @@ _BENCHES = {
     "suits": _Bench(
         "recorded suits solved with nine of their markers: distance of the others", options=("suits", "baseline")
     ),
+    "marker-takes": _Bench(
+        "every marker take of a folder, solved without any setting: suit, coverage, fit, verdict, picture",
+        "folder of c3d/ and trc/",
+        ("frames", "only-takes"),
+    ),
     "label-faults": _Bench(
         "faults of labels put into takes at random places: found, limbs when solved, false alarms", options=("seed",)
     ),
@@ -57,6 +62,12 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     "quick": {"action": "store_true", "help": "fewer methods, frames and disturbances, a quarter of an hour"},
     "full": {"action": "store_true", "help": "the largest sizes, for hours (robustness) or with 5 GB of disk (scale)"},
     "only": {"nargs": "+", "choices": PARTS, "metavar": "PART", "help": "one or more of " + ", ".join(PARTS)},
+    "frames": {
+        "type": int,
+        "metavar": "N",
+        "help": "solve up to N frames, from the middle of each take (default: all)",
+    },
+    "only-takes": {"nargs": "+", "metavar": "TEXT", "help": "only takes with one of these texts in their path"},
     "seed": {"type": int, "metavar": "N", "help": "of all that is drawn by chance"},
     "suits": {"type": Path, "metavar": "DIR", "help": "folder that holds c3d/ and trc/ (default: that of --data)"},
     "momentum": {"type": Path, "metavar": "PYTHON", "help": "a Python with pymomentum-cpu, to solve full suits beside"},

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...body.clock import seconds_of
+from ...body.standing import HUMAN
 from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array
 from ...geometry.npz import read_array
@@ -23,7 +24,7 @@ BODY = "body_"  # FreeMoCap's prefix of the names of the body's points
 
 _ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # marker sets by their number of points
 _HOLISTIC = (543, 553)  # points of MediaPipe's holistic model: those of the body, then hands and face
-_METRES = ((8.0, 1.0), (400.0, 0.01), (np.inf, 0.001))  # largest extent of a body in a unit, metres per unit
+_UNITS_M = (1.0, 0.01, 0.001)  # metres per unit, the likely ones
 _USUAL_FPS = 30.0  # frame rate of webcams and phones
 
 
@@ -92,7 +93,7 @@ def _metres_per_unit(points: Array, where: str) -> float:
         np.all(np.isfinite(whole), axis=-1, keepdims=True) & np.any(whole != 0.0, -1, keepdims=True), whole, np.nan
     )
     extent = float(np.median(np.max(np.nanmax(whole, axis=1) - np.nanmin(whole, axis=1), axis=-1)))
-    return next(metres for below, metres in _METRES if extent <= below)
+    return next((metres for metres in _UNITS_M if extent * metres <= HUMAN.largest_m), _UNITS_M[-1])
 
 
 def _recorded_times(path: Path, frames: int) -> Array | None:
