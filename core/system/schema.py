@@ -222,10 +222,12 @@ class Key:
 
     def _kind(self, table: Table, where: str) -> Any:
         """Return the dataclass of a table, by the key "kind" where several are possible."""
-        kinds = {getattr(kind, "kind", ""): kind for kind in self.holds}
-        if len(kinds) > 1 and table.get("kind") not in kinds:
+        if len(self.holds) == 1:
+            return self.holds[0]
+        kinds, kind = {each.kind: each for each in self.holds}, table.get("kind")
+        if not isinstance(kind, str) or kind not in kinds:
             raise _MisfitError(where, f"kind must be one of {', '.join(kinds)}")
-        return kinds[table["kind"]] if len(kinds) > 1 else self.holds[0]
+        return kinds[kind]
 
     def _single(self, value: Any) -> Any:
         """Return a text, a truth value or a number."""

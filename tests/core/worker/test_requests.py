@@ -111,6 +111,7 @@ def test_what_is_left_out_is_as_by_default() -> None:
         ("capture", {"cameras": None}, r"request of the job capture: lacks 'cameras', a table \[cameras\]; start it"),
         ("capture", {"cameras": {}}, r"request of the job capture, cameras: lacks 'source', a table \[source\]"),
         ("capture", {"cameras": {"source": {}}}, "capture, cameras, source: kind must be one of simulated, videos"),
+        ("capture", {"cameras": {"source": {"kind": []}}}, "capture, cameras, source: kind must be one of simulated"),
         ("capture", {"performers": []}, r"performers must be a list of 1 or more tables \[\[performers\]\]"),
         ("capture", {"performers": [{"marker_set": 3}]}, "capture, performers 1: lacks 'name', a text"),
         ("capture", {"vmc": {"host": "localhost", "port": 70_000}}, "port must be a whole number from 0 to 65,535"),
