@@ -31,12 +31,12 @@ def new_curve(channels: Any, path: str, component: int, group: str) -> bpy.types
 
 
 def slot_of(animated: bpy.types.AnimData | bpy.types.NlaStrip) -> Any:
-    """Return the slot of the action that is played, None before 4.4."""
+    """Return the slot of the action that is played, or None before 4.4."""
     return animated.action_slot if _HAS_SLOTS else None
 
 
 def first_slot(action: bpy.types.Action) -> Any:
-    """Return the first slot of an action, None without slots."""
+    """Return the first slot of an action, or None without slots."""
     return action.slots[0] if _HAS_SLOTS and len(action.slots) else None
 
 

@@ -47,7 +47,7 @@ _SETTINGS = FootLockSettings()
 
 
 def floor_of(rig: CameraRig | None) -> float | None:
-    """Return the floor's height in a calibration's world, None if unknown."""
+    """Return the floor's height in a calibration's world, or None if unknown."""
     return 0.0 if rig is not None and rig.metadata.get("floor") else None
 
 

@@ -27,7 +27,7 @@ def add_names_option(parser: Any) -> None:
 
 
 def chosen_marker_set(args: argparse.Namespace) -> MarkerSet | None:
-    """Return the set of --marker-set, None where the subject's own is worn."""
+    """Return the set of --marker-set, or None where the subject's own is worn."""
     return load_marker_set(args.marker_set) if args.marker_set is not None else None
 
 

@@ -9,7 +9,7 @@ from .rigid_transform import kabsch, transform
 def match_rigid_pattern(
     points_m: Array, spans_m: Array, tolerances_m: Array, fewest: int, allowed: Mask | None = None
 ) -> IntArray:
-    """Return matches (H, M): the point of each marker, -1 for none; those with most points first.
+    """Return matches (H, M): the point of each marker, or -1 for none; those with most points first.
 
     Args:
         points_m: Points (N, 3).

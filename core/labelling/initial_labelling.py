@@ -271,7 +271,7 @@ def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> F
 
 
 def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]:
-    """Return the cheapest points (P, K, L) of limbs, -1 for none, and costs (P, K), filled up with infinity.
+    """Return the cheapest points (P, K, L) of limbs, or -1 for none, and costs (P, K), filled up with infinity.
 
     Args:
         pairs: Costs (P, L, C + 1, L, C + 1) of two limbs at two of their candidates; the last candidate is none.

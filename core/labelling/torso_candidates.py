@@ -45,7 +45,7 @@ class TorsoCandidates:
         self._mean_m, self._sigma_m = spans.mean(axis=0), np.maximum(spans.std(axis=0), TORSO.sigma_m)
 
     def choose(self, points_m: Array) -> Search[IntArray]:
-        """Return points (H, T) of the torso markers, -1 for none, likeliest first."""
+        """Return points (H, T) of the torso markers, or -1 for none, likeliest first."""
         points = len(points_m)
         costs = yield from self._span_costs(points_m)
         chosen, cost = np.empty((1, 0), dtype=np.int64), np.zeros(1, dtype=np.float32)

@@ -192,7 +192,7 @@ class _Linker:
         return np.array([self._points[f][point] for f, point in rows]).reshape(-1, 3)
 
     def best_identity(self, tracklet: Tracklet) -> int | None:
-        """Return a tracklet's marker, None when no free one fits."""
+        """Return a tracklet's marker, or None when no free one fits."""
         where, own = np.array(tracklet.frames), self._places(tracklet)
         taken = np.isfinite(self.positions[where, :, 0]).sum(axis=0)
         # a false point may have ended one tracklet a frame after the next began

@@ -169,7 +169,7 @@ class _Filler:
         return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
 
     def _tried_m(self) -> float | None:
-        """Return the RMS error of splines over gaps of this length made in visible frames, None without any."""
+        """Return the RMS error of splines over gaps of this length made in visible frames, or None if there is none."""
         count, beside = self._gap.frames, _shoulder(self._fps)
         length = count + 2 * beside
         whole = np.convolve(self._seen, np.ones(length, dtype=int), mode="valid") == length

@@ -137,7 +137,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | None:
-    """Return a preset's bones in this armature, None if it lacks one that is not a finger, thumb or toe."""
+    """Return a preset's bones in this armature, or None if it lacks one that is not a finger, thumb or toe."""
     bare = {name.split(":")[-1]: name for name in reversed(rest.names)}
     bones = {}
     for joint, bone in preset.items():

@@ -102,7 +102,7 @@ def _wanted(skeleton: Skeleton, name: str, joints: Mapping[str, int]) -> Array:
 def bone_direction(
     name: str, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, tails: Array
 ) -> Array | None:
-    """Return the direction of a limb's bone at rest, None if unknown.
+    """Return the direction of a limb's bone at rest, or None if unknown.
 
     The tail of the last bone, which importers guess, is used if it roughly continues the bone before.
     """
@@ -152,7 +152,7 @@ def _face_palm_down(
 
 
 def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, side: str) -> Array | None:
-    """Return the direction across the palm towards the thumb, None without fingers."""
+    """Return the direction across the palm towards the thumb, or None without fingers."""
     index, little = (_knuckle(rest, joints[side + "hand"], side, words) for words in (("index",), ("pinky", "little")))
     if index >= 0 and little >= 0:
         return heads[index] - heads[little]
@@ -162,7 +162,7 @@ def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, si
 
 
 def _knuckle(rest: ArmatureRest, hand: int, side: str, words: tuple[str, ...]) -> int:
-    """Return the first bone below the hand with one of the words in its name, -1 for none."""
+    """Return the first bone below the hand with one of the words in its name, or -1 for none."""
     return next(
         (
             bone

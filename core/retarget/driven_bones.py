@@ -28,7 +28,7 @@ class DrivenBone:
 
 
 def root_bone(rest: ArmatureRest, hips: int) -> int:
-    """Return the topmost ancestor of the hips that is not a helper, -1 if there is none."""
+    """Return the topmost ancestor of the hips that is not a helper, or -1 if there is none."""
     above = [bone for bone in rest.line(hips)[1:] if not parse_bone_name(rest.names[bone]).helper]
     if above:
         return above[-1]
@@ -74,7 +74,7 @@ def _neighbour_names(name: str) -> list[str]:
 
 
 def driven_ancestors(rest: ArmatureRest, order: Sequence[int], ancestors: IntArray | None) -> IntArray:
-    """Return for each driven bone the index of the one that turns it, -1 for none."""
+    """Return for each driven bone the index of the one that turns it, or -1 for none."""
     place = {bone: index for index, bone in enumerate(order)}
     follows = np.where(rest.inherits_rotation, rest.parents, -1) if ancestors is None else ancestors
     found = []

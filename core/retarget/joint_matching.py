@@ -115,7 +115,7 @@ def _match_back(tree: BoneTree, trunk: list[int]) -> dict[str, int]:
 
 
 def _topmost(tree: BoneTree, top: int, arms: list[int]) -> int:
-    """Return the last bone of the chain upwards between the arms, -1 if there is none."""
+    """Return the last bone of the chain upwards between the arms, or -1 if there is none."""
     parsed = [parse_bone_name(name) for name in tree.names]
     bone, found = top, -1
     while True:

@@ -37,7 +37,7 @@ class Limbs:
 
 
 def find_limbs(rest: ArmatureRest) -> Limbs | None:
-    """Return the limbs of a biped's armature, None if it does not have two pairs."""
+    """Return the limbs of a biped's armature, or None if it does not have two pairs."""
     pairs = _pairs(rest)
     best: tuple[float, Pair, Pair] | None = None
     for legs, arms in ((a, b) for one, other in combinations(pairs[:4], 2) for a, b in ((one, other), (other, one))):

@@ -31,7 +31,7 @@ ABOVE = {
 
 
 def bone_end(name: str, joints: Mapping[str, int]) -> str | None:
-    """Return the joint at the end of a limb joint's bone, None if it is missing."""
+    """Return the joint at the end of a limb joint's bone, or None if it is missing."""
     return next((name[0] + end for end in BONE_ENDS.get(name[1:], ()) if name[0] + end in joints), None)
 
 

@@ -57,7 +57,7 @@ def to_standard_skeleton(source: SourceMotion) -> Motion:
 
 
 def _with_own_names(source: SourceMotion) -> SourceMotion | None:
-    """Return a motion with standard joint names, None if it has other joints."""
+    """Return a motion with standard joint names, or None if it has other joints."""
     for naming in NAMINGS.values():
         if set(source.names) == set(naming.values()):
             own = {theirs: ours for ours, theirs in naming.items()}

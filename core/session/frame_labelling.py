@@ -147,7 +147,7 @@ class FrameLabeller:
         return cost + 0.5 * located * (float(np.fmin(pose.marker_rms_m, _UNFIT_M)) / _FIT_M) ** 2
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
-        """Return labels of points (N, 3) without history, None when they do not look like a body."""
+        """Return labels of points (N, 3) without history, or None when they do not look like a body."""
         return self._initial.label(points_m)
 
     def label(self, frame: MarkerFrame, predicted_m: Array | None, elapsed_s: float) -> Observation:
@@ -175,7 +175,7 @@ class FrameLabeller:
         return Observation(found.points_m, single, image_points, self._cameras)
 
     def _search_labels(self, frame: MarkerFrame, elapsed_s: float) -> IntArray:
-        """Return labels (N,) found without history, -1 until then."""
+        """Return labels (N,) found without history, or -1 until then."""
         if self._search is None:
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
         else:

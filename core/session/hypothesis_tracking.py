@@ -70,7 +70,7 @@ class HypothesisTracker:
         self._searched_s = -np.inf
 
     def step(self, frame: MarkerFrame, confidence: float) -> Hypothesis | None:
-        """Return the best hypothesis after the next frame, None before a start pose.
+        """Return the best hypothesis after the next frame, or None before a start pose.
 
         Args:
             confidence: Confidence of the last pose.

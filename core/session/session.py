@@ -103,7 +103,7 @@ class Session:
         return self._state.markers_m is not None
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
-        """Return expected markers (M, 3) and uncertainty (M,), metres, None if untracked."""
+        """Return expected markers (M, 3) and uncertainty (M,), metres, or None if untracked."""
         if self._state.markers_m is None:
             return None
         return self.labeller.expected(self._state.markers_m, self._elapsed_s(time_s))

@@ -30,7 +30,7 @@ class WalkFigures:
 
 
 def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | None:
-    """Return the figures of successive poses, None if they are too few.
+    """Return the figures of successive poses, or None if they are too few.
 
     Args:
         lost: Number of frames that did not arrive among them.

@@ -164,7 +164,7 @@ def corrected(
 
 
 def _foot_weights(library: MotionLibrary, near: Samples, stretch: Stretch, windows: Windows, foot: int) -> Array | None:
-    """Return the weights (K,) of windows for a foot (0 left, 1 right), None if it has no keys."""
+    """Return the weights (K,) of windows for a foot (0 left, 1 right), or None if it has no keys."""
     own, other = ([library.columns[side + name] for name in ("foot", "toes")] for side in ("lr"[foot], "rl"[foot]))
     importance = np.zeros(len(library.joints))
     importance[own], importance[other] = 1.0, SETTINGS.other_foot_weight

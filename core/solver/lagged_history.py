@@ -44,7 +44,7 @@ class LaggedHistory:
         return LaggedHistory(self.longest_s, times_s[first:], (*self.values, value)[first:])
 
     def before(self, time_s: float, lags_s: Sequence[float]) -> list[Array | None]:
-        """Return the value at each lag before a time, None where unknown."""
+        """Return the value at each lag before a time, or None where unknown."""
         return [self._near(time_s - lag, _TOLERANCE * lag) for lag in lags_s]
 
     def _near(self, moment_s: float, tolerance_s: float) -> Array | None:

@@ -72,7 +72,7 @@ def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Arra
 
 
 def _part_of_joint(skeleton: Skeleton) -> IntArray:
-    """Return the part (J,) of the bone to each joint, -1 for the root."""
+    """Return the part (J,) of the bone to each joint, or -1 for the root."""
     result = np.full(len(skeleton), -1, dtype=np.int64)
     for number, members in enumerate(PARTS.values()):
         for joint, name in enumerate(skeleton.names):

@@ -55,7 +55,7 @@ def writer_lock(target: Path) -> Iterator[None]:
 
 
 def _locked(path: Path) -> int | None:
-    """Return the handle of a lock file, None if another program holds it."""
+    """Return the handle of a lock file, or None if another program holds it."""
     for _ in range(_TRIES):
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         if not lock(handle):

@@ -78,7 +78,7 @@ class Message:
         return STATUS.read(self.json(), "worker")
 
     def count(self, key: str) -> int:
-        """Return a number of frames that an ACK or END message carries, -1 without one."""
+        """Return a number of frames that an ACK or END message carries, or -1 without one."""
         value = self.json().get(key)
         return value if isinstance(value, int) and 0 <= value < 1 << 53 else -1
 

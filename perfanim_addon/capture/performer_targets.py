@@ -27,11 +27,11 @@ class PerformerTarget:
     only: frozenset[str] | None = None  # bones to move, None for all
 
     def first_seen(self, poses: Sequence[ScenePose]) -> int | None:
-        """Return the index of the first pose that shows the performer, None if none does."""
+        """Return the index of the first pose that shows the performer, or None if none does."""
         return next((row for row, pose in enumerate(poses) if pose.performers[self.index].confidence > 0.0), None)
 
     def character(self) -> bpy.types.Object | None:
-        """Return the character, None if there is none or it was deleted."""
+        """Return the character, or None if there is none or it was deleted."""
         found = bpy.data.objects.get(self.armature) if self.armature else None
         return found if self.index == 0 or _is_in_scene(found) else None
 

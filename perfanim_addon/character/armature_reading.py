@@ -137,7 +137,7 @@ def is_constrained(armature_object: bpy.types.Object, bones: Sequence[str]) -> b
 
 
 def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object, bones: Sequence[str]) -> IntArray:
-    """Return for each bone (B,) of an armature the one of `bones` that turns it, -1 for none; the pose is restored.
+    """Return for each bone (B,) of an armature the one of `bones` that turns it, or -1 for none; the pose is restored.
 
     Parents come before their children. CharacterError if constraints hold a bone, so that turning it has no effect.
     """

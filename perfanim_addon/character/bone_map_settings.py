@@ -89,7 +89,7 @@ def check_kept_map(armature_object: bpy.types.Object) -> None:
 
 
 def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
-    """Return the map stored with an armature, None without one; CharacterError if it cannot be used."""
+    """Return the map stored with an armature, or None without one; CharacterError if it cannot be used."""
     kept = getattr(armature_object, "perfanim_character", None)
     if kept is None:
         return None

@@ -20,7 +20,7 @@ _PART_OF = {"root": "hips"} | {joint: part for part, joints in body_parts.PARTS.
 def bones_of_parts(
     armature_object: bpy.types.Object, plan: RetargetPlan, parts: Collection[str]
 ) -> frozenset[str] | None:
-    """Return the bones of some body parts (see `PARTS`), None for all; CharacterError without a bone map."""
+    """Return the bones of some body parts (see `PARTS`), or None for all; CharacterError without a bone map."""
     if set(parts) >= set(PARTS):
         return None
     chosen = {each for part in parts for each in _PARTS_OF[part]}

@@ -123,13 +123,13 @@ def _controls(camera: PERFANIM_PG_camera_controls) -> CameraControls:
 
 
 def chosen(context: bpy.types.Context) -> PERFANIM_AP_preferences | None:
-    """Return the preferences, None if the add-on is loaded as a plain package."""
+    """Return the preferences, or None if the add-on is loaded as a plain package."""
     addon = context.preferences.addons.get(ADDON)
     return addon.preferences if addon else None
 
 
 def worker_python(context: bpy.types.Context) -> str | None:
-    """Return the chosen Python of the worker, None for Blender's own."""
+    """Return the chosen Python of the worker, or None for Blender's own."""
     return bpy.path.abspath(getattr(chosen(context), "worker_python", "")) or None
 
 

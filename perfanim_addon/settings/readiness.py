@@ -91,7 +91,7 @@ database_frames: Callable[[str], int] = partial(_loaded, "database", lambda path
 
 
 def found(load: Callable[[Any], Any], source: Any) -> Any:
-    """Return load(source), None where it raises a PerfanimError."""
+    """Return load(source), or None where it raises a PerfanimError."""
     try:
         return load(source)
     except PerfanimError:

@@ -60,7 +60,7 @@ class PERFANIM_PG_result(bpy.types.PropertyGroup):
 def placement(
     context: bpy.types.Context, armature_object: bpy.types.Object | None, only: frozenset[str] | None = None
 ) -> Placement:
-    """Return the placement of keyframes on an armature, None for a new one; `only` some bones may get keyframes."""
+    """Return the placement of keyframes on an armature, or None for a new one; `only` some bones may get keyframes."""
     chosen = context.scene.perfanim_result
     onto = PlacementMode[chosen.onto]
     bounds = KeyBounds(chosen.reduce_deg, chosen.reduce_mm) if chosen.reduce else None

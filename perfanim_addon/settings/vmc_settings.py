@@ -54,6 +54,6 @@ def sending_problem(chosen: Any) -> str:
 
 
 def target(scene: bpy.types.Scene) -> VmcTarget | None:
-    """Return the receiver, None if sending is off."""
+    """Return the receiver, or None if sending is off."""
     chosen = scene.perfanim_sending
     return VmcTarget(chosen.host.strip(), chosen.port) if chosen.on and not sending_problem(chosen) else None

@@ -72,7 +72,7 @@ def read_controls(
 
 
 def _keys(context: bpy.types.Context, control: bpy.types.Object, dragged: bool) -> Keys | None:
-    """Return the keys of a control and the curve between them, None if the scene's frame would have to change."""
+    """Return the keys of a control and the curve between them, or None if the scene's frame would have to change."""
     curves = action_curves(control)
     if control.parent is not None or len(control.constraints):
         return _keys_along(context, control, curves, dragged)

@@ -128,7 +128,7 @@ def reconstruction_errors(database: Database) -> dict[str, Curve]:
 
 
 def gplvm_missing(database: Database) -> str | None:
-    """Return why no GPLVM is learned of a database, None where one is."""
+    """Return why no GPLVM is learned of a database, or None where one is."""
     if database.frames > _GPLVM_FRAMES:
         return f"not computed: its cost grows with the cube of the frames, feasible up to {_GPLVM_FRAMES}"
     if not has_gplvm():
@@ -159,7 +159,7 @@ def _curve(database: Database, dimensions: tuple[int, ...], found: Array, truth:
 
 
 def _needed(name: str, model: str, curve: Curve) -> dict[str, Any]:
-    """Return the fewest dimensions for less than one degree, None if none suffices."""
+    """Return the fewest dimensions for less than one degree, or None if none suffices."""
     mean, rms = (
         next((d for d, error in zip(curve.dimensions, errors, strict=True) if error < _GOOD_ENOUGH_DEG), None)
         for errors in (curve.deg_per_angle, curve.rms_deg_per_angle)

@@ -30,7 +30,7 @@ _SECOND_S = 120.0  # after which another Blender hangs
 
 
 def part(name: str) -> Any:
-    """Return a module of the add-on, None while it is off."""
+    """Return a module of the add-on, or None while it is off."""
     return sys.modules.get(f"{ADDON}.perfanim_addon.{name}") if is_on() else None
 
 

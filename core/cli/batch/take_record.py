@@ -100,7 +100,7 @@ def finished_record(take: TakePlan, out: Path) -> Record | None:
 
 
 def stored_record(name: str, out: Path) -> Record | None:
-    """Return an earlier run's record of a take, None if none can be read.
+    """Return an earlier run's record of a take, or None if none can be read.
 
     Anybody may have written it: one that names files other than the take's own, or files elsewhere, is none.
     """

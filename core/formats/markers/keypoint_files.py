@@ -97,7 +97,7 @@ def _metres_per_unit(points: Array, where: str) -> float:
 
 
 def _recorded_times(path: Path, frames: int) -> Array | None:
-    """Return the times (F,) that FreeMoCap's cameras wrote beside a file, None without them."""
+    """Return the times (F,) that FreeMoCap's cameras wrote beside a file, or None without them."""
     for folder in path.absolute().parents[:2]:
         stamps = [read_array(file) for file in sorted((folder / "synchronized_videos" / "timestamps").glob("*.npy"))]
         known = [each.astype(np.float64) for each in stamps if each.shape == (frames,) and each.dtype.kind in "iuf"]

@@ -110,7 +110,7 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
 
 
 def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
-    """Return values (F, D) in the layout's order, None if a frame departs from it.
+    """Return values (F, D) in the layout's order, or None if a frame departs from it.
 
     Every frame has the same names on the same lines, so each name is checked and blanked out in all frames at once.
     """

@@ -14,13 +14,13 @@ _POSE_BYTES = 32  # of a joint in a frame
 
 
 def parse_numbers(text: bytes) -> Array | None:
-    """Return all numbers (N,) of a text, None if it contains anything else."""
+    """Return all numbers (N,) of a text, or None if it contains anything else."""
     table = parse_table(text)
     return None if table is None else table.ravel()
 
 
 def parse_table(text: bytes) -> Array | None:
-    """Return all numbers of a text, None if it contains anything else.
+    """Return all numbers of a text, or None if it contains anything else.
 
     They are an array (lines, N) if all lines hold as many, else one of a single axis.
     """

@@ -145,7 +145,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
 
 
 def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
-    """Return the intact chunk at a byte of an open file, None if there is none."""
+    """Return the intact chunk at a byte of an open file, or None if there is none."""
     file.seek(offset)
     first = file.read(HEADER_BYTES)
     head = _head(memoryview(first), 0)
@@ -157,7 +157,7 @@ def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
 
 
 def _head(view: memoryview, position: int) -> tuple[int, int, int, int] | None:
-    """Return kind, sequence number, size and checksum of a chunk, None without an intact header."""
+    """Return kind, sequence number, size and checksum of a chunk, or None without an intact header."""
     if position + HEADER_BYTES > len(view) or view[position : position + 4] != _CHUNK_MAGIC:
         return None
     (checksum,) = _SUM.unpack_from(view, position + _HEAD.size)

@@ -74,7 +74,7 @@ def duration_s(first_s: float, last_s: float) -> float:
 
 
 def find_footer(file: BinaryIO | FileIO) -> Footer | None:
-    """Return the footer of an open file, None if it was cut off or damaged."""
+    """Return the footer of an open file, or None if it was cut off or damaged."""
     size = file.seek(0, 2)
     if size < _TRAILER.size + HEADER_BYTES:
         return None

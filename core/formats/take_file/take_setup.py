@@ -85,7 +85,7 @@ class TakeSetup:
         return TakeSetup(**parts, performers=performers, props=props, created=created, software=software)
 
     def camera_rig(self) -> CameraRig | None:
-        """Return the cameras, None without any; TakeError for damaged tables."""
+        """Return the cameras, or None without any; TakeError for damaged tables."""
         if not self.rig:
             return None
         return _made("calibration", lambda: rig_from(self.rig, "calibration of the take"))

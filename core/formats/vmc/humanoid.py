@@ -125,7 +125,7 @@ def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: IntArray) ->
 
 
 def _parents(names: tuple[str, ...]) -> IntArray:
-    """Return the index (B,) of the nearest ancestor present, -1 for the hips."""
+    """Return the index (B,) of the nearest ancestor present, or -1 for the hips."""
     found = []
     for name in names:
         above = BONES[name][1]

@@ -59,7 +59,7 @@ class TrackerStream:
         return [frame for frame in frames if frame is not None]
 
     def _marker_frame(self, frame: VmcFrame) -> MarkerFrame | None:
-        """Return the markers of a frame, None if it has none of the set's."""
+        """Return the markers of a frame, or None if it has none of the set's."""
         placed = {key: each for key, each in frame.placed.items() if key[0] in TRACKERS}
         if not self._labels.keys() >= placed.keys():
             self._match_trackers(list(placed))

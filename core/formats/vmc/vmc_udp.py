@@ -118,7 +118,7 @@ class Receiver(AbstractContextManager["Receiver"]):
         return [f"{address}:{port}" for address, port in sorted(self._choice.others)]
 
     def receive(self, timeout_s: float) -> bytes | None:
-        """Return the next packet of the sender, None after the timeout."""
+        """Return the next packet of the sender, or None after the timeout."""
         self._socket.settimeout(timeout_s)
         try:
             packet, source = self._read()

@@ -110,7 +110,7 @@ def _left_out_errors(
     coordinates: Array, markers: Array, left_out: Mask, dimensions: tuple[int, ...], variance: float,
     examples: int,
 ) -> Array | None:  # fmt: skip
-    """Return squared errors (B, tested) of left-out examples, None if too few remain."""
+    """Return squared errors (B, tested) of left-out examples, or None if too few remain."""
     kept = ~left_out
     count = int(kept.sum())
     if count < _FEWEST_KEPT:

@@ -73,7 +73,7 @@ def _count(poses: Sequence[tuple[MarkerFrame, TPose]]) -> int:
 
 
 def _recognise(points_m: Array, template_m: Array, size: float) -> TPose | None:
-    """Return the T pose that points show in a world of a size, None for another pose."""
+    """Return the T pose that points show in a world of a size, or None for another pose."""
     labels = label_by_template(points_m / size, template_m)
     known = np.flatnonzero(labels >= 0)
     if len(known) < SETTINGS.fewest_markers:

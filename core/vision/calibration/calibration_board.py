@@ -152,7 +152,7 @@ def charuco_board(board: Board, is_old: bool = False) -> Any:
 
 
 def find_board(image: Image, board: Board) -> BoardView | None:
-    """Return the board's corners in one picture (grey or BGR), None without a board.
+    """Return the board's corners in one picture (grey or BGR), or None without a board.
 
     A chessboard is found whole or not at all; it may be numbered from either end, as it looks the same after half a
     turn. The calibration resolves that between the cameras.

@@ -44,7 +44,7 @@ class CameraSwapDetector:
         self._turn = 0
 
     def update(self, blobs: Sequence[FloatArray], matches: Matches) -> ImageMismatch | None:
-        """Return what seems to be wrong with the images, None for nothing."""
+        """Return what seems to be wrong with the images, or None for nothing."""
         seen = min(len(rows) for rows in blobs)
         if self._mismatches and seen >= MATCHING.fewest_blobs:
             error = self._error_px(matches, seen)

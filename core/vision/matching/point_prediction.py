@@ -17,7 +17,7 @@ class PointPredictor:
         self._seen_s = np.empty(0)
 
     def predict(self, time_s: float) -> Array | None:
-        """Return expected points (P, 3), None without any."""
+        """Return expected points (P, 3), or None if there is none."""
         if len(self._points) == 0:
             return None
         passed = np.clip(time_s - self._seen_s, 0.0, MATCHING.forget_s)[:, None]

@@ -123,5 +123,5 @@ def _same_rows(last: Image | None, image: Image) -> Mask:
 
 
 def _since(start_s: float | None, now_s: float, holds: bool) -> float | None:
-    """Return since when something holds, None while it does not."""
+    """Return since when something holds, or None while it does not."""
     return (now_s if start_s is None else start_s) if holds else None

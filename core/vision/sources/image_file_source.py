@@ -68,7 +68,7 @@ class ImageFileSource(ClosableSource):
 
 
 def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
-    """Return seconds since the first file, None without increasing times in the names."""
+    """Return seconds since the first file, or None without increasing times in the names."""
     times = []
     for path in paths:
         match = _TIME_OF_DAY.search(path.stem)

@@ -49,7 +49,7 @@ class ImagePairing:
             self._held[camera].append((time_s, image, fresh))
 
     def take(self, now_s: float, gone: Sequence[bool] = ()) -> ImageSet | None:
-        """Return the next image set, None while there is none.
+        """Return the next image set, or None while there is none.
 
         Args:
             gone: Which devices reported that they cannot give images.
