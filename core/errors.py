@@ -1,33 +1,33 @@
-"""Error tree: each error has a fact, a place and an advice."""
+"""Error classes: each error has a fact, a place and advice."""
 
 import re
 
-MOST_TEXT = 300  # characters of a message
-_MOST_FACT, _MOST_PLACE = 190, 90  # longest fact and place, letters, if the whole is too long
+MOST_TEXT = 300  # longest message, characters
+_MOST_FACT, _MOST_PLACE = 190, 90  # longest fact and place, letters, if the whole message is too long
 # enumeration of four or more; begun where a part begins, as a search from each letter takes the square of the length
 _LIST = re.compile(r"(?:^|(?<=[,;():]))[^,;():]+(?:, [^,;():]+){3,}")
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # new lines, and what a terminal obeys
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")  # line breaks, and characters that control a terminal
 
 
 def printable(text: str) -> str:
-    """Return a text on one line; control characters and surrogates are escaped."""
+    """Return a string on one line, with control characters and surrogates escaped."""
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def shorten(text: str, most: int) -> str:
-    """Return a printable text, without its middle if it is longer than `most`."""
+    """Return a printable string, with its middle left out if it is longer than `most`."""
     text = printable(text)
     half = (most - 3) // 2
     return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
 
 
 def fit_sentence(text: str, most: int) -> str:
-    """Return a printable sentence of at most `most` letters: lists are cut first, then its end, never its beginning."""
+    """Return a printable sentence of at most `most` letters: lists are cut first, then the end, never the beginning."""
     text = printable(text)
     for found in sorted(_LIST.findall(text), key=len, reverse=True):
         items = found.split(", ")
-        kept = min(len(items), most)  # more never fit
+        kept = min(len(items), most)  # more than this never fits
         while len(text) > most and kept > 2:
             kept -= 1
             shorter = f"{', '.join(items[:kept])} and {len(items) - kept} more"
@@ -39,18 +39,18 @@ def fit_sentence(text: str, most: int) -> str:
 
 
 def _fit_place(text: str, most: int) -> str:
-    """Return a printable place of at most `most` letters, with its end: the name of the file, and the line."""
+    """Return a printable place of at most `most` letters that keeps its end: file name and line."""
     text = printable(text)
     return text if len(text) <= most else "..." + text[3 - most :]
 
 
 class PerfanimError(Exception):
-    """Base of all errors that are reported to the user in one line.
+    """Base of all errors, reported to the user in one line.
 
     Args:
-        what: the fact, in plain words.
-        where: file, line, frame, camera, ... ("" when there is no place).
-        advice: what the user can do about it.
+        what: The fact, in plain words.
+        where: File, line, frame, camera, ... ("" if there is no place).
+        advice: What the user can do about it.
     """
 
     def __init__(self, what: str, *, where: str = "", advice: str = "") -> None:
@@ -109,7 +109,7 @@ class CaptureError(PerfanimError):
 
 
 class DownloadError(PerfanimError):
-    """A file cannot be had from the network, or came damaged."""
+    """A file cannot be downloaded, or is damaged after the download."""
 
 
 class CharacterError(PerfanimError):

@@ -1,6 +1,6 @@
-"""The library's front door: functions that commands, Blender's panels and scripts share, and their typed requests.
+"""The library's public interface: functions and typed requests shared by commands, Blender's panels and scripts.
 
-`import perfanim` offers the names of `__all__`. They keep their meaning from version to version; all other modules,
+`import perfanim` offers the names in `__all__`, which keep their meaning between versions. All other modules,
 functions and attributes may change.
 """
 

@@ -1,4 +1,4 @@
-"""Calibration of cameras and performers, as commands and scripts ask for it."""
+"""Calibration of cameras and performers, for commands and scripts."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -34,7 +34,7 @@ def calibrate_cameras(
     *,
     left_right: bool = False,
 ) -> "CalibrationResult":
-    """Return the cameras that see a board: lenses, poses, and how far to trust them.
+    """Return the cameras that see a board: their lenses and poses, and how accurate these are.
 
     Args:
         sources: Pictures of the board by camera name: folders or patterns of images, or videos.
@@ -43,7 +43,7 @@ def calibrate_cameras(
         left_right: Refuse pictures whose first camera stands to the right of the second.
 
     Raises:
-        SettingsError: Some sources are videos and some are pictures, or the board is not described like that.
+        SettingsError: Videos and pictures are mixed, or the board's description is invalid.
         CalibrationError: The board was found too rarely, or the pictures do not determine the cameras.
     """
     from ..vision.calibration.calibrate_images import calibrate_images  # OpenCV is slow to load
@@ -77,7 +77,7 @@ def calibrate_subject(
         poses: The pose held at the first moment of standing still; or several, each found wherever it is held.
         name: Name of the performer.
         seconds: Time for which each pose is held, s, above 0.
-        known: Performer whose bones are kept, so that the markers alone are measured.
+        known: Performer whose bones are kept, so that only the markers are measured.
 
     Raises:
         SubjectError: A pose is not held, or too few markers are seen.
@@ -103,7 +103,7 @@ def fit_subject(
     name: str = "performer",
     progress: Progress = no_progress,
 ) -> Subject:
-    """Return the skeleton and marker offsets of a performer from motion alone: no pose need be held.
+    """Return the skeleton and marker offsets of a performer from motion alone, without held poses.
 
     Args:
         take: Take, see `solve`; of a long one, stretches spread over it are used.

@@ -1,4 +1,4 @@
-"""Motion onto characters, by Blender in a process of its own."""
+"""Retargeting of motion to characters by a separate Blender process."""
 
 import tempfile
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ EXPORTED = (".fbx", ".glb", ".bvh")
 
 @dataclass(frozen=True)
 class RetargetRequest:
-    """Character, and how it receives a motion."""
+    """Character, and how it receives the motion."""
 
     character: Annotated[
         str | None, About("humanoid of a .blend, .glb, .gltf, .vrm or .fbx file (default: a new character)")
@@ -39,7 +39,7 @@ class RetargetRequest:
 
 
 def retarget(motion: Motion | Path | str, out: Path | str, request: RetargetRequest) -> dict[str, Any]:
-    """Put a motion onto a character and write it; return the report, with the bones that were found.
+    """Retarget a motion to a character and write the result; return a report with the bones that were found.
 
     Args:
         motion: Motion, or its file (`.bvh`, `.amc`).
@@ -47,7 +47,7 @@ def retarget(motion: Motion | Path | str, out: Path | str, request: RetargetRequ
         request: The character, and how it receives the motion.
 
     Raises:
-        CharacterError: There is no Blender, no humanoid in the file, or it has too few of the bones.
+        CharacterError: Blender was not found, or the file has no humanoid or one with too few bones.
         FormatError: A file cannot be read or written.
     """
     check_ending(out, (".blend", *EXPORTED))

@@ -1,4 +1,4 @@
-"""Solving of takes, as commands and scripts ask for it."""
+"""Solving of takes, for commands and scripts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ Facts = dict[str, Any]
 
 @dataclass(frozen=True)
 class SolveRequest:
-    """How a take is solved."""
+    """Settings of a solve."""
 
     method: Annotated[
         str | None, About("solver method (default best; of a recorded take, as it was solved)", choices=METHODS)
@@ -155,7 +155,7 @@ def solve_markers(
     """Solve a take with y up and the names of the subject's marker set; arguments and errors are those of `solve`.
 
     Args:
-        cache: Shared by takes that are solved one after another.
+        cache: Cache shared by takes that are solved one after another.
     """
     cache = cache or SessionCache()
     opened, settings = _opened(database, cache), SolveSettings(method=request.method or "best")
@@ -187,7 +187,7 @@ def solve_markers(
 
 
 def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used: MarkerSet) -> tuple[SolvedTake, str]:
-    """Return the take with its unused markers and open limbs, which lower the confidence, and both in words."""
+    """Return the take with its unused markers and unobserved limbs, which lower the confidence; and both in words."""
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
     unused = [i for i, name in enumerate(take.names) if name in shown and name not in used.names]
     lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
@@ -205,7 +205,7 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
 
 @dataclass(frozen=True)
 class RecordingChanges:
-    """What replaces the set-up of a recorded take; empty values keep it.
+    """Replacements for parts of a recorded take's set-up; empty values keep the recorded part.
 
     Args:
         subject: First, or only, performer.
@@ -230,7 +230,7 @@ def solve_recording(
     """Solve a recorded take again; arguments and errors are those of `solve`.
 
     Args:
-        cache: Shared by takes that are solved one after another.
+        cache: Cache shared by takes that are solved one after another.
     """
     cache, where, recorded = cache or SessionCache(), str(take.path), take.setup.subjects()
     rig, frames = take.setup.camera_rig(), take.frames
@@ -282,7 +282,7 @@ def _opened(database: Database | Path | str, cache: SessionCache) -> Database:
 def _refined(
     take: MarkerTake | TakeFile, subject: Subject, database: Database, request: SolveRequest, progress: Progress
 ) -> tuple[Subject, Facts]:
-    """Return the subject corrected by the take, if asked for, and the changes in words."""
+    """Return the subject, refined with the take if requested, and the changes in words."""
     if not request.refine_body:
         return subject, {}
     labelled = marker_take(take) if isinstance(take, TakeFile) else take
@@ -294,7 +294,7 @@ def _refined(
 def _choose_worn(
     take: MarkerTake, subject: Subject, database: Database, request: SolveRequest
 ) -> tuple[Subject, Facts]:
-    """Return the subject with the markers to solve with, and facts about a choice of them."""
+    """Return the subject with only the markers used for solving, and facts about how they were chosen."""
     if request.markers:
         worn = with_markers(subject, list(request.markers))
         return worn, {"used": list(worn.marker_set.names)}
@@ -319,7 +319,7 @@ def _left_out_rms_m(take: MarkerTake, subject: Subject, worn: Subject, motion: M
 
 
 def _label_differences(take: MarkerTake, subject: Subject) -> list[str]:
-    """Return warnings about labels that only the take or only the subject has."""
+    """Return warnings about labels found only in the take or only in the subject."""
     if is_unnamed(take):
         return []
     worn = subject.marker_set.names
@@ -330,16 +330,16 @@ def _label_differences(take: MarkerTake, subject: Subject) -> list[str]:
 
 
 def _settings(take: TakeFile, method: str | None) -> SolveSettings:
-    """Return the recorded settings, with another method if one is named."""
+    """Return the recorded settings, with the method replaced if another is named."""
     given = dict(take.setup.settings) | ({"method": method} if method else {})
     try:
         return SolveSettings.of_table(given)
     except TypeError as error:
-        raise TakeError(f"was solved with settings that are unknown here ({error})", where=str(take.path)) from error
+        raise TakeError(f"was solved with settings unknown to this version ({error})", where=str(take.path)) from error
 
 
 def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
-    """Return the stretches of interest, in seconds from the start, and figures of props and further performers."""
+    """Return the notable passages, in seconds from the start, and figures for props and the other performers."""
     times_s = [pose.time_s - solved.poses[0].time_s for pose in solved.poses]
     figures: Facts = {
         "relabelled": [
@@ -363,7 +363,7 @@ def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
 
 
 def _finished(solved: SolvedTake, request: SolveRequest, floor_m: float | None, report: Facts) -> SolvedTake:
-    """Return the take with smoothed motions, feet held in place, and the report."""
+    """Return the take with smoothed motion and feet held in place, and the report."""
     motions = solved.motions
     if request.smooth_hz is not None:
         motions = tuple(smooth_motion(motion, request.smooth_hz) for motion in motions)

@@ -1,4 +1,4 @@
-"""Marker takes and performers from files, as commands and scripts read them."""
+"""Reading of marker takes and performers, for commands and scripts."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,21 +24,21 @@ def load_take(
     up: str | None = "auto",
     names: Names | None = None,
 ) -> MarkerTake:
-    """Return a marker take in metres, with y up and under the names of a marker set.
+    """Return a marker take in metres, with y up and with the marker names of a marker set.
 
     Args:
-        path: C3D, TRC, CSV, Qualisys' TSV, `.take.npz`; of a recorded take (`.perftake`) the labelled markers, which
-            are returned as they are.
-        marker_set: Marker set that was worn: a shipped one by name, a TOML file, or "auto" for the shipped one to which
-            most labels belong. Labels match whatever their case, separators and the subject's name before them.
-        up: Axis of the file that points up: "y", "z", "auto" for the axis along which the performer stands, "feet" for
-            the floor on which the feet stand, which becomes y = 0; None to keep the file's axes.
-        names: Marker of each label that matches none, or a TOML file with a table `[names]` of them.
+        path: C3D, TRC, CSV, Qualisys TSV or `.take.npz`; from a recorded take (`.perftake`) the labelled markers are
+            returned unchanged.
+        marker_set: Marker set that was worn: name of a shipped set, a TOML file, or "auto" for the shipped set that
+            matches most labels. Case, separators and a subject's name in front of a label are ignored.
+        up: Axis of the file that points up: "y", "z", "auto" for the axis along which the performer stands, "feet" to
+            fit the floor to the feet and make it y = 0; None to keep the file's axes.
+        names: Marker for each label that matches none, or a TOML file with these in a table `[names]`.
 
     Raises:
-        FormatError: The file is damaged or no marker take.
+        FormatError: The file is damaged or is not a marker take.
         TakeError: The labels are not those of the marker set, or the vertical cannot be found.
-        MarkerSetError: There is no such marker set, or `up` needs its usual offsets and it has none.
+        MarkerSetError: The marker set does not exist, or `up` needs usual offsets that it does not have.
     """
     take = read_labelled(path, names)
     if is_recorded(path) or is_unnamed(take):
@@ -47,14 +47,14 @@ def load_take(
 
 
 def choose_worn(marker_set: MarkerSet | Path | str, take: MarkerTake, where: str = "") -> MarkerSet:
-    """Return the marker set that is worn: given, named, or for "auto" the shipped one to which most labels belong."""
+    """Return the marker set: the given or named one, or for "auto" the shipped set that matches most labels."""
     if isinstance(marker_set, MarkerSet):
         return marker_set
     return choose_marker_set(str(marker_set), take.names, where or take.name)
 
 
 def read_labelled(path: Path | str, names: Names | None) -> MarkerTake:
-    """Return the take of a file with its labels renamed, in the file's axes."""
+    """Return a file's take with its labels renamed, in the file's axes."""
     take = read_take(path)
     if names is None:
         return take
@@ -62,19 +62,19 @@ def read_labelled(path: Path | str, names: Names | None) -> MarkerTake:
 
 
 def fit_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> MarkerTake:
-    """Return a take with y up and under the names of a marker set; None for `up` keeps the axes."""
+    """Return a take with y up and the names of a marker set; if `up` is None, the axes are kept."""
     return import_take(take, marker_set, up)
 
 
 def load_subject(path: Path | str, marker_set: MarkerSet | Path | str | None = None) -> Subject:
-    """Return a performer: the skeleton, and the places of the markers on it.
+    """Return a performer: the skeleton and the marker positions on it.
 
     Args:
-        path: Calibrated subject (TOML), or a skeleton (`.asf`, `.bvh`) that wears the marker set at its usual places.
+        path: Calibrated subject (TOML), or a skeleton (`.asf`, `.bvh`) with the marker set at its usual positions.
         marker_set: Markers that are worn; None for those that the subject was calibrated with.
 
     Raises:
-        SubjectError: The file is damaged, a skeleton has no marker set, or a marker's place is unknown.
+        SubjectError: The file is damaged, a skeleton has no marker set, or a marker's position is unknown.
     """
     worn = marker_set if marker_set is None or isinstance(marker_set, MarkerSet) else load_marker_set(marker_set)
     if Path(path).suffix.lower() in (".asf", ".bvh"):
@@ -83,7 +83,7 @@ def load_subject(path: Path | str, marker_set: MarkerSet | Path | str | None = N
 
 
 def skeleton_subject(path: Path | str, marker_set: MarkerSet | None) -> Subject:
-    """Return the subject with a file's skeleton that wears a marker set at its usual places.
+    """Return a subject that has a file's skeleton and a marker set at its usual positions.
 
     Raises:
         SubjectError: No marker set is named.
@@ -94,10 +94,10 @@ def skeleton_subject(path: Path | str, marker_set: MarkerSet | None) -> Subject:
 
 
 def wearing(subject: Subject, marker_set: MarkerSet | None, where: str) -> Subject:
-    """Return the subject with the markers of a set, those without a calibrated place at their usual ones.
+    """Return the subject with the markers of a set; markers without a calibrated position get the usual one.
 
     Raises:
-        SubjectError: A marker has neither.
+        SubjectError: A marker has neither a calibrated nor a usual position.
     """
     if marker_set is None:
         return subject

@@ -1,4 +1,4 @@
-"""Tracking of markers in images of calibrated cameras: to trajectories, or to a recorded take."""
+"""Tracking of markers in images from calibrated cameras, to trajectories or to a recorded take."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -46,9 +46,9 @@ _LATER = "none: solving the take gives them by the body"
 
 @dataclass(frozen=True)
 class _Settings:
-    background_samples: int = 31  # images of the take from which its background is learned
-    empty_samples: int = 240  # images without the performer from which the background is learned, at most
-    worn_share: float = 0.25  # share of the frames that show all markers worn: single ones are hidden more often
+    background_samples: int = 31  # images of the take used to learn its background
+    empty_samples: int = 240  # largest number of images without the performer used to learn the background
+    worn_share: float = 0.25  # share of frames that must show all worn markers; single markers are hidden more often
 
 
 _SETTINGS = _Settings()
@@ -110,7 +110,7 @@ class TrackRequest:
 
     @property
     def worn(self) -> int | None:
-        """Number of markers worn; None where it is not known."""
+        """Number of markers worn; None if unknown."""
         return len(self.marker_set) if self.marker_set else self.markers
 
     @property
@@ -124,8 +124,8 @@ def track(request: TrackRequest, progress: Progress = no_progress) -> Facts:
 
     Raises:
         CaptureError: A source cannot be opened.
-        SettingsError: A camera is tracked without an end.
-        TakeError: No markers were found, or not those of the performer.
+        SettingsError: A camera is tracked without a time limit.
+        TakeError: No markers were found, or they do not belong to the performer.
         FormatError: The output cannot be written.
     """
     spent_s: list[float] = []
@@ -153,7 +153,7 @@ def _pipeline(request: TrackRequest, source: Any, progress: Progress) -> MarkerP
 
 
 def learn_from_source(pipeline: MarkerPipeline, source: Any) -> None:
-    """Learn the background from images of the take itself; a single image shows none."""
+    """Learn the background from the take's own images; impossible from a single image."""
     samples = list(source.samples(_SETTINGS.background_samples))
     if len(samples) > 1:
         pipeline.learn_from_take(samples)
@@ -162,7 +162,7 @@ def learn_from_source(pipeline: MarkerPipeline, source: Any) -> None:
 def _detect(
     request: TrackRequest, pipeline: MarkerPipeline, source: Any, spent_s: list[float], progress: Progress
 ) -> Iterator[MarkerFrame]:
-    """Yield the marker frames; append the computing time of each, s, to `spent_s`."""
+    """Yield the marker frames; append each frame's computing time, s, to `spent_s`."""
     if request.seconds is None and _is_endless(source):
         raise SettingsError("a live camera never ends", advice="say how many seconds to record")
     total = int(getattr(source, "frames", 0)) or round((request.seconds or 0.0) * source.fps)
@@ -200,7 +200,7 @@ def _record(request: TrackRequest, frames: Iterator[MarkerFrame], *, keep_cut: b
 
 
 def _synchronise(request: TrackRequest, frames: Sequence[MarkerFrame]) -> tuple[Sequence[MarkerFrame], Facts]:
-    """Return the frames with the blobs of all cameras at one time, and their figures."""
+    """Return the frames with the blobs of all cameras moved to one time, and figures about them."""
     aligned: Facts = {}
     if len(request.rig) > 1 and request.time_offsets:
         frames, offsets = synchronise_frames(request.rig, frames)
@@ -237,7 +237,7 @@ def _write_trajectories(request: TrackRequest, seen: Sequence[MarkerFrame], fps:
 def _label(
     request: TrackRequest, frames: Sequence[MarkerFrame], fps: float, progress: Progress
 ) -> tuple[MarkerTake, Facts]:
-    """Return the take with the labels of a session, and figures of the fit."""
+    """Return the take with the labels of a session, and figures about the fit."""
     assert request.subject is not None and request.database is not None  # noqa: S101 - checked with the options
     session = Session(request.subject, request.database, request.rig)
 
@@ -262,7 +262,7 @@ def _label(
 
 
 def _guess(request: TrackRequest, frames: Sequence[MarkerFrame], fps: float) -> tuple[MarkerTake, Facts]:
-    """Return the take of two or more cameras with labels that all frames vote for, and its figures."""
+    """Return the labelled take of two or more cameras and its figures; labels are decided over all frames."""
     tracking = track_markers(frames, request.name, fps, request.worn)
     take = name_trajectories(tracking.take, request.marker_set) if request.marker_set else tracking.take
     return take, {
@@ -274,7 +274,7 @@ def _guess(request: TrackRequest, frames: Sequence[MarkerFrame], fps: float) -> 
 
 
 def _moved_to_floor(request: TrackRequest, take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
-    """Return the take with its floor at y = 0; write that calibration if requested."""
+    """Return the take with its floor at y = 0; write the corrected calibration if requested."""
     level = rig_on_floor(request.rig, floor_points(take, marker_set))
     if request.level_rig:
         save_rig(level, request.level_rig)
@@ -284,7 +284,7 @@ def _moved_to_floor(request: TrackRequest, take: MarkerTake, marker_set: MarkerS
 def make_pipeline(
     rig: CameraRig, threshold: float | None, background: Sequence[str], progress: Progress
 ) -> MarkerPipeline:
-    """Return a pipeline that has learned the background from sources without the performer, if there are any."""
+    """Return a pipeline that has learned the background from sources without the performer, if any are given."""
     pipeline = MarkerPipeline(rig, DetectionSettings(threshold=threshold))
     progress(0.0, "learning the background")
     if background:
@@ -298,7 +298,7 @@ def _is_endless(source: Any) -> bool:
 
 
 def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None) -> Facts:
-    """Return the figures of markers without labels; without `worn`, as many are worn as a quarter of the frames show.
+    """Return figures about unlabelled markers; without `worn`, the count that a quarter of the frames reach is used.
 
     Raises:
         TakeError: No frame shows any markers.
@@ -324,10 +324,10 @@ def _frame_facts(rig: CameraRig, frames: Sequence[MarkerFrame], worn: int | None
 
 
 def _compare_takes(take: MarkerTake, truth: MarkerTake) -> Facts:
-    """Return the distances to true trajectories; they are paired so that they fit best over the whole take."""
+    """Return the distances to the true trajectories, paired so that they fit best over the whole take."""
     frames = min(take.frames, truth.frames)
     own, other = take.positions_m[:frames], truth.positions_m[:frames]
-    # a truth in the left camera's frame (x right, y down, z forward) is turned into the world
+    # turn truth given in the left camera's frame (x right, y down, z forward) into world axes
     turned = other * np.array([1.0, -1.0, -1.0])
     if np.nanmedian(np.abs(own[..., 2] - turned[..., 2])) < np.nanmedian(np.abs(own[..., 2] - other[..., 2])):
         other = turned

@@ -1,4 +1,4 @@
-"""Parts of the body, as people name them."""
+"""Parts of the body with the names that people use."""
 
 from .standard_skeleton import JOINT_NAMES, SPINE_JOINTS
 

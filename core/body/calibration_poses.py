@@ -1,4 +1,4 @@
-"""The poses that a performer takes for calibration and before a capture."""
+"""Poses that a performer holds for calibration and before a capture."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ def t_pose(skeleton: Skeleton) -> Array:
     result = rot.identity((len(skeleton),))
     for side in "lr":
         femur = skeleton.index(f"{side}femur")
-        # in CMU's rest pose the foot leans with the splayed leg, so it comes flat as the leg comes upright
+        # in CMU's rest pose the foot leans with the splayed leg; turning the leg upright makes it flat
         result[femur] = _upright(skeleton.tips_m[femur])
     return result
 
@@ -38,7 +38,7 @@ def standing(skeleton: Skeleton) -> Array:
 def hanging(skeleton: Skeleton) -> Array:
     """Return local rotations (J, 4) of a person in an I pose, arms close to the body.
 
-    The backs of the hands look half forward, so that cameras in front see markers on them.
+    The backs of the hands face half forward, so that cameras in front see the markers on them.
     """
     result = standing(skeleton)
     for side, outward in (("l", 1.0), ("r", -1.0)):
@@ -50,9 +50,9 @@ def hanging(skeleton: Skeleton) -> Array:
 
 
 def motorcycle(skeleton: Skeleton) -> Array:
-    """Return local rotations (J, 4) of a motorcyclist: arms forward, palms down.
+    """Return local rotations (J, 4) of a motorcyclist's pose: arms forward, palms down.
 
-    The feet are flat below the hips, the trunk is upright, and the hands are at the height of the chest, so that they
+    The feet are flat below the hips, the trunk is upright, and the hands are at chest height, so that they
     do not hide the shoulders from the cameras. The arms are straight, because performers cannot hold an exact elbow
     angle.
     """

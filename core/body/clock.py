@@ -1,8 +1,8 @@
-"""Clock of a take: the times of its frames, and the steady rate of its outputs.
+"""Clock of a take: the times of its frames and the steady rate of its outputs.
 
-Files round the times of frames, cameras jitter, and some frames are lost. A rate is a property of outputs: the header's
-if the times agree with it, otherwise another steady rate that explains all times, otherwise the nearest usual one.
-Poses and markers are interpolated at the times of the output's frames.
+Files round frame times, cameras jitter, and some frames are lost. The rate belongs to the outputs: it is the header's
+if the times agree with it, else another steady rate that explains all times, else the nearest usual rate.
+Poses and markers are interpolated at the times of the output frames.
 """
 
 from collections.abc import Callable
@@ -29,20 +29,20 @@ class ClockSettings:
         10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 72, 75, 90, 100, 120, 144, 150, 180, 200, 240, 250, 300, 360, 400, 480,
         500, 600, 1000,
     )  # fmt: skip
-    roundings_s: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # last decimal of times in files
-    same: float = 0.02  # largest deviation from a steady rate that counts as none, frames
+    roundings_s: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # smallest decimal step of times in files
+    same: float = 0.02  # largest deviation from a steady rate that still counts as steady, frames
     widest: float = 0.45  # largest rounding error of times without frame numbers, frames
-    near: float = 0.01  # largest relative difference from a usual rate that is put down to the camera's clock
-    lost: float = 3.0  # step, in median ones, that is a gap and tells nothing of the rate
-    uneven: float = 0.5  # deviation of a step from one frame that is reported, frames
+    near: float = 0.01  # largest relative difference from a usual rate that is attributed to the camera's clock
+    lost: float = 3.0  # step, in median steps, that is a gap and says nothing about the rate
+    uneven: float = 0.5  # deviation of a step from one frame interval that is reported, frames
     near_s: float = 0.1  # longest step across which markers and props are interpolated
-    short_s: float = 0.25  # longest step of poses that is interpolated by a cubic
-    longest_s: float = 1.0  # longest move of poses across a step; in a longer step they are held first
+    short_s: float = 0.25  # longest step of poses that is interpolated with a cubic
+    longest_s: float = 1.0  # longest transition between poses; in a longer step the first pose is held before it
 
 
 CLOCK = ClockSettings()
-_SECONDS_PER_TICK = (1.0, 1e-3, 1e-6, 1e-9)  # units of times in files
-_LEAST_HZ, _MOST_HZ = 5.0, 5000.0  # plausible rates of markers, which reveal the unit of times
+_SECONDS_PER_TICK = (1.0, 1e-3, 1e-6, 1e-9)  # possible units of times in files, s
+_LEAST_HZ, _MOST_HZ = 5.0, 5000.0  # plausible rates of markers, which reveal the unit of the times
 
 
 class ClockFault(Enum):
@@ -64,14 +64,14 @@ class ClockNote:
 
 @dataclass(frozen=True)
 class Clock:
-    """Times of frames, and the steady rate of their outputs; made by `clock_of`.
+    """Times of frames and the steady rate of their outputs; made by `clock_of`.
 
     Args:
-        rows: (R,) frames with ascending times; the others have no usable time.
-        times_s: (R,) their times, without the rounding of a file.
-        fps: Steady rate of outputs.
+        rows: Frames (R,) with ascending times; the others have no usable time.
+        times_s: Times (R,) of these frames, without the rounding of the file.
+        fps: Steady rate of the outputs.
         is_steady: Every time is a whole number of frames after the first.
-        stated_fps: Rate that a header states; None without one.
+        stated_fps: Rate stated in the header; None if there is none.
         frames: Number of all frames.
     """
 
@@ -94,13 +94,13 @@ class Clock:
 
     @property
     def steps_s(self) -> tuple[float, float]:
-        """Shortest and longest time between two frames; zero for a single one."""
+        """Shortest and longest time between two frames; zero for a single frame."""
         steps = np.diff(self.times_s)
         return (float(steps.min()), float(steps.max())) if len(steps) else (0.0, 0.0)
 
     @cached_property
     def steady_s(self) -> Array:
-        """Times (N,) of the output's frames, from the first input frame to the last at most."""
+        """Times (N,) of the output frames, between the first and the last input frame."""
         count = int(np.floor(self.source_s * self.fps + CLOCK.same)) + 1
         return self.times_s[0] + np.arange(count) / self.fps
 
@@ -117,12 +117,12 @@ class Clock:
 
     @property
     def notes(self) -> list[ClockNote]:
-        """Faults in the times that the user should know."""
+        """Faults in the times that the user should know about."""
         return [*_order_notes(self), *_header_notes(self), *_step_notes(self)]
 
     @property
     def lost(self) -> int:
-        """Number of frames missing at a steady rate; 0 if frames come unevenly."""
+        """Number of missing frames at a steady rate; 0 if the frames are uneven."""
         return max(len(self.steady_s) - len(self.rows), 0) if self.is_steady else 0
 
     @property
@@ -144,7 +144,7 @@ class Clock:
     def seen(self, values: Array, visible: Mask, *, is_rotation: bool = False) -> Array:
         """Return values (F, n) of visible frames at the steady times.
 
-        They are NaN where frames were lost at a steady rate, between frames far apart, and next to hidden ones.
+        They are NaN where frames were lost at a steady rate, between frames far apart, and next to hidden values.
         """
         if self.is_whole:
             return np.where(visible[:, None], values, np.nan)
@@ -158,16 +158,16 @@ class Clock:
         return found
 
     def at(self, fps: float | None) -> "Clock":
-        """Return the clock for outputs of another rate; None for its own."""
+        """Return the clock for another output rate; None keeps the rate."""
         return self if fps is None or fps == self.fps else replace(self, fps=fps, is_steady=False)
 
     def part(self, start: int, stop: int) -> "Clock":
-        """Return the clock of the frames from `start` to before `stop`."""
+        """Return the clock of the frames from `start` up to but not including `stop`."""
         kept = (self.rows >= start) & (self.rows < stop)
         return replace(self, rows=self.rows[kept] - start, times_s=self.times_s[kept], frames=stop - start)
 
     def filtered(self, values: Array, change: Callable[[Array], Array], *, is_rotation: bool = False) -> Array:
-        """Return values (F, ..., n) at their own times, filtered at the steady rate; a single frame is unchanged."""
+        """Return values (F, ..., n) filtered at the steady rate, at their own times; a single frame is unchanged."""
         if len(self.rows) < 2:
             return values
         if self.is_whole:
@@ -178,11 +178,11 @@ class Clock:
 
 
 def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray | None = None) -> Clock:
-    """Return the clock of frames.
+    """Return the clock for given frame times.
 
     Args:
-        times_s: Times (F,) of the frames; those that do not ascend, or are NaN, are left out.
-        stated_fps: Rate of a header; None, zero or NaN for none.
+        times_s: Times (F,) of the frames; times that do not ascend, or are NaN, are left out.
+        stated_fps: Rate stated in a header; None, zero or NaN if there is none.
         numbers: Frame numbers (F,), which can replace rounded times.
 
     Raises:
@@ -208,7 +208,7 @@ def clock_of(times_s: Array, stated_fps: float | None = None, numbers: IntArray 
 
 
 def _ascending(times_s: Array) -> IntArray:
-    """Return the frames with finite, strictly ascending times; a stamp that leaps ahead, or back, is left out."""
+    """Return the frames with finite, strictly ascending times; stamps that leap ahead or back are left out."""
     finite = np.flatnonzero(np.isfinite(times_s))
     known_s = times_s[finite]
     latest_s = np.maximum.accumulate(np.concatenate(([-np.inf], known_s)))[:-1]
@@ -217,10 +217,10 @@ def _ascending(times_s: Array) -> IntArray:
 
 
 def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
-    """Return times (F,) in seconds from an unknown unit, seconds to nanoseconds.
+    """Return times (F,) in seconds, converted from an unknown unit between seconds and nanoseconds.
 
     Args:
-        stated_fps: Rate of a header, which tells the unit; without one, it is the unit that gives 5 to 5000 Hz.
+        stated_fps: Rate stated in a header, which reveals the unit; without it, the unit is the one that gives 5 to
     """
     steps = np.diff(times[np.isfinite(times)])
     steps = steps[steps > 0.0]
@@ -234,28 +234,28 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
 
 
 def poses_at(times_s: Array, rotations: Array, positions_m: Array, wanted_s: Array) -> tuple[Array, Array]:
-    """Return poses interpolated at times within those of known ones.
+    """Return poses interpolated at times within those of the given poses.
 
-    Short steps are interpolated by a cubic, longer ones along the shortest arc; before the end of a very long one the
-    pose is held.
+    Short steps are interpolated with a cubic, longer ones along the shortest arc; in a very long step the first pose
+    is held until shortly before the end.
 
     Args:
         times_s: Ascending times (F,).
         rotations, positions_m: (F, ..., 4) and (F, ..., 3).
-        wanted_s: (N,).
+        wanted_s: Times (N,).
     """
     return _between(times_s, rotations, wanted_s, True), _between(times_s, positions_m, wanted_s, False)
 
 
 def _candidates(times_s: Array, stated_fps: float | None) -> list[float]:
-    """Return steady rates that may explain times, the likeliest first."""
+    """Return steady rates that may explain the times, the likeliest first."""
     steps = np.diff(times_s)
     mean = len(steps) / float(times_s[-1] - times_s[0])
     measured = [mean, 1.0 / float(np.median(steps)), 1.0 / float(np.quantile(steps, 0.1))]
     found = [stated_fps] if stated_fps is not None else []
     for rate in measured:
         whole = float(round(rate))
-        found += [whole, 1000.0 * whole / 1001.0]  # the second is NTSC's
+        found += [whole, 1000.0 * whole / 1001.0]  # the second is an NTSC rate
     if abs(_usual(mean) / mean - 1.0) > CLOCK.near:
         found.append(mean)
     return [rate for rate in found if LEAST_FPS <= rate <= MOST_FPS]
@@ -278,7 +278,7 @@ def _steady_places(times_s: Array, fps: float) -> IntArray | None:
 
 
 def _rounding_s(times_s: Array) -> float:
-    """Return the unit to which times were rounded, 0 for none."""
+    """Return the unit to which times were rounded, or 0 if they were not."""
     for unit_s in CLOCK.roundings_s:
         ticks = times_s / unit_s
         if np.all(np.abs(ticks - np.round(ticks)) < 1e-3):
@@ -287,12 +287,12 @@ def _rounding_s(times_s: Array) -> float:
 
 
 def _usual(fps: float) -> float:
-    """Return the usual rate nearest to a rate, by their ratio."""
+    """Return the usual rate nearest to a rate in ratio."""
     return min((float(rate) for rate in CLOCK.usual_hz), key=lambda rate: abs(np.log(rate / fps)))
 
 
 def _places(times_s: Array, wanted_s: Array) -> tuple[IntArray, Array, Array]:
-    """Return for each wanted time the frame before it, the share of the step, and the step's length, s."""
+    """Return for each wanted time the preceding frame, the fraction of the step, and the step's length, s."""
     if len(times_s) < 2:
         nothing = np.zeros(len(wanted_s))
         return nothing.astype(np.int64), nothing, nothing
@@ -332,7 +332,7 @@ def _order_notes(clock: Clock) -> list[ClockNote]:
 
 def _header_notes(clock: Clock) -> list[ClockNote]:
     stated = clock.stated_fps
-    # of frames that come unevenly a header can but state the mean rate
+    # when frames come unevenly, a header can only state the mean rate
     if stated is None or any(abs(stated / fps - 1.0) <= CLOCK.near for fps in (clock.fps, clock.mean_fps)):
         return []
     text = (

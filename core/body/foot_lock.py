@@ -1,7 +1,7 @@
-"""Foot lock: detects standing feet and holds them by inverse kinematics of the legs.
+"""Foot lock: detects standing feet and holds them with inverse kinematics of the legs.
 
 It holds the ball of the foot (the toe joint), because the heel lifts long before a step ends. The ankle moves by the
-offset from the pose's ball to the held one; hip and knee turn within the plane of the leg to reach it, and the foot
+offset from the solved to the held ball; hip and knee turn within the plane of the leg to reach it, and the foot
 keeps its orientation in the world. After the release the offset fades out, so that nothing jumps.
 """
 
@@ -25,21 +25,21 @@ _KNEE_AXIS = np.array([1.0, 0.0, 0.0])  # hinge of a straight leg: to the perfor
 
 @dataclass(frozen=True)
 class FootLockSettings:
-    """Limits of standing feet; heights are measured from the ball's height when standing."""
+    """Limits for standing feet; heights are relative to the ball's height when standing."""
 
     sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
     speed_window_s: float = 0.06  # time over which speeds are measured: between two frames they are mostly noise
-    planted_m_s: float = 0.2  # a slower foot stands
-    lifted_m_s: float = 0.4  # a faster foot leaves
-    planted_m: float = 0.05  # a lower foot can stand
-    lifted_m: float = 0.09  # a higher foot leaves
+    planted_m_s: float = 0.2  # below this speed a foot stands
+    lifted_m_s: float = 0.4  # above this speed a foot leaves the floor
+    planted_m: float = 0.05  # below this height a foot can stand
+    lifted_m: float = 0.09  # above this height a foot has left the floor
     reach_m: float = 0.05  # largest offset of a held foot: beyond it the foot has really moved
     glide_reach_m: float = 0.30  # largest offset of a foot that is held although it glides
     lower_m: float = 0.02  # a foot must be this much lower than the held one to replace it
     fade_s: float = 0.12  # time constant of the release
     straightest: float = 0.995  # longest reach, share of the leg's length; millimetres beyond turn the knee by degrees
     pause_s: float = 0.25  # time without a pose after which the lock restarts
-    floor_memory_s: float = 2.0  # time over which the lowest ball gives an unknown floor
+    floor_memory_s: float = 2.0  # time over which the lowest ball is used to estimate an unknown floor
     floor_percentile: float = 5.0  # percentile of the lower foot's heights taken as the floor of a motion
 
 
@@ -52,7 +52,7 @@ def floor_of(rig: CameraRig | None) -> float | None:
 
 
 def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
-    """Return a motion with its feet held; arguments and errors as of `FootLock`.
+    """Return a motion with its feet held; arguments and errors are those of `FootLock`.
 
     An unknown floor is estimated from the lower foot.
     """
@@ -70,7 +70,7 @@ def hold_feet(motion: Motion, mode: str, floor_m: float | None) -> Motion:
 
 
 def _within(reach_m: float, start: Array, end: Array) -> Array:
-    """Return the end (3,), or the point at `reach_m` on the way to it."""
+    """Return the end (3,), or the point towards it at distance `reach_m`."""
     way = end - start
     away_m = float(np.linalg.norm(way))
     return end if away_m <= reach_m else start + way * (reach_m / away_m)
@@ -88,7 +88,7 @@ def _standing_heights(skeleton: Skeleton) -> tuple[float, float]:
 
 @dataclass
 class _Foot:
-    """Joints of one leg, and the place where its foot is held."""
+    """Joints of one leg, and the position at which its foot is held."""
 
     femur: int
     tibia: int
@@ -109,7 +109,7 @@ class FootLock:
     Args:
         mode: "off"; "auto": a low, slow foot is held until it lifts or moves away; "always": the lower foot is held
             even if it glides, for performers who never run or jump.
-        floor_m: Height of the floor in the world of the poses; None to estimate it from the lowest ball of the last
+        floor_m: Height of the floor in the world of the poses; None to estimate it from the lowest ball in recent
             seconds.
 
     Raises:
@@ -130,7 +130,7 @@ class FootLock:
         self._time_s = -np.inf
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> Array:
-        """Return the next pose's rotations (J, 4) with held feet; `time_s` ascends."""
+        """Return the next pose's rotations (J, 4) with held feet; `time_s` must ascend."""
         if self.mode == "off":
             return rotations
         passed_s = time_s - self._time_s
@@ -161,12 +161,12 @@ class FootLock:
         return min(height for _, height in self._lowest)
 
     def _carrying(self, heights: list[float]) -> _Foot:
-        """Return the lower foot; a held one remains until the other is clearly lower."""
+        """Return the lower foot, but keep the held one until the other is clearly lower."""
         bonus = [_SETTINGS.lower_m if foot.anchor_m is not None else 0.0 for foot in self._feet]
         return self._feet[int(np.argmin(np.subtract(heights, bonus)))]
 
     def _hold(self, foot: _Foot, time_s: float, passed_s: float, ball: Array, height: float, glides: bool) -> None:
-        """Plant or release a foot by its ball's motion, and set its offset."""
+        """Plant or release a foot according to its ball's motion, and set its offset."""
         foot.past = [(t, p) for t, p in foot.past if time_s - t <= _SETTINGS.speed_window_s + 1e-6]
         foot.past.append((time_s, ball))
         (since_s, before) = foot.past[0]
@@ -192,7 +192,7 @@ class FootLock:
         foot.offset_m = foot.offset_m * np.exp(-passed_s / _SETTINGS.fade_s)
 
     def _reach(self, foot: _Foot, rotations: Array, positions: Array, world: Array) -> None:
-        """Turn hip, knee and ankle in `rotations`: the ankle moves by its offset."""
+        """Turn hip, knee and ankle in `rotations` so that the ankle moves by its offset."""
         hip, knee, ankle = positions[foot.femur], positions[foot.tibia], positions[foot.foot]
         femur, tibia = reach_with_two_bones(
             (hip, knee, ankle),

@@ -1,6 +1,6 @@
-"""Frames and axes of the standard skeleton's joint angles: the CMU database's.
+"""Frames and axes in which the standard skeleton's joint angles are measured: those of the CMU database.
 
-The frames stand in the ASF files of that database, the same for all its subjects.
+The frames come from the ASF files of that database, which agree for all its subjects.
 """
 
 from dataclasses import replace

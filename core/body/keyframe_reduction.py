@@ -1,9 +1,9 @@
 """Keyframe reduction of densely sampled curves within an error bound.
 
-Between two keys a curve is the cubic with the recorded values and slopes at both (Hermite's), which animation programs
-draw as a Bezier curve with handles that reach a third of the way. Where it leaves the record by more than the bound,
-a key is set at the worst frame, and so on in both halves (Douglas and Peucker 1973, for polylines); slopes come from
-the record, so no key changes what others have settled.
+Between two keys a curve is the cubic with the recorded values and slopes at both (Hermite), which animation programs
+draw as a Bezier curve with handles that reach a third of the way. Where it differs from the record by more than the
+bound, a key is set at the worst frame, and so on in both halves (Douglas and Peucker 1973, for polylines). Slopes come
+from the record, so a new key leaves the other segments unchanged.
 """
 
 from collections.abc import Callable
@@ -16,12 +16,12 @@ from ..geometry.arrays import Array, IntArray
 
 
 def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -> IntArray:
-    """Return the frames (K,) that keep a rotation within an angle of the record.
+    """Return the frames (K,) to keep so that a rotation stays within an angle of the record.
 
     Args:
-        frames: (F,) times, strictly increasing.
-        quaternions: (F, 4) without changes of sign (`rotations.continuous`).
-        bound_rad: largest angle between record and curve, radians.
+        frames: Times (F,), strictly increasing.
+        quaternions: Rotations (F, 4) without sign changes (`rotations.continuous`).
+        bound_rad: Largest angle between record and curve, radians.
     """
 
     def strays(curve: Array, record: Array) -> Array:
@@ -32,7 +32,7 @@ def rotation_keys(frames: ArrayLike, quaternions: ArrayLike, bound_rad: float) -
 
 
 def location_keys(frames: ArrayLike, points: ArrayLike, bound: float) -> IntArray:
-    """Return the frames (K,) that keep points (F, 3) within a distance."""
+    """Return the frames (K,) to keep so that points (F, 3) stay within a distance of the record."""
     return _keys(frames, points, lambda curve, record: np.linalg.norm(curve - record, axis=-1), bound)
 
 

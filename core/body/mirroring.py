@@ -1,6 +1,6 @@
-"""Mirrored motion: left and right swapped by the plane x = 0.
+"""Mirroring of motion: left and right exchanged across the plane x = 0.
 
-In the rest pose all joint axes are the world's, so the mirror image of a rotation is the one of the other side's joint
+In the rest pose all joint axes are the world's, so a rotation is mirrored by giving it to the other side's joint
 with the axis reflected: (w, x, y, z) becomes (w, x, -y, -z). Points and offsets change the sign of x.
 """
 

@@ -1,4 +1,4 @@
-"""A full-body motion: joint rotations and root path at a steady rate."""
+"""Full-body motion: joint rotations and root positions at a steady rate."""
 
 from dataclasses import dataclass, replace
 
@@ -10,7 +10,7 @@ from ..geometry.arrays import Array, IntArray
 from .skeleton import Skeleton
 
 LEAST_FPS, MOST_FPS = 1.0, 2000.0  # frame rates of motion and markers in files
-_FARTHEST_M = 1e4  # largest coordinate of a root
+_FARTHEST_M = 1e4  # largest coordinate of the root
 _LEAST_SQUARE, _MOST_SQUARE = 0.998, 1.002  # squared length of a unit quaternion read from rounded numbers
 
 
@@ -19,10 +19,10 @@ class Motion:
     """Poses of one skeleton.
 
     Args:
-        fps: 1 to 2,000.
-        rotations: (F, J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
-        root_positions_m: (F, 3) world position of the root, metres, up to ten kilometres from the origin.
-        notes: Messages of its reader.
+        fps: Frames per second, 1 to 2,000.
+        rotations: Parent-from-joint quaternions (F, J, 4) relative to rest; the root's is world-from-root.
+        root_positions_m: World positions (F, 3) of the root, metres, up to ten kilometres from the origin.
+        notes: Messages from the reader.
 
     Raises:
         FormatError: An array has a wrong shape, a number is out of range or not finite, or a rotation is not a unit
@@ -67,7 +67,7 @@ class Motion:
 
 
 def sliced(motion: Motion, start: int, stop: int) -> Motion:
-    """Return frames `start` up to, without, `stop`."""
+    """Return frames from `start` up to but not including `stop`."""
     if (start, stop) == (0, motion.frames):
         return motion
     return replace(motion, rotations=motion.rotations[start:stop], root_positions_m=motion.root_positions_m[start:stop])
@@ -91,13 +91,13 @@ def resampled(motion: Motion, fps: float) -> Motion:
 
 
 def with_lead_in(motion: Motion, frames: int) -> Motion:
-    """Return the motion after its first pose held for some frames."""
+    """Return the motion with its first pose held for some frames before it."""
     shown = np.concatenate((np.zeros(frames, dtype=np.int64), np.arange(motion.frames)))
     return replace(motion, rotations=motion.rotations[shown], root_positions_m=motion.root_positions_m[shown])
 
 
 def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Array:
-    # where the rates' ratio is simple, many frames are picked, and only those between them computed
+    # where the ratio of the rates is simple, many frames are copied and only those between them are computed
     nearest = np.round(fraction)
     result = rotations[before + nearest.astype(np.int64)]
     apart = np.flatnonzero(fraction != nearest)
@@ -108,10 +108,10 @@ def _between_frames(rotations: Array, before: IntArray, fraction: Array) -> Arra
 
 
 def eased_between(start: tuple[Array, Array], end: tuple[Array, Array], frames: int) -> tuple[Array, Array]:
-    """Return rotations and root positions on the smooth way between two poses.
+    """Return rotations and root positions of a smooth transition between two poses.
 
     Args:
-        start, end: rotations (J, 4) and root position (3,), neither part of the result.
+        start, end: Rotations (J, 4) and root position (3,), neither part of the result.
         frames: Number of frames from start to end.
     """
     f = np.arange(1, frames) / frames

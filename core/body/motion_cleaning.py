@@ -1,23 +1,23 @@
 """Defects of recorded motion: detection, repair and removal.
 
-A capture system that confuses markers, or a solver that finds the other of two solutions, makes a joint jump between
-two frames and usually back some frames later. In a fast motion the neighbouring frames move as well; here they do not.
+A capture system that confuses markers, or a solver that finds the wrong one of two solutions, makes a joint jump
+between two frames and usually back some frames later. In fast motion the neighbouring frames move as well; here not.
 A joint that is still, turns by e between two frames and is still again needs an acceleration of 4 e / dt^2. So the step
-of each joint is compared with the steps beside it. It is a jump if it differs from both by more than the accelerations
-of athletes allow, or is faster than they are (`CleaningSettings`). At high rates these limits fall below the noise of
-solved recordings, so there are smallest steps as well.
+of each joint is compared with the steps next to it. It is a jump if it differs from both by more than the accelerations
+that athletes reach, or is faster than athletes (`CleaningSettings`). At high rates these limits fall below the noise of
+solved recordings, so there are minimum steps as well.
 
 Treatment of each defect:
 
-- Root jump: the poses on both sides stay, but speed and position are wrong there. The clip is cut into two.
+- Root jump: the poses on both sides are kept, but speed and position are wrong there. The clip is cut into two.
 - Limb pop (all joints but `_ENDS`): the other joints of the limb are wrong as well, so it is not repaired. Frames
   between two jumps at most `longest_pop_s` apart are cut out, and the rest becomes another clip. If the jumps are
-  further apart, nobody knows which side is right: both stay, as clips of their own.
+  further apart, it is unknown which side is right: both are kept, as separate clips.
 - Flip of hands, fingers, thumbs or toes (`_ENDS`): common, by half a turn, without other errors. Short flips are
-  interpolated. Longer ones stay: a pose with a turned thumb is better than none.
+  interpolated. Longer ones are kept: a pose with a turned thumb is better than none.
 - T pose added as first frame: cut off.
 - Angles that jump while the rotation does not (the two Euler forms of one rotation): kept, as the motion is right.
-  They are only reported, because other programs stumble over them.
+  They are only reported, because they cause trouble in other programs.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,21 +40,21 @@ class CleaningSettings:
     """Limits of human motion and of defects.
 
     Shoulders and elbows of pitchers reach 130 rad/s and 5,000 rad/s^2. The fastest sprinters run 12.5 m/s, and landings
-    load the pelvis with 10 to 20 g. The smallest steps lie above the noise: a marker that is 3 to 5 cm off turns a bone
-    by this much, a short one by more.
+    load the pelvis with 10 to 20 g. The minimum steps lie above the noise: a marker that is 3 to 5 cm off turns a bone
+    by this much, a short bone by more.
     """
 
     turn_rad_s: float = 130.0  # fastest turn of a joint
     turn_rad_s2: float = 5000.0  # largest angular acceleration of a joint
     limb_step_deg: float = 30.0  # smallest jump of a joint between two frames
-    foot_step_deg: float = 45.0  # the same of the feet
-    end_step_deg: float = 60.0  # the same of hands, fingers, thumbs and toes
-    root_m_s: float = 13.0  # fastest root
+    foot_step_deg: float = 45.0  # smallest jump of the feet
+    end_step_deg: float = 60.0  # smallest jump of hands, fingers, thumbs and toes
+    root_m_s: float = 13.0  # fastest motion of the root
     root_m_s2: float = 500.0  # largest acceleration of the root
     root_step_m: float = 0.05  # smallest jump of the root between two frames
     longest_pop_s: float = 0.25  # longest pop that is cut out or interpolated
-    settled: float = 0.25  # distance from the place before a jump, share of the jump, at which a joint is back
-    t_step_deg: float = 25.0  # turn of both arms between an added T pose and the first true frame
+    settled: float = 0.25  # distance from the pose before a jump, share of the jump, at which a joint is back
+    t_step_deg: float = 25.0  # rotation of both arms between an added T pose and the first real frame
     straight_deg: float = 20.0  # largest bend of a straight limb
     raised_deg: float = 30.0  # angle of the upper arms from hanging in a T or A pose
 
@@ -76,7 +76,7 @@ class Defect:
 
     Args:
         kind: Name of the defect ("limb pop of lfoot").
-        first, last: Frames of the file, counted from 1; 0 if the defect concerns no frames.
+        first, last: Frames of the file, counted from 1; 0 if the defect does not concern particular frames.
         done: Treatment ("kept", "cut out", ...).
     """
 
@@ -99,7 +99,7 @@ def clean_motion(motion: Motion, angle_jumps: Mask) -> CleanedMotion:
 
     Args:
         motion: Motion at its recorded rate.
-        angle_jumps: Frames (F,) with an angle in the file far from that of the frame before.
+        angle_jumps: Frames (F,) with an angle in the file far from that of the previous frame.
     """
     defects: list[Defect] = []
     start = 0
@@ -122,9 +122,9 @@ def clean_motion(motion: Motion, angle_jumps: Mask) -> CleanedMotion:
 
 
 def _isolated(steps: Array) -> Array:
-    """Return the difference (F - 1, ...) of each step from its more similar neighbour.
+    """Return the difference (F - 1, ...) of each step from the more similar of its neighbours.
 
-    The first and the last step have one neighbour only, which may be the jump: the next but one counts as well.
+    The first and last steps have only one neighbour, which may be the jump itself, so the next but one counts as well.
     """
     before = np.roll(steps, 1, axis=0)
     after = np.roll(steps, -1, axis=0)
@@ -133,7 +133,7 @@ def _isolated(steps: Array) -> Array:
 
 
 def _joint_jumps(motion: Motion) -> Mask:
-    """Return (F, J) true at the first frame after a jump of a joint's rotation."""
+    """Return a mask (F, J) of the first frames after a jump of a joint's rotation."""
     # twice the chord between unit quaternions is about the angle between them
     steps = 2.0 * np.diff(rot.continuous(motion.rotations), axis=0)
     needed = _SETTINGS.turn_rad_s2 / (4.0 * motion.fps**2)
@@ -142,7 +142,7 @@ def _joint_jumps(motion: Motion) -> Mask:
 
 
 def _root_jumps(motion: Motion) -> Mask:
-    """Return (F,) true at the first frame after a jump of the root."""
+    """Return a mask (F,) of the first frames after a jump of the root."""
     steps = np.diff(motion.root_positions_m, axis=0)
     limit = max(_SETTINGS.root_m_s2 / (4.0 * motion.fps**2), _SETTINGS.root_step_m)
     return _jumps(steps[:, None], np.array([limit]), np.array([max(limit, _SETTINGS.root_m_s / motion.fps)]))[:, 0]
@@ -152,7 +152,7 @@ def _jumps(steps: Array, limits: Array, fastest: Array) -> Mask:
     """Return a mask (F, J) of steps (F - 1, J, ...) to a frame that are jumps or too fast.
 
     Args:
-        limits: Smallest difference (J,) of a jump from the steps beside it.
+        limits: Smallest difference (J,) between a jump and the steps next to it.
         fastest: Longest possible steps (J,), not below the limits.
     """
     jumps = np.zeros((len(steps) + 1, steps.shape[1]), dtype=np.bool_)
@@ -165,14 +165,14 @@ def _jumps(steps: Array, limits: Array, fastest: Array) -> Mask:
 
 
 def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, list[int]]:
-    """Return a mask (F,) of pops, from a jump to the jump back, and the jumps without a way back.
+    """Return a mask (F,) of pops, from a jump to the jump back, and the jumps that have no jump back.
 
     A pop lasts at most `longest` frames, and is shorter than the motion before or after it. The frames around it are
-    nearer to each other than to the pop. The way back may take some more frames.
+    nearer to each other than to the pop. The jump back may be spread over several frames.
 
     Args:
         jumps: Mask (F,) of the first frames after a jump.
-        apart: Function for the distance of two frames.
+        apart: Function that returns the distance between two frames.
     """
     popped = np.zeros(len(jumps), dtype=np.bool_)
     lone: list[int] = []
@@ -180,7 +180,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
     sound_from = start
     while places:
         at = places.pop(0)
-        ends = [*places[1:], len(jumps)]  # ends of the pieces that begin at the later jumps
+        ends = [*places[1:], len(jumps)]  # ends of the parts that begin at the later jumps
         back = next(
             (
                 later
@@ -204,7 +204,7 @@ def _pops(jumps: Mask, apart: Apart, start: int, longest: int) -> tuple[Mask, li
 
 
 def _with_short_pieces(popped: Mask, lone: Sequence[int], start: int, longest: int) -> Mask:
-    """Return the pops with the short parts between lone jumps, or between a lone jump and an end."""
+    """Return the pops together with short parts between unpaired jumps, or between an unpaired jump and an end."""
     result = popped.copy()
     edges = [start, *lone, len(popped)]
     for first, stop in pairwise(edges):
@@ -257,7 +257,7 @@ def _bridge(rotations: Array, first: int, stop: int, start: int) -> Array:
 def _sound_parts(
     motion: Motion, jumps: Mask, moved: Mask, start: int, defects: list[Defect]
 ) -> list[tuple[int, Motion]]:
-    """Return the parts between jumps of root and limbs, without the frames of pops."""
+    """Return the parts between jumps of root and limbs, without frames in pops."""
     limbs = jumps & ~_ENDS
     longest = int(_SETTINGS.longest_pop_s * motion.fps)
     positions = motion.root_positions_m
@@ -292,7 +292,7 @@ def _starts_with_added_pose(motion: Motion) -> bool:
     """Return whether the first frame is a T or A pose that both arms leave at once.
 
     At 60 frames per second or more, arms cannot turn by 25 degrees between two frames and be still before and after.
-    At 30 they could, but nobody leaves a T pose like that.
+    At 30 they could, but no one leaves a T pose like that.
     """
     if motion.frames < 3:
         return False

@@ -1,4 +1,4 @@
-"""Errors of a motion against the truth: angles, positions, jitter, foot skate."""
+"""Errors of a motion relative to the truth: angles, positions, jitter, foot skate."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,7 +24,7 @@ _MAIN_JOINTS = {
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """Limits of toes that stand on the floor."""
+    """Limits for toes that stand on the floor."""
 
     speed_m_s: float = 0.15  # largest speed, above measurement noise
     height_m: float = 0.05  # largest height above the lowest point within a second
@@ -35,7 +35,7 @@ CONTACT = ContactSettings()
 
 @dataclass(frozen=True)
 class _Pair:
-    """The compared frames of both motions, joints in one order, root first."""
+    """The compared frames of both motions, with the joints in the same order, root first."""
 
     motion: Motion
     truth: Motion
@@ -57,7 +57,7 @@ class _Errors:
 
 
 def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) -> dict[str, Any]:
-    """Compare a motion with its truth, frame by frame from the first of both on.
+    """Compare a motion with its truth, frame by frame from the start of both.
 
     The truth is resampled to the motion's rate. Only the frames and joints (by name) that both have are compared.
 
@@ -68,19 +68,19 @@ def evaluate(motion: Motion, truth: Motion, skeleton: Skeleton | None = None) ->
     Returns:
         Measures by name.
 
-        - deg_per_joint: mean over frames and joints but the root of the angle between the local rotations, degrees.
-        - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; two triples of angles mean
-          one rotation, and the nearer one is compared.
-        - mpjpe_mm: mean joint distance with the roots' positions made equal; mpjpe_absolute_mm: as they are.
+        - deg_per_joint: mean angle between the local rotations over all frames and joints except the root, degrees.
+        - deg_per_angle: mean absolute difference of the joint angles, wrapped, degrees; of the two triples of angles
+          for one rotation, the nearer one is compared.
+        - mpjpe_mm: mean joint distance after moving the roots together; mpjpe_absolute_mm: without moving them.
         - bone_direction_deg: mean angle between the bones' directions in the world; bone_direction_in_root_deg: the
-          same in the root's frame; main_bone_direction_deg: the same of torso, arms and legs only (NaN if none of
+          same in the root's frame; main_bone_direction_deg: for torso, arms and legs only (NaN if none of
           them is there).
         - twist_deg: mean error of the local rotation about the bone.
         - root_position_mm, root_rotation_deg: mean errors of the root.
         - jitter_ratio: mean third difference of the joint positions, relative to the truth's (NaN if the truth is
           still).
         - foot_skate_cm_s: mean horizontal speed of the toes while the true toes stand on the floor (NaN if they
-          never do); foot_skate_truth_cm_s: the same of the truth.
+          never do); foot_skate_truth_cm_s: the truth's own.
         - frames, fps, joints, per_joint, worst_frames, notes.
 
     Raises:
@@ -136,7 +136,7 @@ def _aligned(motion: Motion, truth: Motion) -> _Pair:
 
 
 def _with_joints(motion: Motion, names: list[str]) -> Motion:
-    """Return the motion with only these joints, the others held at rest."""
+    """Return the motion with only these joints; the others are held at rest."""
     old = motion.skeleton
     if list(old.names) == names:
         return motion
@@ -159,7 +159,7 @@ def _with_joints(motion: Motion, names: list[str]) -> Motion:
 
 
 def _angle_skeleton(chosen: Skeleton, compared: Skeleton) -> Skeleton:
-    """Return the compared skeleton with the angle frames of the chosen one."""
+    """Return the compared skeleton with the angle frames of the chosen skeleton."""
     without_own = np.allclose(chosen.angle_axes[:, 0], 1.0)  # every frame is the identity
     if without_own and set(chosen.names) <= set(JOINT_NAMES):
         chosen = with_angle_frames(chosen)
@@ -195,7 +195,7 @@ def _errors(pair: _Pair, angles: Skeleton, estimated: tuple[Array, Array], true:
 
 
 def _bone_directions(skeleton: Skeleton) -> Array:
-    """Return (J, 3) unit rest directions of the bones, up where one has no length."""
+    """Return unit rest directions (J, 3) of the bones; up where a bone has no length."""
     length = np.linalg.norm(skeleton.tips_m, axis=-1, keepdims=True)
     return np.where(length > 1e-6, skeleton.tips_m / np.maximum(length, 1e-6), np.array([0.0, 1.0, 0.0]))
 
@@ -205,11 +205,11 @@ def _angles_between(a: Array, b: Array) -> Array:
 
 
 def angle_errors_deg(skeleton: Skeleton, mine: Array, theirs: Array) -> tuple[Array, IntArray]:
-    """Return (F, A) angle differences without the root's, degrees, and (A,) joints.
+    """Return angle differences (F, A) without the root's, degrees, and their joints (A,).
 
     Args:
         skeleton: Skeleton with the axes of the joint angles.
-        mine, theirs: Local rotations (F, J, 4); of the two triples that mean one rotation the nearer is compared.
+        mine, theirs: Local rotations (F, J, 4); of the two triples for one rotation the nearer is compared.
 
     Raises:
         FormatError: No joint has an angle.
@@ -245,7 +245,7 @@ def _jitter_ratio(estimated: Array, true: Array) -> float:
 
 
 def _foot_skate(truth: Motion, estimated: Array, true: Array) -> tuple[float, float]:
-    """Return both motions' mean toe speeds, cm/s, while the true toes stand."""
+    """Return the mean toe speeds of both motions, cm/s, while the true toes stand."""
     feet = [truth.skeleton.names.index(name) for name in _FOOT_JOINTS if name in truth.skeleton.names]
     if not feet or len(true) < 2:
         return float("nan"), float("nan")

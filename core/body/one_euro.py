@@ -1,8 +1,8 @@
-"""One-euro filter of poses: removes jitter at the cost of a chosen delay.
+"""One-euro filter for poses: removes jitter at the cost of a chosen delay.
 
 Casiez, Roussel and Vogel, "1 euro filter: a simple speed-based low-pass filter for noisy input in interactive systems",
-CHI 2012: a first-order low-pass whose cutoff rises with the speed, so it calms a still pose and hardly delays fast
-motion.
+CHI 2012: a first-order low-pass filter whose cutoff rises with the speed, so it calms a still pose and hardly delays
+fast motion.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from ..geometry.arrays import Array
 class OneEuroSettings:
     """Cutoffs of the filter."""
 
-    hz_per_rad_s: float = 1.0  # rise of the cutoff with the speed of a rotation
-    hz_per_m_s: float = 4.0  # rise of the cutoff with the speed of the root
-    speed_hz: float = 2.0  # cutoff of the speeds
+    hz_per_rad_s: float = 1.0  # increase of the cutoff with the speed of a rotation
+    hz_per_m_s: float = 4.0  # increase of the cutoff with the speed of the root
+    speed_hz: float = 2.0  # cutoff of the speed estimates
     pause_s: float = 0.25  # time without a pose after which the filter restarts
 
 
@@ -30,7 +30,7 @@ class PoseSmoother:
     """Smooths poses one after another.
 
     Args:
-        delay_s: Delay of slow motion; that of faster motion is 1 / (2 pi cutoff).
+        delay_s: Delay of slow motion; for faster motion it is 1 / (2 pi cutoff).
     """
 
     def __init__(self, delay_s: float) -> None:
@@ -62,5 +62,5 @@ class PoseSmoother:
 
 
 def _share(cutoff_hz: Array | float, passed_s: float) -> Array:
-    """Return the first-order low-pass's share of the way to a new value."""
+    """Return the fraction by which a first-order low-pass filter moves to a new value."""
     return np.asarray(1.0 - np.exp(-2.0 * np.pi * np.asarray(cutoff_hz) * passed_s))

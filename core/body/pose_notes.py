@@ -10,7 +10,7 @@ from .body_parts import PARTS
 class NoteKind(Enum):
     """Kinds of notes on a pose."""
 
-    SOURCE = auto()  # message of a camera, or of another source of marker frames
+    SOURCE = auto()  # message from a camera, or from another source of marker frames
     HIDDEN = auto()  # markers or a prop are hidden
     UNCERTAIN = auto()  # a part of the body has a large expected error
     UNFAMILIAR = auto()
@@ -33,8 +33,8 @@ class PoseNote:
     """Note on a pose.
 
     Args:
-        text: Sentence for people; files hold it alone.
-        part: Part of the body (`body_parts.PARTS`) that the note is about, if it is about one.
+        text: Sentence for people; files store only this.
+        part: Part of the body (`body_parts.PARTS`) that the note is about; "" for the whole pose.
     """
 
     kind: NoteKind
@@ -43,12 +43,12 @@ class PoseNote:
 
     @classmethod
     def of(cls, kind: NoteKind) -> "PoseNote":
-        """Return the note of a kind that has one sentence only."""
+        """Return the note for a kind that has only one sentence."""
         return cls(kind, _SENTENCES[kind])
 
     @classmethod
     def hidden(cls, names: Iterable[str]) -> "PoseNote":
-        """Return the note that markers or props with these names are hidden."""
+        """Return the note that the markers or props with these names are hidden."""
         return cls(NoteKind.HIDDEN, ", ".join(names) + " hidden")
 
     @classmethod

@@ -1,8 +1,8 @@
-"""Slew limit of poses: no joint jumps unless markers below it show that it does.
+"""Slew limit for poses: a joint may only jump if markers below it show that it does.
 
 A marker that returns, or another explanation of the same markers, moves a joint faster than a body can. Such a joint
 moves to its new rotation at a limited rate. It may be faster in a movement that has accelerated over several frames and
-carries markers along, so a punch is shown as solved. Where the markers themselves jump nothing is limited: that is
+carries markers along, so a punch is shown as solved. Where the markers themselves jump nothing is limited: this is
 another person, or the same one after a gap.
 """
 
@@ -15,19 +15,19 @@ from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 from .skeleton import Skeleton
 
-_FRAME_S = 1.0 / 60.0  # unit of the limits below
+_FRAME_S = 1.0 / 60.0  # frame interval to which the limits below refer
 _USUAL_RAD = np.radians(9.8)  # largest rotation per frame without markers that show it
 _AT_CHANGE_RAD = np.radians(2.9)  # limit for the two frames after a marker of the limb appears or disappears
-_GATHERED_RAD = np.radians(3.34)  # largest increase of the rotation per frame in a movement that gathers speed,
-_GATHERED_FRAMES = 5  # compared with so many earlier frames
+_GATHERED_RAD = np.radians(3.34)  # largest increase of the rotation per frame in an accelerating movement,
+_GATHERED_FRAMES = 5  # compared with this many earlier frames
 _GAINS_RAD = _GATHERED_RAD * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
 _LEVER_M = 0.32  # a joint's rotation is limited to the movement of a marker below it, divided by this lever
 _FASTEST_M = 0.15  # largest movement of a marker per frame; faster ones do not count
-_FADING = 0.8  # factor per frame of the last movement of a hidden marker
+_FADING = 0.8  # factor per frame for the last movement of a hidden marker
 _PAUSE_S = 0.25  # time without a pose after which the limit restarts
-_CUT_M = 0.15  # distance per frame from all recent positions at which a marker is part of a cut
+_CUT_M = 0.15  # distance per frame from all recent positions that makes a marker part of a cut
 _CUT_MARKERS, _CUT_SHARE = 2, 0.2  # number and share of such markers that make a cut
-_CUT_SHARE_FOUND = 0.6  # the share where labels were found, as ghosts may be among them
+_CUT_SHARE_FOUND = 0.6  # the share when labels were found, because some points may be ghosts
 _EXCHANGED_M = 0.05  # distance per frame from another marker's recent position that explains a jump by exchanged labels
 
 
@@ -49,7 +49,7 @@ class PoseSlewLimit:
         self.reset()
 
     def reset(self) -> None:
-        """Show the next pose as it is."""
+        """Show the next pose unchanged."""
         self._time_s = float("nan")
 
     def step(
@@ -66,9 +66,9 @@ class PoseSlewLimit:
 
         Args:
             points_m: Located markers (M, 3), NaN where hidden.
-            held: Keep the joints where they are.
+            held: Keep the joints at their current rotations.
             labels_known: The source labelled the markers.
-            doubtful: Joints that are probably wrong, limited as where a marker appears or disappears.
+            doubtful: Joints that are probably wrong; they are limited as if a marker had appeared or disappeared.
         """
         frames = (time_s - self._time_s) / _FRAME_S
         in_root_m = (points_m - root_position_m) @ rot.to_matrix(rotations[0])
@@ -92,14 +92,14 @@ class PoseSlewLimit:
         return self._shown
 
     def _is_cut(self, time_s: float, points_m: Array, share: float) -> bool:
-        """Return whether a share of the markers is far from all their recent positions."""
+        """Return whether many markers are far from all their recent positions."""
         frames = np.maximum(1.0, (time_s - self._seen_s) / _FRAME_S)
         recent_m = np.array([earlier_m for _, earlier_m in self._trail])
         away_m = points_m - recent_m
         far = np.fmin.reduce(np.add.reduce(away_m * away_m, axis=-1)) > (_CUT_M * frames) ** 2
         if not far.any():
             return False
-        # a marker with an exchanged label is where another one was
+        # a marker with an exchanged label is where another marker was
         others_m = np.linalg.norm(points_m[far, None] - recent_m[:, far].reshape(-1, 3), axis=-1)
         moved = np.sum(np.fmin.reduce(others_m, axis=1, initial=np.inf) > _EXCHANGED_M * frames[far])
         return bool(moved >= max(_CUT_MARKERS, share * np.isfinite(points_m[:, 0]).sum()))
@@ -111,7 +111,7 @@ class PoseSlewLimit:
 
         Args:
             frames: Time since the last pose in 60ths of a second.
-            changed: (M,) Markers that appeared or disappeared in this frame or the last.
+            changed: Markers (M,) that appeared or disappeared in this frame or the last.
         """
         raw, turn = _turn(np.array((self._raw, self._shown)), rotations)
         self._turns.append(raw / frames)

@@ -1,4 +1,4 @@
-"""Markers of very many poses at once (Eq. 1 of Chai and Hodgins 2005)."""
+"""Marker positions for many poses at once (Eq. 1 of Chai and Hodgins 2005)."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, FloatArray, IntArray
 from ..geometry.quaternion_components import Quaternion, Vector, multiply
 
-_CHUNK = 8192  # poses at once: they fit the processor's cache, and numpy's calls cost little
+_CHUNK = 8192  # poses per chunk, which fit the processor's cache and keep numpy's overhead small
 _SMALLEST_RAD = 1e-12
 _ORIGIN = (np.zeros(()), np.zeros(()), np.zeros(()))
 
@@ -16,14 +16,14 @@ def markers_at_rest(
 ) -> FloatArray:
     """Return the markers (F, M, 3), metres, of poses with the root at rest.
 
-    Equals `rotations_from_pose` and `skeleton.marker_positions` in a seventh of the time: arrays over the poses for
-    each component of a rotation, and only for joints that carry markers.
+    Equivalent to `rotations_from_pose` and `skeleton.marker_positions` in a seventh of the time: it uses arrays over
+    the poses for each component of a rotation, and only joints that carry markers.
 
     Args:
-        joints: (M,) joint of each marker.
-        offsets_m: (M, 3) joint origin to marker in the joint's axes.
-        mean_rotations: (J, 4) that the poses are relative to.
-        poses: (F, J - 1, 3) rotation vectors.
+        joints: Joint (M,) of each marker.
+        offsets_m: Vectors (M, 3) from joint origin to marker in the joint's axes.
+        mean_rotations: Rotations (J, 4) that the poses are relative to.
+        poses: Rotation vectors (F, J - 1, 3).
     """
     carrying = np.flatnonzero(skeleton.is_ancestor[joints].any(axis=0))[1:].tolist()  # parents first, without the root
     result = np.empty((len(poses), len(joints), 3), dtype=np.float32)
@@ -45,7 +45,7 @@ def markers_at_rest(
 
 
 def _exponential(vectors: Array) -> Quaternion:
-    """Return the rotations by |v| about v, (3, F)."""
+    """Return the rotations (3, F) by |v| about v."""
     x, y, z = vectors
     angle = np.sqrt(x * x + y * y + z * z)
     factor = np.sin(0.5 * angle) / np.maximum(angle, _SMALLEST_RAD)
@@ -53,7 +53,7 @@ def _exponential(vectors: Array) -> Quaternion:
 
 
 def _moved(origin: Vector, turn: Quaternion | None, offset_m: Array) -> Vector:
-    """Return an origin plus a turned offset (3,); None turns nothing."""
+    """Return an origin plus a rotated offset (3,); a rotation of None leaves it as it is."""
     a, b, c = offset_m
     ox, oy, oz = origin
     if turn is None:

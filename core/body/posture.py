@@ -12,16 +12,16 @@ from .skeleton import Skeleton, forward_kinematics
 
 @dataclass(frozen=True)
 class PostureSettings:
-    """Thresholds for a body that is upside down for a whole motion."""
+    """Thresholds for a body that is upside down during a whole motion."""
 
     samples: int = 600  # largest number of frames that are checked
-    upright: float = 0.5  # cosine between up and the trunk or the thighs, reached while a body sits, crawls or stands
-    upright_share: float = 0.1  # smallest share of upright frames of a body that is ever upright
+    upright: float = 0.5  # cosine between up and trunk or thighs that a body reaches when it sits, crawls or stands
+    upright_share: float = 0.1  # smallest share of upright frames for a body that is upright at times
 
 
 _S = PostureSettings()
 _ENDS = ("root", "head", "lhand", "rhand")
-_HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])  # about x
+_HALF_TURN = np.array([0.0, 1.0, 0.0, 0.0])  # about the x axis
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Posture:
 
     Args:
         positions_m: Joints (F, J, 3).
-        trunk: (F,) cosine between up and the direction from the hips to the neck.
-        upright: (F,) the same for the trunk or the thighs, whichever is more upright.
+        trunk: Cosine (F,) between up and the direction from the hips to the neck.
+        upright: Cosine (F,) for the trunk or the thighs, whichever is more upright.
     """
 
     skeleton: Skeleton
@@ -51,7 +51,7 @@ class Posture:
 
     @property
     def world_is_upside_down(self) -> bool:
-        """Whether it is the world that is upside down: the body is below the floor, or its hands above its head."""
+        """Whether the world itself is upside down: the body is below the floor, or its hands above its head."""
         root, head, *hands = (self.positions_m[:, self.skeleton.index(name), 1] for name in _ENDS)
         is_below = np.median(root) < 0.0
         return self.is_upside_down and bool(is_below or np.median(np.minimum(*hands) - head) > 0.0)
@@ -76,7 +76,7 @@ def turned_upright(motion: Motion) -> Motion | None:
         return None
     positions = motion.root_positions_m * [1.0, -1.0, -1.0]
     height_m = float(np.median(positions[:, 1]))
-    positions[:, 1] += 2.0 * max(0.0, -height_m)  # a body that was turned alone stays above the floor
+    positions[:, 1] += 2.0 * max(0.0, -height_m)  # a body that turned over without its world stays above the floor
     rotations = motion.rotations.copy()
     rotations[:, 0] = rot.multiply(_HALF_TURN, rotations[:, 0])
     return replace(motion, rotations=rotations, root_positions_m=positions)

@@ -1,4 +1,4 @@
-"""Solved pose of one moment: performers and props."""
+"""Solved poses of performers and props at one moment."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from .body_parts import PARTS
 from .pose_notes import PoseNote
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
-_REASON = 0.25  # smallest share of a stretch's poses with a note that is its reason
-# expected error from which a part is probably wrong; that of hands and feet is never below half of this
+_REASON = 0.25  # smallest share of a passage's poses with a note for it to be the reason
+# expected error above which a part is probably wrong; for hands and feet it is always above half of this
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
 
 
@@ -21,11 +21,11 @@ class PropPose:
     """Pose of one prop at one moment.
 
     Args:
-        rotation: (4,) world-from-prop quaternion.
-        position_m: (3,) the prop's origin in the world.
+        rotation: World-from-prop quaternion (4,).
+        position_m: The prop's origin (3,) in the world.
         rms_m: RMS distance between its located markers and those of the rigid prop; NaN if none was located.
-        seen: Number of its markers that any camera showed; 0 if it was not found: then it keeps its last pose, at first
-            that of the origin.
+        seen: Number of its markers that any camera showed; 0 if it was not found: it then keeps its last pose, or
+            initially the pose at the origin.
     """
 
     rotation: Array
@@ -44,21 +44,21 @@ class PerformerPose:
     """Solved pose of one performer at one moment.
 
     Args:
-        rotations: (J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
-        root_position_m: (3,) world position of the root.
+        rotations: Parent-from-joint quaternions (J, 4) relative to rest; the root's is world-from-root.
+        root_position_m: World position (3,) of the root.
         confidence: 0 (guessed) to 1 (all markers seen and explained, motion like the database).
-        markers_m: (M, 3) the subject's markers on the solved pose.
-        observed_m: (M, 3) where the markers were located, NaN where not.
-        single_cameras: (M,) camera that alone saw the marker, -1 where none or where it was located.
-        marker_rms_m: RMS distance between located and solved markers; NaN when none was located.
-        neighbours: K of the local model.
-        dimensions: B of the local model.
+        markers_m: The subject's markers (M, 3) on the solved pose.
+        observed_m: Positions (M, 3) where the markers were located, NaN elsewhere.
+        single_cameras: The only camera (M,) that saw each marker; -1 if none did or the marker was located.
+        marker_rms_m: RMS distance between located and solved markers; NaN if none was located.
+        neighbours: Number of neighbours, K, of the local model.
+        dimensions: Number of dimensions, B, of the local model.
         notes: Problems of this pose.
-        single_points: (M, 2) where that camera saw it, undistorted and normalised, NaN elsewhere; empty in poses read
-            from takes, which keep it by blob.
-        part_errors_deg: (P,) expected errors of the body's parts (`body_parts.PARTS`), means over their joints: 95 % of
-            the errors are within twice that. Empty of methods but "best", and in takes of earlier versions.
-        joint_errors_deg: (J - 1,) the same of the joints but the root; empty in poses read from takes, too.
+        single_points: Where that camera saw it (M, 2), undistorted and normalised, NaN elsewhere; empty in poses read
+            from takes, which store these points by blob.
+        part_errors_deg: Expected errors (P,) of the body's parts (`body_parts.PARTS`), means over their joints: 95 % of
+            the errors are within twice that. Empty for methods other than "best", and in takes of earlier versions.
+        joint_errors_deg: The same (J - 1,) for each joint except the root; also empty in poses read from takes.
     """
 
     number: int
@@ -122,13 +122,13 @@ class ScenePose:
 
 @dataclass(frozen=True)
 class DoubtfulStretch:
-    """Stretch of a take where a performer's poses are probably wrong.
+    """Passage of a take in which a performer's poses are probably wrong.
 
     Args:
         start_s, stop_s: Time since the first pose.
-        reason: Most frequent note of its poses, or of those on the part; "" if none is frequent.
+        reason: Most frequent note of its poses, or of their notes on the part; "" if none is frequent.
         part: Part of the body; "" for the whole pose.
-        first, last: Frames, counted from 0, the last one included.
+        first, last: Frames, counted from 0, including the last.
     """
 
     start_s: float
@@ -140,7 +140,7 @@ class DoubtfulStretch:
 
 
 def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
-    """Return the doubtful stretches of a performer's poses, then those of parts."""
+    """Return the doubtful passages of a performer's whole poses, then those of single parts."""
     stretches = _stretches(poses, [pose.doubtful for pose in poses])
     for part in PARTS:
         stretches += _stretches(poses, [not pose.doubtful and part in pose.doubtful_parts for pose in poses], part)

@@ -14,8 +14,8 @@ from ..errors import SkeletonError
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, Mask
 
-MOST_JOINTS = 2000  # joints in a file
-_LONGEST_BONE_M = 10.0  # longer ones show a wrong unit of length
+MOST_JOINTS = 2000  # largest number of joints in a file
+_LONGEST_BONE_M = 10.0  # longer bones reveal a wrong unit of length
 _UNIT = np.eye(3)
 
 
@@ -24,12 +24,12 @@ class Skeleton:
     """Joints of a body, parents before children; joint 0 is the root.
 
     Args:
-        names: (J) joint names, unique.
-        parents: (J,) index of the parent joint, -1 for the root.
-        offsets_m: (J, 3) joint origin relative to its parent's origin in the rest pose, metres (zero for the root).
-        tips_m: (J, 3) end of the bone relative to the joint's origin in the rest pose, metres.
-        angle_axes: (J, 4) rest-from-angle-frame quaternions: joint angles are measured in these frames (ASF "axis").
-        angle_orders: (J) axes of the joint angles in `rotations.from_euler` order, e.g. "ZYX"; degrees of freedom
+        names: Unique joint names (J).
+        parents: Index (J,) of the parent joint, -1 for the root.
+        offsets_m: Joint origin (J, 3) relative to its parent's origin in the rest pose, metres (zero for the root).
+        tips_m: End of the bone (J, 3) relative to the joint's origin in the rest pose, metres.
+        angle_axes: Rest-from-angle-frame quaternions (J, 4): joint angles are measured in these frames (ASF "axis").
+        angle_orders: Axes (J) of the joint angles in `rotations.from_euler` order, e.g. "ZYX"; degrees of freedom
             that a joint does not have are left out, e.g. "X" for a knee, "" for a fixed joint.
     """
 
@@ -71,7 +71,7 @@ class Skeleton:
         return len(self.names)
 
     def index(self, name: str) -> int:
-        """Return the index of a joint; SkeletonError names the joints there are."""
+        """Return the index of a joint; the SkeletonError for an unknown name lists all joints."""
         try:
             return self.names.index(name)
         except ValueError:
@@ -79,7 +79,7 @@ class Skeleton:
 
     @cached_property
     def levels(self) -> tuple[IntArray, ...]:
-        """Joint indices by depth below the root, for computation level by level."""
+        """Joint indices grouped by depth below the root, for computation level by level."""
         return joint_levels(tuple(self.parents.tolist()))[1:]
 
     @cached_property
@@ -106,7 +106,7 @@ class Skeleton:
 
     @cached_property
     def rest_positions_m(self) -> Array:
-        """(J, 3) joint origins in the rest pose, root at the origin."""
+        """Joint origins (J, 3) in the rest pose, root at the origin."""
         return zero_pose_positions(self.parents, self.offsets_m)
 
 
@@ -121,7 +121,7 @@ def joint_levels(parents: tuple[int, ...]) -> tuple[IntArray, ...]:
 
 @lru_cache(maxsize=64)
 def joint_leaps(parents: tuple[int, ...]) -> tuple[tuple[IntArray | slice, IntArray], ...]:
-    """Return joints with their ancestors 1, 2, 4, ... bones above, while there are any.
+    """Return joints with their ancestors 1, 2, 4, ... bones above, as far as these exist.
 
     One product per entry turns transforms relative to parents into world transforms: each doubles the distance to the
     ancestor that a joint's transform is relative to.
@@ -130,7 +130,7 @@ def joint_leaps(parents: tuple[int, ...]) -> tuple[tuple[IntArray | slice, IntAr
     above = np.array(parents)
     while np.any(above >= 0):
         joints = np.flatnonzero(above >= 0)
-        # joints in the order of depth: those this deep come last, so a slice replaces the indices
+        # joints in order of depth: those this deep come last, so a slice replaces the indices
         result.append((slice(joints[0], None) if len(joints) == len(above) - joints[0] else joints, above[joints]))
         above[joints] = above[above[joints]]
     return tuple(result)
@@ -149,8 +149,8 @@ def forward_kinematics(skeleton: Skeleton, rotations: ArrayLike, root_position_m
     """Return joint origins and orientations in the world.
 
     Args:
-        rotations: (..., J, 4) parent-from-joint quaternions relative to rest; the root's is world-from-root.
-        root_position_m: (..., 3) world position of the root.
+        rotations: Parent-from-joint quaternions (..., J, 4) relative to rest; the root's is world-from-root.
+        root_position_m: World position (..., 3) of the root.
 
     Returns:
         positions_m (..., J, 3) and world-from-joint quaternions (..., J, 4).
@@ -172,7 +172,7 @@ def forward_kinematics(skeleton: Skeleton, rotations: ArrayLike, root_position_m
 def forward_kinematics_matrices(skeleton: Skeleton, matrices: Array, root_position_m: ArrayLike) -> tuple[Array, Array]:
     """Return joint origins (..., J, 3) and world matrices from local matrices.
 
-    The same as `forward_kinematics`, cheaper where matrices are at hand (the solver's inner loop).
+    Equivalent to `forward_kinematics`, but cheaper if matrices are available (the solver's inner loop).
     """
     frames = np.zeros((*matrices.shape[:-2], 4, 4))
     frames[..., :3, :3] = matrices
@@ -190,8 +190,8 @@ def marker_positions(
     """Return world positions (..., M, 3) of markers (Chai and Hodgins 2005, Eq. 1).
 
     Args:
-        joints: (M,) index of the joint that carries each marker.
-        offsets_m: (M, 3) joint origin to marker in the joint's own axes.
+        joints: Index (M,) of the joint that carries each marker.
+        offsets_m: Vectors (M, 3) from joint origin to marker in the joint's own axes.
     """
     positions, world = forward_kinematics(skeleton, rotations, root_position_m)
     carriers = np.asarray(joints, dtype=np.int64)
@@ -199,19 +199,19 @@ def marker_positions(
 
 
 def marker_jacobian(skeleton: Skeleton, joints: IntArray, markers_m: Array, positions_m: Array, axes: Array) -> Array:
-    """Return d marker / d (root, joint coordinates), (..., M, 3, 3 + 3 J).
+    """Return d marker / d (root, joint coordinates), shape (..., M, 3, 3 + 3 J).
 
     A coordinate of joint k turns the markers m below the joint about an axis a through its origin p_k, by a x (m -
     p_k). Other markers do not move.
 
     Args:
-        joints: (M,) carrying joints.
-        markers_m: (..., M, 3) marker positions of this pose.
-        positions_m: (..., J, 3) of `forward_kinematics_matrices`.
-        axes: (..., J, 3, 3) with the axes in the world as columns; for rotations varied on their right, R_k exp(d_k),
+        joints: Joints (M,) that carry the markers.
+        markers_m: Marker positions (..., M, 3) of this pose.
+        positions_m: Positions (..., J, 3) from `forward_kinematics_matrices`.
+        axes: World directions (..., J, 3, 3) of the axes as columns; for rotations varied on the right, R_k exp(d_k),
             these are the world matrices of `forward_kinematics_matrices`.
     """
-    # all pairs: to select those of a marker and its joints takes longer
+    # all pairs are computed: selecting those of a marker and its joints takes longer
     arms = positions_m[..., None, :, :] - markers_m[..., :, None, :]
     arms *= skeleton.is_ancestor[joints][..., None]
     jacobian = np.empty((*markers_m.shape, 1 + len(skeleton), 3))

@@ -1,4 +1,4 @@
-"""Motion as a file holds it, with any joint names and any rest pose."""
+"""Motion as stored in a file, with any joint names and any rest pose."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,20 +13,20 @@ from .skeleton import joint_leaps, joint_levels
 
 @dataclass(frozen=True)
 class SourceMotion:
-    """A hierarchy of joints and its motion, metres, Y up; zero pose in world axes.
+    """Hierarchy of joints and its motion, metres, y up, with the zero pose in world axes.
 
     Args:
-        names: (J) joint names as in the file, parents before children.
-        parents: (J,) parent indices, -1 for the root.
-        offsets_m: (J, 3) joint origin relative to its parent's in the zero pose.
-        tips_m: (J, 3) end of the bone relative to the joint's origin; zero when the file does not say.
-        rotations: (F, J, 4) parent-from-joint quaternions; NaN where the file has no number.
-        translations_m: joint index -> (F, 3) position relative to the parent, for the root and for each joint if its
+        names: Joint names (J) as in the file, parents before children.
+        parents: Parent indices (J,), -1 for the root.
+        offsets_m: Joint origin (J, 3) relative to its parent's in the zero pose.
+        tips_m: End of the bone (J, 3) relative to the joint's origin; zero if the file does not say.
+        rotations: Parent-from-joint quaternions (F, J, 4); NaN where the file has no number.
+        translations_m: Joint index -> positions (F, 3) relative to the parent, for the root and for each joint whose
             position channels move it; other joints stay at their offset.
-        euler_orders: (J) rotation channels in the file's order, e.g. "ZXY"; "" for a joint that has none.
-        angle_jumps: (F,) true where a rotation channel is more than 150 degrees from that of the frame before, which
-            the rotation itself need not be; left out for none.
-        notes: Irregularities that were tolerated.
+        euler_orders: Rotation channels (J) in the file's order, e.g. "ZXY"; "" for a joint without any.
+        angle_jumps: Frames (F,) where a rotation channel differs by more than 150 degrees from the previous frame, even
+            if the rotation itself does not; left out if there are none.
+        notes: Irregularities that the reader tolerated.
     """
 
     name: str
@@ -60,7 +60,7 @@ class SourceMotion:
 
     @property
     def finite_frames(self) -> Mask:
-        """(F,) true where every number of the frame is there."""
+        """Mask (F,) of frames in which every number is present."""
         finite = np.all(np.isfinite(self.rotations), axis=(1, 2))
         for path in self.translations_m.values():
             finite &= np.all(np.isfinite(path), axis=1)
@@ -87,7 +87,7 @@ def source_kinematics(source: SourceMotion) -> tuple[Array, Array]:
 def source_positions(source: SourceMotion) -> Array:
     """Return positions (F, J, 3) of a file's joints.
 
-    For few frames quicker than `source_kinematics`.
+    Faster than `source_kinematics` for few frames.
     """
     frames = np.zeros((*source.rotations.shape[:2], 4, 4))
     frames[..., :3, :3] = rot.to_matrix(source.rotations)
@@ -101,7 +101,7 @@ def source_positions(source: SourceMotion) -> Array:
 
 
 def frame_range(source: SourceMotion, start: int, stop: int) -> SourceMotion:
-    """Return frames `start` up to, without, `stop`."""
+    """Return frames from `start` up to but not including `stop`."""
     return replace(
         source,
         rotations=source.rotations[start:stop],
@@ -111,7 +111,7 @@ def frame_range(source: SourceMotion, start: int, stop: int) -> SourceMotion:
 
 
 def every_frame(source: SourceMotion, step: int) -> SourceMotion:
-    """Return each frame that is a multiple of `step`."""
+    """Return every `step`-th frame."""
     return replace(
         source,
         rotations=source.rotations[::step],
@@ -121,7 +121,7 @@ def every_frame(source: SourceMotion, step: int) -> SourceMotion:
 
 
 def source_of_motion(motion: Motion, where: str) -> SourceMotion:
-    """Return a motion on any skeleton in the form of a file, for mapping."""
+    """Return a motion on any skeleton in the form that files have, for mapping."""
     return SourceMotion(
         name=motion.name,
         where=where,

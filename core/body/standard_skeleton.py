@@ -17,7 +17,7 @@ from .skeleton import Skeleton
 DEFAULT_HEIGHT_M = 1.75
 _REFERENCE_HEIGHT_M = 1.75
 
-TABLES = read_toml(JOINTS)  # a row a joint, of limbs the left side's
+TABLES = read_toml(JOINTS)  # one row per joint; for limbs only the left side's
 
 _MIDDLE = ("root", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head")
 _LEG = ("femur", "tibia", "foot", "toes")
@@ -33,7 +33,7 @@ SPINE_JOINTS = _MIDDLE[1:]
 
 
 def mirrored_name(name: str) -> str:
-    """Return the other side's joint ("lfemur" -> "rfemur"); middle ones stay."""
+    """Return the other side's joint ("lfemur" -> "rfemur"); joints in the middle are returned unchanged."""
     other = {"l": "r", "r": "l"}.get(name[0], "") + name[1:]
     return other if other in JOINT_NAMES else name
 
@@ -51,7 +51,7 @@ def default_skeleton(height_m: float = DEFAULT_HEIGHT_M) -> Skeleton:
 
 
 def facts_of(joint: str) -> dict[str, Any]:
-    """Return the row of a joint; both sides share it."""
+    """Return the row of a joint; both sides share one row."""
     rows: dict[str, dict[str, Any]] = TABLES["joint"]
     return rows[joint] if joint in rows else rows[joint[1:]]
 
@@ -64,6 +64,6 @@ def _joint_of(name: str) -> tuple[str, Array, Array]:
 
 
 def scaled(skeleton: Skeleton, factors: Array | float) -> Skeleton:
-    """Return the skeleton with offsets and tips multiplied by factors."""
+    """Return the skeleton with its offsets and tips multiplied by factors."""
     per_joint = np.broadcast_to(np.asarray(factors, dtype=np.float64), (len(skeleton),))[:, None]
     return replace(skeleton, offsets_m=skeleton.offsets_m * per_joint, tips_m=skeleton.tips_m * per_joint)

@@ -9,7 +9,7 @@ from .skeleton import Skeleton
 from .standard_skeleton import default_skeleton
 
 SOLE_BELOW_TOES_M = 0.024  # how far the sole lies below the toe joint of the default skeleton
-_STATURE_M = 1.72  # default skeleton: 1.63 m from the soles to the end of the head's bone, and the skull above it
+_STATURE_M = 1.72  # default skeleton: 1.63 m from the soles to the end of the head bone, plus the skull above it
 
 
 @dataclass(frozen=True)
@@ -27,17 +27,17 @@ _LEGS = ("lfemur", "ltibia", "rfemur", "rtibia")
 
 
 def girth_scale(skeleton: Skeleton) -> float:
-    """Return the size of a body's girths relative to the default skeleton's."""
+    """Return a body's girth relative to the default skeleton's."""
     return _height_m(skeleton) / _height_m(default_skeleton())
 
 
 def stature_m(skeleton: Skeleton) -> float:
-    """Return how tall a body is, from the soles to the top of the head."""
+    """Return the stature of a body, from the soles to the top of the head."""
     return girth_scale(skeleton) * _STATURE_M
 
 
 def standing_root_m(skeleton: Skeleton) -> Array:
-    """Return the root's position (3,) in the rest pose with soles on the floor, y = 0."""
+    """Return the root's position (3,) in the rest pose with the soles on the floor, y = 0."""
     toes = min(skeleton.rest_positions_m[skeleton.index(side + "toes")][1] for side in "lr")
     return np.array([0.0, SOLE_BELOW_TOES_M * girth_scale(skeleton) - toes, 0.0])
 

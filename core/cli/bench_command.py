@@ -1,6 +1,6 @@
 """`perfanim bench`: benchmarks of a source checkout (tools/bench).
 
-Neither the wheel nor the extension has them.
+They are not part of the wheel or the extension.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""`perfanim check cameras` and `board`: faults of light, cameras and markers."""
+"""`perfanim check cameras` and `board`: find faults of light, cameras and markers."""
 
 import argparse
 from contextlib import closing
@@ -47,7 +47,7 @@ def _check_cameras(args: argparse.Namespace, progress: Progress) -> dict[str, An
     with closing(open_image_source(*args.background)) as empty:
         backgrounds = learn_backgrounds(empty.samples(60))
     with closing(open_image_source(args.left, args.right, *args.camera, size=rig.cameras[0].image_size)) as source:
-        most = max(int(20.0 * source.fps), 1)  # 20 s
+        most = max(int(20.0 * source.fps), 1)  # 20 seconds
         moments = _first(source, most, progress)
         findings = check_setup(rig, backgrounds, moments, marker_set, args.height)
     places = rig.ignored.tolist()
@@ -76,7 +76,7 @@ def _check_board(args: argparse.Namespace, progress: Progress) -> dict[str, Any]
 
 
 def _first(source: Any, most: int, progress: Progress) -> Any:
-    """Yield the first moments of a source."""
+    """Yield the first seconds of a source."""
     for number, moment in enumerate(source):
         if number == most:
             return

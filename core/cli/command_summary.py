@@ -1,4 +1,4 @@
-"""Summaries that commands return: as JSON, and as lines for a person."""
+"""Summaries that commands return, as JSON and as lines for people."""
 
 import math
 from typing import Any
@@ -10,7 +10,7 @@ class PartialResult(dict[str, Any]):
     Args:
         summary: Figures, for JSON.
         text: Lines for a person.
-        failure: One line for stderr, which makes the exit status 1; "" for none.
+        failure: One line for stderr, which makes the exit status 1; "" if nothing failed.
     """
 
     def __init__(self, summary: dict[str, Any], text: str, failure: str = "") -> None:
@@ -33,7 +33,7 @@ def jsonable(value: Any) -> Any:
 
 
 def summary_text(summary: dict[str, Any]) -> str:
-    """Return the summary for a person, a line for each figure and row of a report; long ones are cut."""
+    """Return the summary for people, one line per figure and per row of a report; long lines are cut."""
     return "\n".join(
         line for key, value in jsonable(summary).items() for line in _figure_lines(key.replace("_", " "), value)
     )
@@ -62,7 +62,7 @@ def _cut_rows(rows: list[str]) -> list[str]:
 
 
 def _row_value(key: str, value: Any) -> str:
-    """Return a value of a row; a number with a fraction gets its name."""
+    """Return a value of a row; fractional numbers are shown with their name."""
     return f"{key.replace('_', ' ')} {_short(value)}" if isinstance(value, float) else str(value)
 
 

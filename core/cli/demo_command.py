@@ -1,4 +1,4 @@
-"""`perfanim demo`: the whole chain on a simulated performer."""
+"""`perfanim demo`: the whole process with a simulated performer."""
 
 import argparse
 import importlib.util
@@ -21,7 +21,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Run the demo, write the report and, where bpy is installed, the character."""
+    """Run the demo; write the report and, if bpy is installed, the character."""
     from ..simulate.run_demo import run_demo, write_report  # OpenCV is slow to load
 
     check_range("--seconds", args.seconds, 5.0, 600.0, "give 5 to 600")

@@ -1,4 +1,4 @@
-"""`perfanim diagnose`: installed versions, and the cameras found."""
+"""`perfanim diagnose`: list the installed versions and the cameras found."""
 
 import argparse
 import importlib
@@ -32,7 +32,7 @@ def library_facts(name: str) -> str:
     """Return a library's version, or why it cannot be loaded."""
     try:
         library = importlib.import_module(name)
-    except Exception as error:  # broken libraries raise anything
+    except Exception as error:  # broken libraries may raise any exception
         return f"cannot be loaded: {type(error).__name__}: {error}"
     if hasattr(library, "__version__"):
         return str(library.__version__)
@@ -45,6 +45,6 @@ def library_facts(name: str) -> str:
 def _cameras() -> list[dict[str, Any]]:
     try:
         from ..vision.sources.camera_source import find_cameras
-    except ImportError:  # the report on the libraries says why
+    except ImportError:  # the report on libraries says why
         return []
     return [{"device": camera.device, "size": camera.size} for camera in find_cameras()]

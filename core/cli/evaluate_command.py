@@ -1,4 +1,4 @@
-"""`perfanim evaluate`: a motion against its truth."""
+"""`perfanim evaluate`: compare a motion with its truth."""
 
 import argparse
 from pathlib import Path

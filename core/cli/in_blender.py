@@ -1,4 +1,4 @@
-"""The command line as Blender starts it, in a Python process beside it."""
+"""Entry point of the command line when Blender starts it in a separate Python process."""
 
 import os
 import signal
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run a command and return its exit status; end when standard input closes because Blender has ended."""
+    """Run a command and return its exit status; exit if standard input closes because Blender has ended."""
     from .main import main  # it sets environment variables for the whole process
 
     signal.signal(signal.SIGINT, signal.default_int_handler)

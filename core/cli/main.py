@@ -1,7 +1,7 @@
 """The `perfanim` command: parse, run one command, print its summary.
 
 Exit status: 0 done; 1 bad input or failed work (one line on stderr); 2 wrong usage; 130 interrupted; 141 the reader of
-the output has gone, as of any program in a pipe.
+the output has gone, as for any program in a pipe.
 """
 
 import argparse
@@ -25,13 +25,13 @@ COMMANDS = (
     "demo", "check", "calibrate", "track", "take", "database", "solve", "sketch", "evaluate", "retarget", "vmc",
     "batch", "simulate", "bench", "diagnose",
 )  # fmt: skip
-_PACKAGES = ("calibrate", "take", "batch")  # commands that are packages, with a module NAME_command
+_PACKAGES = ("calibrate", "take", "batch")  # commands that are packages with a module NAME_command
 
-# The solver's matrices are small: threads cost more than they gain, most of all beside other processes. NumPy's
-# libraries read this when they are loaded, which is after a command is chosen.
+# The solver's matrices are small: threads cost more than they gain, especially next to other processes. NumPy's
+# libraries read this when they are loaded, which happens after a command is chosen.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# Keep OpenCV and its video reader from printing lines of their own.
+# Keep OpenCV and its video reader from printing messages of their own.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
@@ -59,7 +59,7 @@ class Progress:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser of the program and of each command, with short messages on one line."""
+    """Parser for the program and each command, with short one-line messages."""
 
     def error(self, message: str) -> NoReturn:
         """End with exit status 2 and a message of limited length."""
@@ -67,7 +67,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
-    """Return the parser of the named commands; the others, which take a second to load, are not imported."""
+    """Return the parser for the named commands; the others, which take a second to load, are not imported."""
     parser = _Parser(prog="perfanim", description="Full-body performance animation from a few markers and two cameras.")
     parser.add_argument("--version", action="version", version=f"perfanim {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
@@ -90,18 +90,18 @@ def _add_json_option(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
-    # C libraries would write into the next file that takes the number of a closed stream
+    # otherwise C libraries would write into the next file that gets the number of a closed stream
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the end
     try:
         try:
             return _run(argv)
         finally:
-            sys.stdout.flush()  # also what --help printed: an error at Python's exit could not be handled
+            sys.stdout.flush()  # includes the output of --help: an error at Python's exit could not be handled
     except BrokenPipeError:
         _forget(sys.stdout)
         _forget(sys.stderr)
-        return 128 + 13  # as shells report the end by SIGPIPE
+        return 128 + 13  # as shells report a program ended by SIGPIPE
     except OSError as error:
         _forget(sys.stdout)
         sys.stderr.write(f"perfanim: the output cannot be written ({error.strerror})\n")
@@ -109,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _forget(stream: TextIO) -> None:
-    """Discard the unwritten rest of a stream."""
+    """Discard the rest of a stream that has not been written."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
@@ -119,9 +119,9 @@ def _run(argv: Sequence[str] | None) -> int:
     given = sys.argv[1:] if argv is None else argv
     args = build_parser(given[:1] if given and given[0] in COMMANDS else COMMANDS).parse_args(given)
     progress = Progress()
-    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files need not be valid text
+    if isinstance(sys.stdout, io.TextIOWrapper):  # file names need not be valid text
         sys.stdout.reconfigure(errors="backslashreplace")
-    # end by an exception on SIGTERM, so that half-written files are removed
+    # turn SIGTERM into an exception, so that half-written files are removed
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
         summary = guarded_run(args, progress)

@@ -1,4 +1,4 @@
-"""Options and types of their values that several commands share."""
+"""Options that several commands share, and the types of their values."""
 
 import argparse
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ _T = TypeVar("_T")
 
 
 def add_text(parser: Any, flag: str, metavar: str, description: str, **more: Any) -> None:
-    """Add an option with a value, a text unless `type` is given."""
+    """Add an option with a value, a string unless `type` is given."""
     parser.add_argument(flag, metavar=metavar, help=description, **more)
 
 
@@ -24,22 +24,22 @@ def add_number(parser: Any, flag: str, metavar: str, description: str, **more: A
 
 
 def add_repeated(parser: Any, flag: str, metavar: str, description: str) -> None:
-    """Add an option that may be given any number of times; its values are a list."""
+    """Add an option that may be given any number of times; its values form a list."""
     add_text(parser, flag, metavar, description, action="append", default=[])
 
 
 def add_choice(parser: Any, flag: str, choices: Iterable[str], description: str, **more: Any) -> None:
-    """Add an option with one of several words."""
+    """Add an option that takes one of several words."""
     parser.add_argument(flag, choices=tuple(choices), help=description, **more)
 
 
 def add_switch(parser: Any, flag: str, description: str) -> None:
-    """Add an option that is on when it is given."""
+    """Add a switch."""
     parser.add_argument(flag, action="store_true", help=description)
 
 
 def add_request_options(parser: Any, request: type, **flags: str) -> None:
-    """Add options for fields of a request, which say what they mean and what they are by default.
+    """Add options for fields of a request; meaning and default come from the fields.
 
     Args:
         flags: Option and metavar for each field: smooth_hz="--smooth HZ". The option's value has the field's name.
@@ -63,7 +63,7 @@ def add_request_options(parser: Any, request: type, **flags: str) -> None:
 
 
 def request_of(request: type[_T], args: argparse.Namespace, **more: Any) -> _T:
-    """Return the request of options that `add_request_options` has added, and of further fields.
+    """Return the request from options added by `add_request_options` and from further fields.
 
     Raises:
         SettingsError: A value is out of range; the message names its option.
@@ -78,14 +78,14 @@ def request_of(request: type[_T], args: argparse.Namespace, **more: Any) -> _T:
 
 
 def add_command(group: Any, name: str, run: Any, description: str) -> argparse.ArgumentParser:
-    """Add a command to the commands of a group and return its parser; `run` takes the options and the progress."""
+    """Add a command to a group and return its parser; `run` receives the options and the progress."""
     parser: argparse.ArgumentParser = group.add_parser(name, help=description)
     parser.set_defaults(run=run, wrong_usage=parser.error)
     return parser
 
 
 def add_group(subparsers: Any, name: str, description: str) -> Any:
-    """Add a command that has commands of its own, and return their group."""
+    """Add a command that has subcommands, and return their group."""
     return subparsers.add_parser(name, help=description).add_subparsers(metavar="WHAT", required=True)
 
 
@@ -101,7 +101,7 @@ def seed(text: str) -> int:
 
 
 def positive(text: str, most: float, unit: str) -> float:
-    """Return a number above 0, up to `most`; `unit` goes into the error."""
+    """Return a number above 0, up to `most`; `unit` appears in the error."""
     try:
         number = float(text)
     except ValueError:
@@ -131,7 +131,7 @@ def check_height(height_m: float | None) -> None:
 
 
 def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
-    """Add the options of a motion file, see `write_motion`; without `defaults`, those that are not given are None."""
+    """Add the options for writing a motion file, see `write_motion`; without `defaults`, options not given are None."""
     units, naming = ("m", OWN) if defaults else (None, None)
     add_choice(parser, "--units", ("m", "cm"), "unit of a BVH file (default m)", default=units)
     names = f"names of the joints in BVH and CSV files (default {OWN}: the standard skeleton's)"
@@ -140,7 +140,7 @@ def add_motion_options(parser: Any, *, defaults: bool = True) -> None:
 
 
 def add_character_options(parser: Any, root_motion: str | None = "hips") -> None:
-    """Add the options for putting a motion onto a character, with this default of --root-motion."""
+    """Add the options for retargeting a motion to a character, with this default of --root-motion."""
     add_text(parser, "--map", "PRESET_OR_FILE", "bone map: rigify-controls or a TOML file (default: detected)")
     carriers = [kind.name.lower().replace("_", "-") for kind in RootMotion]
     carrier = "bone or object that receives the root motion (default hips)"

@@ -29,7 +29,7 @@ def guarded_run(args: argparse.Namespace, progress: Any) -> Any:
 
 
 def _paths(value: Any) -> Iterator[str]:
-    """Yield each text in an option's value that may be a path, also in NAME=PATH."""
+    """Yield each string in an option's value that may be a path, also in NAME=PATH."""
     if isinstance(value, list | tuple):
         for item in value:
             yield from _paths(item)

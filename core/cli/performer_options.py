@@ -1,4 +1,4 @@
-"""Options that name the performer and the markers worn, and what they name."""
+"""Options for the performer and the markers worn, and reading of the files they name."""
 
 import argparse
 from typing import Any
@@ -17,7 +17,7 @@ def add_body_options(parser: argparse.ArgumentParser, subject: str, skeleton: st
 
 
 def add_names_option(parser: Any) -> None:
-    """Add --names, a file of the markers' labels."""
+    """Add --names, a file that says which marker each label means."""
     parser.add_argument(
         "--names",
         metavar="FILE",
@@ -27,12 +27,12 @@ def add_names_option(parser: Any) -> None:
 
 
 def chosen_marker_set(args: argparse.Namespace) -> MarkerSet | None:
-    """Return the set of --marker-set, or None where the subject's own is worn."""
+    """Return the marker set of --marker-set, or None if the subject's own is worn."""
     return load_marker_set(args.marker_set) if args.marker_set is not None else None
 
 
 def chosen_subject(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject | None:
-    """Return the performer of --subject or --skeleton with a marker set, or with its own; None for neither."""
+    """Return the performer of --subject, or of --skeleton with a marker set; None if neither is given."""
     if args.skeleton is not None:
         return skeleton_subject(args.skeleton, marker_set)
     return wearing(load_subject(args.subject), marker_set, args.subject) if args.subject is not None else None

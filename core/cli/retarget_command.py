@@ -1,4 +1,4 @@
-"""`perfanim retarget`: a motion onto a character."""
+"""`perfanim retarget`: put a motion on a character."""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`perfanim simulate markers` and `cameras`: takes and videos made from motion, with all truth."""
+"""`perfanim simulate markers` and `cameras`: make takes and videos from motion, with the truth."""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`perfanim sketch`: a whole body from a few keyframed trajectories."""
+"""`perfanim sketch`: solve a whole body from a few keyframed trajectories."""
 
 import argparse
 from pathlib import Path
@@ -77,10 +77,10 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _outputs(keys: list[Path], out: Path) -> list[tuple[Path, Path]]:
-    """Return each sketch with its output.
+    """Return each sketch with the path of its output.
 
     Raises:
-        FormatError: the output's ending is no motion's, or two sketches would write one file.
+        FormatError: The output does not have the ending of a motion file, or two sketches would write the same file.
     """
     if len(keys) == 1:
         if not is_motion(out):
@@ -105,7 +105,7 @@ def _solve(
     """Solve a sketch, write its motion and return its figures.
 
     Args:
-        solver: None for the bones of the .blend.
+        solver: Solver for the standard body; None to use the bones in the .blend.
     """
     sketch, skeleton = _read_blend(keys, args.blender) if _is_blend(keys) else (read_sketch(keys), None)
     if solver is None and skeleton is not None:
@@ -113,7 +113,7 @@ def _solve(
     assert solver is not None  # noqa: S101 - a sketch without a skeleton comes with --skeleton or --subject
     solution = solver.solve(sketch, settings, progress)
     first = int(sketch.frames[0])
-    # motion files count frames from 0: with the first pose held before, frames have the sketch's numbers
+    # motion files count frames from 0: holding the first pose before it makes the frame numbers match the sketch's
     lead_in = first if 0 < first <= LIMITS.most_frames else 0
     written = write_motion(with_lead_in(solution.motion, lead_in), out, args.units, args.naming, args.rate)
     return _facts(solution) | {"first_frame": first, "held_frames": lead_in, "fps": written.fps, "out": str(out)}
@@ -124,7 +124,7 @@ def _is_blend(keys: Path) -> bool:
 
 
 def _read_blend(path: Path, blender: str | None) -> tuple[Sketch, Skeleton]:
-    """Return the sketch of a .blend's only character with controls, and its bones."""
+    """Return the sketch and the bones of the only character with controls in a .blend."""
     found = run_in_blender("perfanim.perfanim_addon.sketch.read_blend:main", [str(path)], blender)
     return sketch_from(found["sketch"]), skeleton_from(found["skeleton"], str(path))
 

@@ -1,4 +1,4 @@
-"""`perfanim solve`: a marker take to full-body motion."""
+"""`perfanim solve`: solve a marker take to full-body motion."""
 
 import argparse
 from pathlib import Path
@@ -117,7 +117,7 @@ def check(args: argparse.Namespace) -> None:
     """End with wrong usage for options that exclude each other.
 
     Raises:
-        FormatError: no motion format has the output's ending.
+        FormatError: The output does not have the ending of a motion format.
     """
     recorded, take_out = is_recorded(args.take), is_recorded(args.out)
     if not recorded and args.database is None:
@@ -140,11 +140,11 @@ def check(args: argparse.Namespace) -> None:
             args.wrong_usage(f"argument {message}")
     if not take_out and not is_motion(args.out):
         advice = f"use {', '.join((*MOTION_ENDINGS, ENDING))}"
-        raise FormatError("cannot be written (no motion has this ending)", where=str(args.out), advice=advice)
+        raise FormatError("cannot be written (not the ending of a motion format)", where=str(args.out), advice=advice)
 
 
 def solve(args: argparse.Namespace, progress: Progress, cache: SessionCache) -> SolvedTake:
-    """Solve the take of checked options and write the output.
+    """Solve the take with checked options and write the output.
 
     Takes that are solved one after another share the cache.
     """

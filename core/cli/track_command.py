@@ -1,4 +1,4 @@
-"""`perfanim track`: images of calibrated cameras to a take."""
+"""`perfanim track`: track markers in images from calibrated cameras."""
 
 import argparse
 from dataclasses import replace
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """End with wrong usage, or raise SettingsError, for options that contradict each other, before any work."""
+    """Exit for wrong usage, or raise SettingsError, if options contradict each other; called before any work."""
     if is_recorded(args.out):
         _check_left_out(args, "labels, which a .perftake gets when it is solved")
     else:
@@ -93,7 +93,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _cameras_and_sources(args: argparse.Namespace, rig: CameraRig) -> tuple[CameraRig, list[str]]:
-    """Return the rig of the cameras with sources, and the sources."""
+    """Return the rig restricted to cameras with sources, and the sources."""
     names = [camera.name for camera in rig.cameras]
     given = [(index, str(source)) for index, source in enumerate((args.left, args.right)) if source is not None]
     further, named = given[-1][0] + 1 if given else 0, False
@@ -124,13 +124,13 @@ def _cameras_and_sources(args: argparse.Namespace, rig: CameraRig) -> tuple[Came
         return rig, sources
     if indices[-1] >= len(rig):
         raise SettingsError(
-            f"the calibration has {len(rig)} camera(s)", where=str(args.cameras), advice="use one of this set-up"
+            f"the calibration has {len(rig)} camera(s)", where=str(args.cameras), advice="use this set-up's"
         )
     return CameraRig(tuple(rig.cameras[index] for index in indices), rig.metadata), sources
 
 
 def _check_left_out(args: argparse.Namespace, need: str) -> None:
-    """Raise SettingsError for options that need trajectories, where there are none."""
+    """Raise SettingsError for options that need trajectories if there are none."""
     for option, value in (("--floor feet", args.floor == "feet"), ("--truth", args.truth)):
         if value:
             raise SettingsError(f"{option} needs {need}", advice="leave it out")

@@ -1,4 +1,4 @@
-"""`perfanim vmc`: motion sent and recorded live by the VMC protocol."""
+"""`perfanim vmc`: send and record motion live by the VMC protocol."""
 
 import argparse
 from functools import partial
@@ -73,7 +73,7 @@ def run_send(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _motion(path: str, rate_hz: float | None) -> tuple[Motion, list[str]]:
-    """Return a file's motion at a rate, or None for its own, and notes about its times."""
+    """Return a file's motion at a rate (None for its own), and notes about its times."""
     if not is_recorded(path):
         motion = read_motion(path)
         return resampled(motion, rate_hz or motion.fps), list(motion.notes)

@@ -1,4 +1,4 @@
-"""Building a motion database from motion files of any skeleton."""
+"""Building of a motion database from motion files of any skeleton."""
 
 import os
 import tempfile
@@ -106,19 +106,19 @@ def build_database(
     settings: BuildSettings | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
-    """Read all motion of files, folders and archives into one database file.
+    """Read all motion from files, folders and archives into one database file.
 
     Every clip is mapped onto the standard skeleton with its subject's bone lengths, cleaned (`body.motion_cleaning`)
-    and resampled. A file that cannot be read is skipped with the reason. Frames are collected in a file beside `out`,
-    so that memory only holds the poses (336 bytes per frame).
+    and resampled. A file that cannot be read is skipped with a reported reason. Frames are collected in a file next
+    to `out`, so that memory only holds the poses (336 bytes per frame).
 
     Args:
         sources: BVH and AMC files, folders and archives with such files and their ASF skeletons.
         out: Database file, written after everything is read.
 
     Returns:
-        frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees of its
-        reference pose from the common one), skipped (list of file, line, reason), defects (list of file, frames,
+        frames, clips, seconds, bytes, fps, behaviours (name -> frames), zeros (subject -> joint -> degrees between its
+        reference pose and the common one), skipped (list of file, line, reason), defects (list of file, frames,
         defect, done; those kept unchanged come last), mirrored_clips, culled_frames, peak_memory_mb of this process and
         peak_reader_memory_mb of the largest reading process, None where unknown.
 

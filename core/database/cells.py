@@ -1,7 +1,7 @@
-"""Cells of a motion database: groups of frames that are similar by the distance of the search (Eq. 2).
+"""Cells of a motion database: groups of frames that are similar in the distance measure of the search (Eq. 2).
 
-The search visits the cells nearest to its query, an inverted file (Jegou, Douze and Schmid 2011). Cells are made for
-an average body with markers at head, shoulders, hands and feet, which lie near those of other bodies and marker sets.
+The search visits only the cells nearest to its query (an inverted file; Jegou, Douze and Schmid 2011). Cells are made
+for an average body with markers on head, shoulders, hands and feet, which are close to those of other bodies and sets.
 """
 
 import os
@@ -20,15 +20,15 @@ from .k_means import clusters_of
 
 @dataclass(frozen=True)
 class CellSettings:
-    """Distance and number of cells."""
+    """Distance measure and number of cells."""
 
-    least_frames: int = 16_384  # frames from which cells pay: below, visiting all frames costs as little
-    joints: tuple[str, ...] = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")  # with a marker
+    least_frames: int = 16_384  # fewest frames for which cells pay: below, visiting all frames costs as little
+    joints: tuple[str, ...] = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")  # with markers
     markers: float = 0.8  # weight of squared metres, as in the solver's queries
     poses: float = 0.2  # weight of squared radians
     components: int = 24  # principal components of markers and poses
-    samples: int = 4096  # frames that the components are computed from
-    ridge: float = 1e-3  # squared radians, for angles that do not vary
+    samples: int = 4096  # frames used to compute the components
+    ridge: float = 1e-3  # squared radians added for angles that do not vary
     cells_per_root: float = 4.0  # cells per square root of the number of frames
     chunk: int = 8192  # frames projected at once
 
@@ -37,7 +37,7 @@ SETTINGS = CellSettings()
 
 
 def build_cells(poses: FloatArray, mean_rotations: Array) -> NDArray[np.int32]:
-    """Return the cell (F,) of each frame; none is empty.
+    """Return the cell (F,) of each frame; no cell is empty.
 
     Args:
         poses: Rotation vectors (F, J - 1, 3).
@@ -53,9 +53,9 @@ def build_cells(poses: FloatArray, mean_rotations: Array) -> NDArray[np.int32]:
 
 
 def _factors(poses: FloatArray, mean_rotations: Array) -> FloatArray:
-    """Return factors (D, C) from poses to principal components of markers and poses.
+    """Return factors (D, C) that project poses on principal components of markers and poses.
 
-    The markers are approximated by a linear regression, which avoids the kinematics of all frames and loses 0.3 % of
+    The markers are approximated by a linear regression, which avoids forward kinematics of all frames and misses 0.3 %
     the examples.
     """
     skeleton = default_skeleton()

@@ -1,6 +1,6 @@
-"""Reading of many motion files, in one or several processes, as clips at one rate.
+"""Reading of many motion files as clips at one rate, in one or several processes.
 
-Other processes run `serve`: they get each file as a line of JSON and answer with a JSON header and arrays.
+Other processes run `serve`: they receive each file as a line of JSON and answer with a JSON header and arrays.
 """
 
 import json
@@ -52,9 +52,9 @@ class ReadFile:
     """Clips and defects of a file, or the reason why it cannot be read.
 
     Args:
-        defects: Rows of frames ("12" or "12-15", counted from 1; "" for the whole file), defect and done.
-        reason: Reason of failure, "" for none.
-        line: Line in the file with the reason, 0 for none.
+        defects: Rows of frames ("12" or "12-15", counted from 1; "" for the whole file), defect and treatment.
+        reason: Reason of the failure, "" if it was read.
+        line: Line of the file that caused the failure, 0 if unknown.
     """
 
     clips: tuple[ReadClip, ...]
@@ -66,11 +66,11 @@ class ReadFile:
 def read_files(
     files: Sequence[MotionFile], fps: float, workers: int, ahead: int = 8
 ) -> Generator[ReadFile, None, None]:
-    """Yield the result of each file, in order.
+    """Yield the result for each file, in order.
 
     Args:
-        workers: Number of processes; 1 reads in this one, as does Blender's own binary, which cannot start Python.
-        ahead: Files per process that may be read before they are taken.
+        workers: Number of processes; 1 reads in this process, as does Blender's own binary, which cannot start Python.
+        ahead: Files per process that may be read in advance.
 
     Raises:
         DatabaseError: A reading process died.
@@ -111,7 +111,7 @@ def read_files(
 
 
 class _ReaderProcess:
-    _skeleton: Skeleton  # of the last clip
+    _skeleton: Skeleton  # skeleton of the last clip
 
     def __init__(self) -> None:
         self._process = JsonProcess(serve)
@@ -146,7 +146,7 @@ def read_file(path: str, skeleton: str, name: str, fps: float) -> ReadFile:
     except PerfanimError as error:
         line = re.search(r", line (\d+)$", error.where) if error.where.startswith(path) else None
         reason = str(error).removeprefix(f"{error.where}: ") if error.where.startswith(path) else str(error)
-        # files of an archive have meaningless names on disk
+        # files from an archive have meaningless names on disk
         for known, text in ((path, name), (skeleton, "the skeleton file")):
             reason = reason.replace(known, text) if known else reason
         return ReadFile((), (), reason, int(line[1]) if line else 0)
@@ -186,7 +186,7 @@ def serve() -> None:
 
 
 def _send(result: ReadFile, sent: Skeleton | None, stream: IO[bytes]) -> Skeleton | None:
-    """Write a result for the `_ReaderProcess`, without a skeleton that was just sent; return the last skeleton."""
+    """Write a result for `_ReaderProcess`, omitting a skeleton that was just sent; return the last skeleton."""
     rows: list[dict[str, Any]] = []
     for clip in result.clips:
         facts = {"name": clip.name, "first_frame": clip.first_frame, "source_fps": clip.source_fps}

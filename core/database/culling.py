@@ -1,8 +1,8 @@
-"""Near-duplicates: passages that an earlier clip of a database already holds.
+"""Culling of near-duplicates: passages that an earlier clip of a database already contains.
 
-A frame is a near-duplicate if its pose and the one `ahead_s` later, which give the direction of motion, are close to
-those of one frame kept from an earlier clip. Short passages stay, and so do margins around new motion, so that it has
-velocities. Frames are compared with the nearest few by principal components; a duplicate missed that way stays.
+A frame is a near-duplicate if its pose and the pose `ahead_s` later, which give the direction of motion, are close to
+those of a frame kept from an earlier clip. Short passages are kept, and so are margins around new motion, so that it
+has velocities. Each frame is compared with its nearest few by principal components; duplicates missed by this are kept.
 """
 
 import math
@@ -23,29 +23,29 @@ JOINT_ANGLES = sum(len(angle_frame(name)[1]) for name in JOINT_NAMES[1:])
 
 @dataclass(frozen=True)
 class CullSettings:
-    """Comparison of passages and its search."""
+    """Settings for comparing passages and searching for candidates."""
 
     distance_deg: float = 1.0  # recommended distance, see `near_duplicates`
     ahead_s: float = 0.1  # time to the second pose that is compared
     shortest_s: float = 0.25  # shortest passage that is left out
-    margin_s: float = 0.1  # kept on both sides of new motion
+    margin_s: float = 0.1  # time kept on both sides of new motion
     compared_per_s: float = 20.0  # frames compared; those between follow them
     components: int = 12  # principal components
-    candidates: int = 4  # nearest frames by components that are compared
-    samples: int = 20_000  # frames that the components are computed from
-    tree: int = 4096  # frames from which a search tree pays
+    candidates: int = 4  # number of nearest frames by components that are compared
+    samples: int = 20_000  # frames used to compute the components
+    tree: int = 4096  # fewest frames for which a search tree pays
 
 
 SETTINGS = CullSettings()
 
 
 def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distance_deg: float) -> Mask:
-    """Return the frames (F,) that can be left out.
+    """Return a mask (F,) of the frames that can be left out.
 
     Args:
         poses: Rotation vectors (F, D) of the joints, radians.
-        clips: Clips that cover the frames in order; earlier ones are kept.
-        distance_deg: Root mean square over the joint angles below which two poses count as equal, degrees.
+        clips: Clips that cover the frames in order; earlier clips are kept.
+        distance_deg: RMS over the joint angles below which two poses count as equal, degrees.
     """
     duplicate = np.zeros(len(poses), dtype=np.bool_)
     stride = max(1, round(fps / SETTINGS.compared_per_s))
@@ -59,7 +59,7 @@ def near_duplicates(poses: FloatArray, clips: Sequence[Clip], fps: float, distan
         features = kept.features(frames)
         known = np.zeros(clip.stop - clip.start, dtype=np.bool_)
         known[: len(frames) * stride] = np.repeat(kept.holds(features), stride)[: len(known)]
-        known[len(frames) * stride :] = known[len(frames) * stride - 1]  # the end is the last frame's second pose
+        known[len(frames) * stride :] = known[len(frames) * stride - 1]  # the last frame is its own second pose
         culled = binary_erosion(known, np.ones(2 * margin + 1), border_value=1)
         culled = binary_opening(culled, np.ones(shortest))  # drops shorter runs
         duplicate[clip.start : clip.stop] = culled
@@ -108,7 +108,7 @@ class _Kept:
     def add(self, features: FloatArray) -> None:
         if len(features) == 0:
             return
-        # a part is merged with the one before it once it has grown as large, so that there are few parts
+        # a tree is merged with the one before it once it has grown as large, so that there are only a few
         while self._parts and len(self._parts[-1][1]) <= len(features):
             features = np.concatenate((self._parts.pop()[1], features))
         tree = cKDTree(self._components(features)) if len(features) >= SETTINGS.tree else None

@@ -27,7 +27,7 @@ def behaviour_of(name: str, description: str = "") -> str:
 
 
 def subject_of(name: str) -> str:
-    """Return a clip's subject: "14" from "14_02", set and style, or the folder's name."""
+    """Return a clip's subject: "14" from "14_02", set and style, or the name of the folder."""
     pure = PurePosixPath(name)
     match = _BANDAI.fullmatch(pure.stem)
     if match:
@@ -37,7 +37,7 @@ def subject_of(name: str) -> str:
 
 
 def select_files(files: Sequence[MotionFile], include: Sequence[str], exclude: Sequence[str]) -> list[MotionFile]:
-    """Return the files that match a glob of `include`, if there are any, and none of `exclude`.
+    """Return the files that match a glob of `include`, if any are given, and none of `exclude`.
 
     A glob is compared with the whole name, the file name, the stem and the behaviour.
 

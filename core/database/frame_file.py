@@ -1,4 +1,4 @@
-"""Frames on disk while a database is built, so that memory does not grow."""
+"""Disk storage for frames while a database is built, so that memory use does not grow."""
 
 from contextlib import suppress
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Facts in a database's header, JSON."""
+"""Contents of a database's JSON header."""
 
 import json
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ _MOST = 1e15  # bytes, rows
 class Clip:
     """One clip of the database: frames `start` up to `stop`.
 
-    A file with gaps or jumps gives several clips of its name.
+    A file with gaps or jumps yields several clips with its name.
     """
 
     name: Annotated[str, About("name of the file")]
@@ -32,14 +32,14 @@ class Clip:
     mirrored: Annotated[bool, About("whether it is a mirror image of the recording")] = False
 
     def part(self, first: int, stop: int, start: int, fps: float) -> "Clip":
-        """Return frames `first` up to `stop` of the clip as one that begins at `start`."""
+        """Return frames `first` up to `stop` of the clip as a clip that begins at `start`."""
         before = round(first * self.source_fps / fps)
         return replace(self, start=start, stop=start + stop - first, first_frame=self.first_frame + before)
 
 
 @dataclass(frozen=True)
 class ReferenceOwner:
-    """Clips with a reference pose of their own."""
+    """Clips that share a reference pose of their own."""
 
     subject: Annotated[str, About("recorded person")]
     skeleton: Annotated[int, About("index of the body", "", 0, _MOST)]
@@ -48,7 +48,7 @@ class ReferenceOwner:
 
 @dataclass(frozen=True)
 class ArrayPlace:
-    """Place of an array in the file."""
+    """Position of an array in the file."""
 
     dtype: Annotated[str, About("numpy's name of the type")]
     shape: Annotated[tuple[int, ...], About("rows and columns", "", 0, _MOST)]
@@ -58,7 +58,7 @@ class ArrayPlace:
 
 @dataclass(frozen=True)
 class Header:
-    """All facts of a database."""
+    """Contents of a database's header."""
 
     fps: Annotated[float, About("rate of all frames", "frames per second", SLOWEST, FASTEST)]
     joints: Annotated[tuple[str, ...], About("names of the joints")]
@@ -75,10 +75,10 @@ FACTS = Schema(Header, "Header of a database", "JSON at the beginning of the fil
 
 
 def read_header(path: Path, header: bytes) -> Header:
-    """Return the facts of a header.
+    """Return the facts from a header.
 
     Raises:
-        DatabaseError: They do not fit the schema.
+        DatabaseError: The header does not fit the schema.
     """
     facts = json.loads(header)
     if not isinstance(facts, dict):

@@ -1,4 +1,4 @@
-"""Centres of clusters of many points, by k-means on a sample."""
+"""Cluster centres of many points, by k-means on a sample."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from ..geometry.arrays import FloatArray
 
-Map = Callable[..., Iterable[Any]]  # `map`, or that of an executor
+Map = Callable[..., Iterable[Any]]  # `map`, or the one of an executor
 
 
 def clusters_of(points: FloatArray, count: int, mapped: Map = map) -> NDArray[np.int64]:
-    """Return the cluster (F,) of each point, of about `count`, none empty."""
+    """Return the cluster (F,) of each point, out of about `count`, none empty."""
     return np.unique(nearest_centres(points, centres_of(points, count, mapped), mapped), return_inverse=True)[1]
 
 
 def centres_of(points: FloatArray, count: int, mapped: Map = map, per_centre: int = 24) -> FloatArray:
-    """Return about `count` centres (C, D) of points (F, D), from a sample of `per_centre` points for each."""
+    """Return about `count` centres (C, D) of points (F, D), from a sample of `per_centre` points per centre."""
     random = np.random.default_rng(0)  # the same result every time
     size = min(len(points), count * per_centre)
     return k_means(points[np.sort(random.choice(len(points), size, replace=False))], count, mapped)[0]
@@ -41,13 +41,13 @@ def nearest_centres(points: FloatArray, centres: FloatArray, mapped: Map = map, 
     """Return the index (F,) of the centre nearest to each point.
 
     Args:
-        chunk: Points compared at once, so that their distances fit into the processor's cache.
+        chunk: Number of points compared at once, chosen so that their distances fit into the processor's cache.
     """
     factors = np.concatenate((-2.0 * centres.T, np.einsum("cd,cd->c", centres, centres)[None]))
 
     def nearest(start: int) -> NDArray[np.int64]:
         some = points[start : start + chunk]
-        # squared distances without the square of the point, which all centres share
+        # squared distances without the point's own square, which is the same for all centres
         return np.argmin(np.column_stack((some, np.ones(len(some), some.dtype))) @ factors, axis=1)
 
     return np.concatenate(list(mapped(nearest, range(0, len(points), chunk))))

@@ -1,4 +1,4 @@
-"""Public collections of motion: their list, and their download."""
+"""Public collections of motion: their list and their download."""
 
 import gzip
 import re
@@ -52,14 +52,14 @@ def public_collections() -> dict[str, Collection]:
 
 
 def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Path:
-    """Return the archive of a collection, downloaded unless it is there.
+    """Return the archive of a collection; it is downloaded if it is not there.
 
     Args:
         name_or_address: Name in `public_collections`, or the address of another archive.
         folder: Folder of the archives; nothing is written elsewhere.
 
     Raises:
-        DownloadError: The download fails or is damaged; see `download`.
+        DownloadError: The download fails or the file is damaged; see `download`.
         SettingsError: The name is unknown.
     """
     known = public_collections().get(name_or_address)
@@ -82,7 +82,7 @@ def get_collection(name_or_address: str, folder: Path, progress: Progress) -> Pa
 
 
 def file_name(address: str, name: str = "") -> str:
-    """Return a file name of letters, digits, dots and dashes for an address."""
+    """Return a file name made of letters, digits, dots and dashes for an address."""
     check_address(address)
     last = unquote(urlsplit(address).path).rsplit("/", 1)[-1]
     ending = next((ending for ending in _ENDINGS if last.lower().endswith(ending)), "")
@@ -117,7 +117,7 @@ def _check_zip(archive: Path) -> None:
 
 
 def _check_tar(archive: Path) -> None:
-    # gzip is opened here, because tarfile does not verify the checksum at the end
+    # gzip is opened here, because tarfile does not verify the checksum at the end of the file
     with archive.open("rb") if archive.suffix == ".tar" else gzip.open(archive) as stream:
         size = 0
         with tarfile.open(fileobj=stream, mode="r|", tarinfo=counted_headers(archive)) as opened:

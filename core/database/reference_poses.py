@@ -26,15 +26,15 @@ from .store import Database, ReferencePose, pose_from_rotations
 
 @dataclass(frozen=True)
 class ReferencePoseSettings:
-    """Estimation of reference poses."""
+    """Settings for the estimation of reference poses."""
 
-    mean_samples: int = 20_000  # frames for the mean rotations
-    clip_samples: int = 60  # frames of each clip for its median
+    mean_samples: int = 20_000  # frames used for the mean rotations
+    clip_samples: int = 60  # frames of each clip used for its median
     farthest_rad: float = 1.0  # cap of a clip's distance from its subject's median: recordings have flipped joints
-    impossible_rad: float = np.radians(100.0)  # rotation that the end of a limb cannot reach: a flipped joint
-    median_steps: int = 30  # most steps of Weiszfeld's algorithm
-    least_rad: float = 0.01  # smallest distance that it divides by
-    settled_rad: float = 1e-7  # it stops when the remaining steps cannot move a median by more
+    impossible_rad: float = np.radians(100.0)  # rotation that the end of a limb cannot reach, so the joint is flipped
+    median_steps: int = 30  # largest number of steps of Weiszfeld's algorithm
+    least_rad: float = 0.01  # smallest distance that the algorithm divides by
+    settled_rad: float = 1e-7  # the algorithm stops when the remaining steps cannot move a median by more
     chunk: int = 4096  # frames converted at once
     clips: int = 32  # clips whose medians are computed at once, so that they fit into the processor's cache
 
@@ -83,7 +83,7 @@ def relative_poses(
 def find_reference_poses(
     rotations: NDArray[Any] | FrameFile, clips: Sequence[Clip]
 ) -> tuple[Array, tuple[ReferencePose, ...]]:
-    """Return the common reference pose (J, 4), and those of the subjects."""
+    """Return the common reference pose (J, 4) and those of the subjects."""
 
     def samples_of(clip: Clip) -> Array:
         chosen = np.linspace(0, clip.stop - clip.start - 1, _SETTINGS.clip_samples).astype(np.int64)
@@ -113,7 +113,7 @@ def find_reference_poses(
 
 
 def reference_pose_report(database: Database) -> dict[str, dict[str, float]]:
-    """Return by subject each joint's angle from the common reference pose, degrees."""
+    """Return, by subject, each joint's angle from the common reference pose, degrees."""
     result = {}
     for reference in database.reference_poses:
         turned = np.degrees(rot.angle_between(reference.rotations, database.mean_rotations))
@@ -130,7 +130,7 @@ def _median(rotations: Array) -> Array:
 def _medians(rotations: Array) -> Array:
     """Return the medians (C, J, 4) of unit quaternions (N, C, J, 4) (Weiszfeld 1937)."""
     medians = rot.mean(rotations)
-    parts = np.ascontiguousarray(np.moveaxis(rotations, 0, -1))  # (C, J, 4, N)
+    parts = np.ascontiguousarray(np.moveaxis(rotations, 0, -1))  # shape (C, J, 4, N)
     for left in range(_SETTINGS.median_steps, 0, -1):
         cosines = (medians[..., None, :] @ parts)[..., 0, :]
         nearest = np.minimum(np.abs(cosines), 1.0 - _TINY)
@@ -155,7 +155,7 @@ def _clip_variance(clips: Array) -> Array:
 
 
 def _hold_flipped(poses: FloatArray) -> None:
-    """Replace flipped ends of limbs in a clip's poses (F, J - 1, 3)."""
+    """Repair flipped hands, feet and head in a clip's poses (F, J - 1, 3)."""
     far: Mask = np.einsum("fji,fji->fj", poses, poses) > _SETTINGS.impossible_rad**2
     for joint in _ENDS:
         flipped, vectors = far[:, joint - 1], poses[:, joint - 1]

@@ -1,4 +1,4 @@
-"""Skeletons in a database's header."""
+"""Skeletons in a database's JSON header."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
@@ -15,7 +15,7 @@ _J = len(JOINT_NAMES)
 
 @dataclass(frozen=True)
 class _Body:
-    """A standard skeleton in a header."""
+    """A standard skeleton in the header."""
 
     offsets_m: Annotated[Array, About("joints from their parents", "m", -10.0, 10.0, shape=(_J, 3))]
     tips_m: Annotated[Array, About("ends of bones from their joints", "m", -10.0, 10.0, shape=(_J, 3))]
@@ -28,12 +28,12 @@ BODY = Schema(_Body, "Skeleton", "A standard skeleton in a database.", DatabaseE
 
 
 def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
-    """Return a standard skeleton for JSON."""
+    """Return a standard skeleton as values for JSON."""
     return table_of(_body(skeleton))
 
 
 def skeleton_from_facts(row: Table) -> Skeleton:
-    """Return the skeleton of `skeleton_facts`."""
+    """Return the skeleton from values made by `skeleton_facts`."""
     return _skeleton(BODY.read(row, "skeleton"), "")
 
 

@@ -1,7 +1,7 @@
 """Motion database file: a JSON header and aligned arrays, mapped when opened.
 
 Layout: magic, version (u32), header length (u64), file length (u64), header digest (32 bytes), header (JSON), padding,
-arrays. The file length and the digest reveal a file that was cut off; checksums of the arrays, which files of earlier
+arrays. File length and digest reveal a file that was cut off; checksums of the arrays, which files of earlier
 versions lack, reveal changes before a solve.
 """
 
@@ -31,10 +31,10 @@ from .header_facts import FASTEST, SLOWEST, ArrayPlace, Clip, Header, read_heade
 from .skeleton_facts import REBUILD, skeleton_facts
 
 DATABASE_SUFFIX = ".pfdb"
-OLD_DATABASE_SUFFIX = ".perfdb"  # of versions up to 0.1, for the same format
+OLD_DATABASE_SUFFIX = ".perfdb"  # suffix up to version 0.1, for the same format
 
 _MAGIC = b"PERFANIM-DB\n"
-_VERSION, _CELLS_VERSION = 2, 3  # without and with cells of the search
+_VERSION, _CELLS_VERSION = 2, 3  # without and with cells for the search
 _VERSIONS = (1, _VERSION, _CELLS_VERSION)  # version 1 lacks the subjects' reference poses
 _PREAMBLE = struct.Struct("<12sIQQ32s")
 _ALIGNMENT = 64  # bytes
@@ -57,14 +57,14 @@ class Database:
     Args:
         clips: Clips in the order of their frames, without gaps.
         skeletons: Bodies of the subjects, with the standard joints.
-        mean_rotations: Common reference pose (J, 4), about the mean local rotation of each joint, so that no joint
+        mean_rotations: Common reference pose (J, 4), close to the mean local rotation of each joint, so that no joint
             angle comes near 180 degrees, where rotation vectors jump.
         poses: Float32 rotation vectors (F, J - 1, 3) of all joints but the root: local = reference * exp(pose).
         root_rotations: Float32 world-from-root (F, 4).
         root_positions_m: Float32 positions (F, 3).
         cells: Cell (F,) of similar frames, see `build_cells`; None in a small database.
-        culled_frames: Number of near-duplicates left out when it was built.
-        reference_poses: Reference poses of subjects that have their own; the others have the common one.
+        culled_frames: Number of near-duplicates that were left out when the database was built.
+        reference_poses: Reference poses of subjects that have their own; the others use the common one.
     """
 
     path: Path
@@ -86,12 +86,12 @@ class Database:
 
     @property
     def behaviours(self) -> dict[str, int]:
-        """Frames of each behaviour."""
+        """Number of frames of each behaviour."""
         return self._frames_by(lambda clip: clip.behaviour)
 
     @property
     def source_rates(self) -> dict[str, int]:
-        """Frames by the rate of their source files, frames per second."""
+        """Number of frames by the rate of their source files, frames per second."""
         return self._frames_by(lambda clip: f"{clip.source_fps:g}")
 
     def _frames_by(self, key: Callable[[Clip], str]) -> dict[str, int]:
@@ -113,7 +113,7 @@ class Database:
         return np.array([own.get(subject, self.mean_rotations) for subject in subjects])
 
     def reference_pose_of(self, skeleton: Skeleton, name: str = "") -> Array:
-        """Return the reference pose (J, 4) of a recorded body or subject, the common one of others.
+        """Return the reference pose (J, 4) of a recorded body or subject, or the common one for others.
 
         Args:
             name: Name of the subject; a subject of this name in the database counts as the same person even if the
@@ -139,7 +139,7 @@ class Database:
 
 
 def same_bones(offsets_m: Array, others_m: Array, most_m: float = 2e-4) -> bool:
-    """Return whether two bodies' joint offsets (J, 3) differ by less than rounding, `most_m`."""
+    """Return whether two bodies' joint offsets (J, 3) differ by no more than rounding, `most_m`."""
     return offsets_m.shape == others_m.shape and float(np.max(np.abs(offsets_m - others_m))) < most_m
 
 
@@ -155,10 +155,10 @@ def pose_from_rotations(rotations: Any, mean_rotations: Array) -> Array:
     """Return poses (..., J - 1, 3) of local rotations (..., J, 4)."""
     local = np.asarray(rotations, dtype=np.float64)[..., 1:, :]
     # components of all frames in contiguous rows: several times as fast as `rot.to_rotation_vector`
-    rows = np.ascontiguousarray(np.moveaxis(local.reshape(-1, *local.shape[-2:]), 0, -1))  # (J - 1, 4, F)
+    rows = np.ascontiguousarray(np.moveaxis(local.reshape(-1, *local.shape[-2:]), 0, -1))  # shape (J - 1, 4, F)
     turned = rot.left_matrices(rot.conjugate(mean_rotations[1:])) @ rows
     w, vectors = turned[:, 0], turned[:, 1:]
-    sines = np.maximum(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), 1e-150)  # divisor
+    sines = np.maximum(np.sqrt(vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2), 1e-150)  # safe divisor
     vectors *= np.copysign(2.0 * np.arctan2(sines, np.abs(w)) / sines, w)[:, None]
     return np.moveaxis(vectors, -1, 0).reshape(*local.shape[:-1], 3)
 
@@ -227,7 +227,7 @@ def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, ND
 
 
 def open_database(path: str | Path) -> Database:
-    """Return the database of a file with memory-mapped arrays; DatabaseError if it is not one or is cut off."""
+    """Return the database in a file with memory-mapped arrays; DatabaseError if it is not one or is cut off."""
     path = Path(path)
     with open_foreign(path, DatabaseError) as stream, reading(path, DatabaseError, REBUILD):
         header, arrays = _map_arrays(path, stream)
@@ -237,7 +237,7 @@ def open_database(path: str | Path) -> Database:
 
 
 def check_file(database: Database) -> None:
-    """Raise DatabaseError if the file was cut off since it was opened; the lost part would be read as zeros.
+    """Raise DatabaseError if the file was cut off after it was opened; the lost part would be read as zeros.
 
     A file that was replaced or deleted stays readable.
     """
@@ -247,7 +247,7 @@ def check_file(database: Database) -> None:
 
 
 def _map_arrays(path: Path, stream: BinaryIO) -> tuple[Header, dict[str, NDArray[Any]]]:
-    """Return a file's header and mapped arrays; raises anything for a damaged file."""
+    """Return a file's header and mapped arrays; a damaged file may raise any exception."""
     data = _read_header(path, stream)
     header, start = read_header(path, data), _PREAMBLE.size + len(data)
     start += -start % _ALIGNMENT
@@ -259,7 +259,7 @@ def _crc32(array: NDArray[Any]) -> int:
 
 
 def _read_header(path: Path, stream: BinaryIO) -> bytes:
-    """Return the header of a database file; DatabaseError unless the file has its full length."""
+    """Return the header of a database file; DatabaseError if the file is shorter than it should be."""
     size = stream.seek(0, 2)
     stream.seek(0)
     preamble = stream.read(_PREAMBLE.size)
@@ -278,7 +278,7 @@ def _read_header(path: Path, stream: BinaryIO) -> bytes:
 
 
 def _database_from(path: Path, header: Header, arrays: Mapping[str, NDArray[Any]]) -> Database:
-    """Return the database of a header and mapped arrays; raises anything for a damaged file."""
+    """Return the database from a header and mapped arrays; a damaged file may raise any exception."""
     frames, joints, owners = len(arrays["poses"]), len(JOINT_NAMES), header.reference_owners
     expected = {
         "mean_rotations": ("<f8", (joints, 4)),
@@ -306,7 +306,7 @@ def _database_from(path: Path, header: Header, arrays: Mapping[str, NDArray[Any]
         poses=arrays["poses"],
         root_rotations=arrays["root_rotations"],
         root_positions_m=arrays["root_positions_m"],
-        cells=arrays.get("cells", arrays.get("clusters")),  # clusters of a neighbour graph in earlier versions
+        cells=arrays.get("cells", arrays.get("clusters")),  # earlier versions stored a graph's clusters here
         culled_frames=header.culled_frames,
         reference_poses=tuple(own),
     )
@@ -322,11 +322,11 @@ def _are_unit(rotations: NDArray[Any]) -> bool:
 
 
 def check_arrays(database: Database, chunk: int = 1 << 14, largest: float = 1e5) -> None:
-    """Read all arrays once before a solve; DatabaseError for changed bytes or invalid poses.
+    """Read all arrays once before a solve; DatabaseError if bytes have changed or poses are invalid.
 
     Args:
         chunk: Frames checked at once.
-        largest: Bound of rotation vectors and positions, radians and metres.
+        largest: Largest valid rotation vector or position, radians or metres.
     """
     if is_file(database.path):
         with open_foreign(database.path, DatabaseError) as stream, reading(database.path, DatabaseError, REBUILD):

@@ -1,1 +1,1 @@
-"""Files of other programs: motion and marker takes."""
+"""Files of other programs and of our own: motion and marker takes."""

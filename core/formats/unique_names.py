@@ -1,10 +1,10 @@
-"""Unique names for joints and markers of files that repeat some."""
+"""Unique names for joints and markers in files that repeat some."""
 
 from collections.abc import Sequence
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names made unique by a count: "a", "a_2"."""
+    """Return the names made unique by a number: "a", "a_2"."""
     taken: dict[str, None] = {}
     counts: dict[str, int] = {}
     for name in names:

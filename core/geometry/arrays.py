@@ -1,4 +1,4 @@
-"""Types of NumPy arrays, runs of set flags, and arrays as text."""
+"""NumPy array types, runs of set flags, and arrays as text."""
 
 import base64
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-FloatArray = NDArray[np.float32]  # 32 bits, where memory or time counts
+FloatArray = NDArray[np.float32]  # 32 bits, where memory or time matters
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]  # (height, width) grey, or (height, width, 3)
 
 
 def runs(flags: Mask) -> list[tuple[int, int]]:
-    """Return [start, stop) of each unbroken run of set flags (F,)."""
+    """Return (start, stop) of each unbroken run of set flags (F,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False]))))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
@@ -30,5 +30,5 @@ def packed(values: Array) -> str:
 
 
 def unpacked(text: str) -> Array:
-    """Return the numbers (N,) of `packed`."""
+    """Return the numbers (N,) from the text of `packed`."""
     return np.frombuffer(base64.b64decode(text), "<f4").astype(np.float64)

@@ -25,7 +25,7 @@ class Camera:
         distortion: k1, k2, p1, p2, k3 (5,) as in OpenCV.
         rotation: Camera-from-world (3, 3).
         translation_m: x_camera = rotation @ x_world + translation (3,).
-        ignored_px: Places (N, 2) in the image where nothing is taken for a marker: reflections.
+        ignored_px: Positions (N, 2) in the image where nothing is taken for a marker, because of reflections.
     """
 
     name: str
@@ -78,9 +78,9 @@ class Camera:
         return self.to_pixels(local[..., :2] / depth)
 
     def shows(self, points_m: ArrayLike) -> Mask:
-        """Return which world points (..., 3) lie in the image."""
+        """Return a mask of the world points (..., 3) that lie in the image."""
         local = self.to_camera(points_m)
-        ahead = local[..., 2] > 0.1  # m
+        ahead = local[..., 2] > 0.1  # metres
         normalised = local[..., :2] / np.where(ahead, local[..., 2], 1.0)[..., None]
         pixels = self.to_pixels(normalised)
         inside = ahead & np.all((pixels >= 0.0) & (pixels <= np.array(self.image_size) - 1.0), axis=-1)
@@ -115,7 +115,7 @@ class Camera:
 
 
 def undistort_all(cameras: Sequence[Camera], pixels: Sequence[Array]) -> list[Array]:
-    """Return each camera's undistorted normalised coordinates (n, 2), all computed at once."""
+    """Return each camera's undistorted normalised coordinates (n, 2), computed together."""
     counts = [len(rows) for rows in pixels]
     columns = zip(*(_intrinsics(camera) for camera in cameras), strict=True)
     found = _undistort(np.concatenate(pixels), *(np.repeat(column, counts, axis=0) for column in columns))
@@ -131,7 +131,7 @@ def _intrinsics(camera: Camera) -> tuple[Array, Array]:
 def _undistort(pixels: Array, intrinsics: Array, distortion: Array) -> Array:
     """Return normalised coordinates (..., 2) of pixels by Newton's method on x + iy.
 
-    Derivatives by z and its conjugate take half the work of a real Jacobian: df = f_z dz + f_c conj(dz), with f_z real.
+    Derivatives by z and its conjugate halve the work of a real Jacobian: df = f_z dz + f_c conj(dz), with f_z real.
 
     Args:
         intrinsics, distortion: Results of `_intrinsics`, (5,) for all pixels or (n, 5).
@@ -174,10 +174,10 @@ def _squared(z: ComplexArray) -> Array:
 
 @dataclass(frozen=True)
 class CameraRig:
-    """At least one camera; several are calibrated together, in one world.
+    """One or more cameras, calibrated in one world.
 
     Args:
-        metadata: Facts about the calibration (error, date, ...), kept in the file.
+        metadata: Facts about the calibration (error, date, ...) that the file stores.
     """
 
     cameras: tuple[Camera, ...]
@@ -193,12 +193,12 @@ class CameraRig:
 
     @property
     def ignored(self) -> Array:
-        """Ignored places (N, 3) of all cameras: index of the camera, x, y."""
+        """Ignored positions (N, 3) of all cameras: index of the camera, x, y."""
         rows = [np.insert(camera.ignored_px, 0, index, axis=1) for index, camera in enumerate(self.cameras)]
         return np.concatenate(rows)
 
     def ignoring(self, places: ArrayLike) -> "CameraRig":
-        """Return the rig with other ignored places (N, 3), as in `ignored`."""
+        """Return the rig with other ignored positions (N, 3), as in `ignored`."""
         rows = np.asarray(places, dtype=np.float64).reshape(-1, 3)
         cameras = (
             replace(camera, ignored_px=rows[rows[:, 0] == index, 1:]) for index, camera in enumerate(self.cameras)

@@ -1,4 +1,4 @@
-"""One-to-one assignment with a largest cost per pair."""
+"""One-to-one assignment with an upper limit on the cost of each pair."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,13 +9,13 @@ from .arrays import IntArray
 def assign(costs: ArrayLike, gate: float = 1.0) -> tuple[IntArray, IntArray]:
     """Return rows (K,) and columns (K,) of the cheapest one-to-one assignment.
 
-    Pairs that cost the gate or more are left out.
+    Pairs whose cost reaches the gate are left out.
 
     Args:
         costs: Costs (N, M), infinite where a pair is forbidden.
-        gate: Positive limit; divide the costs by limits that differ between pairs.
+        gate: Positive limit; if limits differ between pairs, divide the costs by them.
     """
-    # scipy imports slowly, and Blender loads this module at its start
+    # scipy is slow to import, and Blender loads this module at startup
     from scipy.optimize import linear_sum_assignment
 
     table = np.asarray(costs, dtype=np.float64)

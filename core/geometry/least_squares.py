@@ -25,18 +25,18 @@ def gauss_newton(
     move: Callable[[State, Array], Any] = sub,
     solve: Callable[[Array, Array], Array] = _solve,
 ) -> tuple[State, Array, Array]:
-    """Minimise sums of squares near their minimum, one or a batch of them.
+    """Minimise one sum of squares, or a batch of them, starting near the minimum.
 
     Args:
         linearise: Returns residuals (..., R), each divided by its standard deviation, and their Jacobian (..., R, D).
             Robust weights and priors are part of these rows.
-        steps: Most steps.
-        smallest: A step without a larger component is not taken any more.
-        move: Returns the state less a step (..., D).
+        steps: Largest number of steps.
+        smallest: Iteration ends when no component of a step is larger.
+        move: Returns the state minus a step (..., D).
         solve: Solves the normal equations, matrices (..., D, D) and vectors (..., D).
 
     Returns:
-        The state, and residuals and Jacobian there.
+        The state, with the residuals and the Jacobian there.
     """
     state = start
     for left in range(steps, -1, -1):
@@ -68,15 +68,15 @@ def levenberg_marquardt(
     steps: int = 100,
     least_gain: float = 1e-8,
 ) -> tuple[State, NormalEquations]:
-    """Minimise a sum of squares from a rough start; no step raises the cost.
+    """Minimise a sum of squares from a rough start; no step increases the cost.
 
     Args:
         move: Returns the state plus a step (D,).
-        steps: Most steps, rejected ones included.
-        least_gain: Share of the cost by which the last step lowers it at most.
+        steps: Largest number of steps, including rejected ones.
+        least_gain: Iteration ends when a step lowers the cost by no more than this share.
 
     Returns:
-        The state of least cost and the equations there.
+        The state with the lowest cost and the equations there.
     """
     damping = 1e-4
     state, near = start, linearise(start)

@@ -1,4 +1,4 @@
-"""Check for impossible lenses, which show a failed calibration or another lens model."""
+"""Check for impossible lenses, which indicate a failed calibration or another lens model."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from .camera import Camera
 
 @dataclass(frozen=True)
 class LensLimits:
-    """Limits of lenses that the standard model describes."""
+    """Limits for lenses that the standard model describes."""
 
-    widest_deg: float = 150.0  # field of view; rectilinear lenses end at 120, this model becomes useless above
+    widest_deg: float = 150.0  # field of view; rectilinear lenses end at 120, and above this the model becomes useless
     narrowest_deg: float = 0.5
-    stretched: float = 2.0  # ratio of the two focal lengths; anamorphic lenses have 2 at most
-    clear: float = 0.5  # share of half the image's shorter side that the distortion must cover without folding
+    stretched: float = 2.0  # ratio of the two focal lengths; anamorphic lenses reach at most 2
+    clear: float = 0.5  # share of half the image's shorter side within which the distortion must not fold
 
 
 LIMITS = LensLimits()

@@ -1,7 +1,7 @@
-"""Interacting multiple models (Blom and Bar-Shalom 1988) for points that stand, move and strike.
+"""Interacting multiple model filter (Blom and Bar-Shalom 1988) for points that stand, move and strike.
 
-Kalman filters of constant acceleration differ in how fast it may change; the better a model predicts a point, the more
-it counts. So a still point is held still and a fast one is not late.
+Kalman filters of constant acceleration differ in how fast the acceleration may change; the better a model predicts a
+point, the more weight it gets. So a still point is held still, and a fast one does not lag.
 """
 
 import math
@@ -17,11 +17,11 @@ _EXPONENTS = np.arange(6)
 
 
 def _movements() -> tuple[Array, Array]:
-    """Return prediction matrices as polynomials in time, a row for each power.
+    """Return prediction matrices as polynomials in time, one row per power.
 
     Returns:
-        The transition (6, 18 * 18) of rows of states and covariances, and the covariance (6, 9) that a unit of the
-        jerk's spectral density adds.
+        The transition (6, 18 * 18) of rows of states and covariances, and the covariance (6, 9) added by a unit of the
+        jerk's spectral density.
     """
     # the transition of position, velocity and acceleration, by powers of time
     move = np.array([np.eye(3), np.eye(3, k=1), 0.5 * np.eye(3, k=2)])
@@ -43,20 +43,20 @@ class MotionModels:
     """How points of one kind move; lengths are in the points' unit."""
 
     changes: tuple[float, ...]  # third differences at 60 Hz that the models expect
-    least_sigma: float  # least standard deviation of a measured coordinate
-    jump: float  # distance from every prediction beyond which a point starts over
+    least_sigma: float  # smallest standard deviation of a measured coordinate
+    jump: float  # distance from every prediction beyond which a point is re-initialised
     first_speed: float  # standard deviation at the start, per s
     first_acceleration: float  # standard deviation at the start, per s^2
     holds_s: float = 1.0  # mean time until a point changes its model
-    pause_s: float = 0.25  # time without measurement after which a point starts over
+    pause_s: float = 0.25  # time without measurement after which a point is re-initialised
     jump_sigmas: float = 8.0  # distance in standard deviations that `jump` requires as well
 
 
 class MultipleModelFilter:
-    """Filter of points in space.
+    """Filter for points in space.
 
     Args:
-        kinds: Models and number of the points of each kind; all kinds have as many models and the same times.
+        kinds: Models and number of points for each kind; all kinds have the same number of models and the same times.
     """
 
     def __init__(self, *kinds: tuple[MotionModels, int]) -> None:
@@ -78,7 +78,7 @@ class MultipleModelFilter:
         self._hold(np.zeros((points, models, 18)))
 
     def _hold(self, rows: Array) -> None:
-        """Keep (N, K, 9 + 9): position, velocity, acceleration by axis, and the covariance that all axes share."""
+        """State (N, K, 9 + 9): position, velocity and acceleration by axis, and the covariance that all axes share."""
         self._states, self._covariances = (
             part.reshape(*rows.shape[:2], 3, 3) for part in (rows[..., :9], rows[..., 9:])
         )
@@ -86,11 +86,11 @@ class MultipleModelFilter:
 
     @property
     def followed(self) -> Mask:
-        """Mask (N,) of the points that were measured lately."""
+        """Mask (N,) of the points that were measured recently."""
         return np.asarray(self._time_s - self._seen_s < self._kind.pause_s)
 
     def forget(self, points: Mask) -> None:
-        """Start the points of a mask (N,) over."""
+        """Re-initialise the points of a mask (N,)."""
         self._seen_s[points] = -np.inf
 
     def predict(self, time_s: float) -> None:
@@ -99,14 +99,14 @@ class MultipleModelFilter:
         self._time_s = time_s
 
     def observe(self, points: Array, noise: Array) -> Mask:
-        """Correct the prediction by measurements.
+        """Correct the prediction with measurements.
 
         Args:
             points: Measured points (N, 3), NaN where there is none.
             noise: Standard deviations (N,) of their coordinates.
 
         Returns:
-            Mask (N,) of the points that did not start over.
+            Mask (N,) of the points that were not re-initialised.
         """
         sigmas = np.maximum(noise, self._least)
         located = np.isfinite(points[:, 0])
@@ -141,8 +141,8 @@ class MultipleModelFilter:
         shares = self._weights[:, :, None] * changes
         self._weights = np.add.reduce(shares, axis=1)
         shares /= np.maximum(self._weights, 1e-300)[:, None]
-        # a mixture's covariance is the mean one plus that of the means, averaged over the axes; means are taken
-        # relative to the first model's, which keeps the digits of points far from the origin
+        # A mixture's covariance is the mean covariance plus that of the means, averaged over the axes. Means are taken
+        # relative to the first model's, which keeps the digits of points far from the origin.
         first = self._states[:, :1]
         apart = self._states - first
         self._covariances += apart @ apart.swapaxes(-1, -2) / 3.0
@@ -155,7 +155,7 @@ class MultipleModelFilter:
         self._hold(moved)
 
     def _update(self, seen: Mask | slice, innovations: Array, variances: Array, unlikely: Array) -> None:
-        """Correct the models of the seen points, and their weights."""
+        """Correct the models of the visible points, and their weights."""
         covariances, variances = self._covariances[seen], variances[seen]
         gains = (covariances[..., 0] / variances[..., None])[..., None]
         self._states[seen] += gains * innovations[seen][:, :, None]
@@ -166,7 +166,7 @@ class MultipleModelFilter:
         self._weights[seen] = weights / np.add.reduce(weights, axis=1, keepdims=True)
 
     def _start(self, new: Mask, points: Array, sigmas: Array) -> None:
-        """Start points at their measurements."""
+        """Initialise points at their measurements."""
         self._states[new] = 0.0
         self._states[new, :, 0] = points[new, None]
         self._covariances[new] = 0.0

@@ -1,6 +1,6 @@
-"""Arrays in .npz files, checked before memory is taken for what they declare.
+"""Arrays in .npz files, checked before memory is allocated for the sizes they declare.
 
-NumPy's reader trusts declared sizes, and its writer leaves a broken file on a full disk.
+NumPy's reader trusts declared sizes, and its writer leaves a broken file behind on a full disk.
 """
 
 import re
@@ -16,7 +16,7 @@ from ..errors import FormatError, PerfanimError
 from ..system.file_content import check_kind
 from ..system.files import atomic_path, is_over_budget, open_foreign, read_bytes, reading
 
-_ENTRY = b"PK\x01\x02"  # marks each member in a zip archive's list
+_ENTRY = b"PK\x01\x02"  # marks each member in a zip archive's directory
 _HEADER = re.compile(
     rb"\x93NUMPY(?:\x01\x00..|[\x02\x03]\x00....)\{'descr': '([<>|][biufU?]\d{1,6})', 'fortran_order': (False|True), "
     rb"'shape': \(((?:\d{1,15}, ?)*\d{0,15})\), \} *\n",
@@ -30,7 +30,7 @@ def read_arrays(
     """Return the arrays of a .npz file by name.
 
     Raises:
-        PerfanimError: Of `kind`, with `what`: it is not such a file, damaged, or declares far more than it contains.
+        PerfanimError: Of the class `kind`: it is not such a file, is damaged, or declares far more than it contains.
     """
     with open_foreign(path, kind) as file, reading(path, kind, what=what):
         check_kind(file.read(4096), str(path), "NumPy file", kind, "archive (zip)")
@@ -60,10 +60,10 @@ def read_array(path: Path | str) -> NDArray[Any]:
 
 
 def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipFile:
-    """Open a zip archive, its members counted before Python takes memory for each.
+    """Open a zip archive, counting its members before Python allocates memory for each.
 
     Args:
-        check_count: Gets the number of members so far and raises its own error for too many.
+        check_count: Called with the number of members so far; raises its own error for too many.
     """
     counted = _CountedList(file, check_count)
     archive = zipfile.ZipFile(cast(BinaryIO, counted))
@@ -72,7 +72,7 @@ def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipF
 
 
 class _CountedList:
-    """A file that counts members in what zipfile reads: their list, not the number declared after it."""
+    """File that counts archive members while zipfile reads their directory, as the declared number is not trusted."""
 
     def __init__(self, file: BinaryIO, check_count: Callable[[int], None]) -> None:
         self.is_listed = False
@@ -83,7 +83,7 @@ class _CountedList:
         return getattr(self._file, name)
 
     def read(self, size: int = -1) -> bytes:
-        """Read from the file; a read of a given size is that of the list."""
+        """Read from the file; zipfile gives a size only when it reads the directory."""
         if size > 0 and not self.is_listed:
             self._count(size)
         return self._file.read(size)
@@ -99,7 +99,7 @@ class _CountedList:
 
 
 def write_arrays(path: Path | str, arrays: Mapping[str, Any], packed: bool = True) -> None:
-    """Write arrays by name; equal arrays give equal bytes."""
+    """Write arrays by name; equal arrays give identical bytes."""
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, array in arrays.items():
             member = zipfile.ZipInfo(f"{name}.npy")

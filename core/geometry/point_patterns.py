@@ -1,4 +1,4 @@
-"""Rigid marker patterns: matching by distances, placement."""
+"""Rigid marker patterns: matching by distances, and placement."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from .rigid_transform import kabsch, transform
 def match_rigid_pattern(
     points_m: Array, spans_m: Array, tolerances_m: Array, fewest: int, allowed: Mask | None = None
 ) -> IntArray:
-    """Return matches (H, M): the point of each marker, or -1 for none; those with most points first.
+    """Return matches (H, M): the point of each marker, or -1; matches with most points come first.
 
     Args:
         points_m: Points (N, 3).
         spans_m: Distances (M, M) between the markers.
         tolerances_m: Largest difference (N, N) between the distance of two points and that of their markers.
         fewest: Number of markers that must have a point.
-        allowed: Mask (N, M) of the points that may be a marker; None allows all.
+        allowed: Mask (N, M) of the points that each marker may be; None allows all.
     """
     if allowed is not None:
         rows = np.flatnonzero(allowed.any(axis=1))
@@ -37,8 +37,8 @@ def _extend_matches(
             fits &= allowed[:, marker]
         for before in range(marker):
             near = np.abs(between_m - spans_m[before, marker]) <= tolerances_m
-            np.fill_diagonal(near, False)  # a point is one marker only
-            # the last row, -1, stands for a marker without a point
+            np.fill_diagonal(near, False)  # each point belongs to one marker only
+            # the last row, -1, represents a marker without a point
             fits &= np.concatenate((near, np.ones((1, len(near)), dtype=bool)))[chosen[:, before]]
         parent, point = np.nonzero(fits)
         taken = np.column_stack((chosen[parent], point))
@@ -46,7 +46,7 @@ def _extend_matches(
         chosen = np.concatenate((taken, without))
         missing = np.sum(chosen < 0, axis=1)
         order = np.argsort(missing, kind="stable")
-        chosen = chosen[order[missing[order] <= most_missing]][:2000]  # bounds time and memory
+        chosen = chosen[order[missing[order] <= most_missing]][:2000]  # limits time and memory
     return chosen
 
 

@@ -1,4 +1,4 @@
-"""Directions of the largest variance of poses."""
+"""Directions of largest variance of poses."""
 
 import numpy as np
 

@@ -1,7 +1,7 @@
-"""Vectors and quaternions as tuples of numbers, or of arrays (F,) of frames.
+"""Vectors and quaternions as tuples of numbers, or of arrays (F,) over frames.
 
-For the legs of one frame, in every tick of a live character, plain numbers are ten times as fast as NumPy's calls on
-arrays of three or four. The same formulas do all frames of a motion at once.
+For the legs of a single frame, in every tick of a live character, plain numbers are ten times as fast as NumPy calls
+on arrays of three or four. The same formulas process all frames of a motion at once.
 """
 
 from typing import Any
@@ -50,7 +50,7 @@ def length(a: Vector) -> Part:
 
 
 def unit(a: Vector) -> Vector:
-    """Return the vector at length one; a zero vector stays zero."""
+    """Return the vector scaled to length one; a zero vector stays zero."""
     return times((dot(a, a) + 1e-18) ** -0.5, a)
 
 
@@ -83,7 +83,7 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def unit_quaternion(q: Quaternion) -> Quaternion:
-    """Return the quaternion at length one."""
+    """Return the quaternion scaled to length one."""
     factor = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] + 1e-18) ** -0.5
     return factor * q[0], factor * q[1], factor * q[2], factor * q[3]
 

@@ -1,4 +1,4 @@
-"""Camera rigs as files: anipose layout, caliscope TOML and Qualisys XML."""
+"""Camera rig files: anipose layout, caliscope TOML and Qualisys XML."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,7 +19,7 @@ from .lens_check import lens_fault
 from .rig_import import caliscope_rows, level_from_world, qualisys_rows
 from .rigid_transform import nearest_rotation
 
-_FARTHEST = 1e6  # pixels, and lengths in the file's unit
+_FARTHEST = 1e6  # largest value in pixels, and of lengths in the file's unit
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class _CameraTable:
 
 @dataclass(frozen=True)
 class _Metadata:
-    """The key of `[metadata]` that is read."""
+    """The one key of `[metadata]` that is read."""
 
     length_unit: Annotated[str, About("unit of all lengths", choices=("m", "mm", "unknown"))] = "unknown"
 
 
 @dataclass(frozen=True)
 class _Calibration:
-    """What a file says about all cameras."""
+    """Facts in a file about all cameras."""
 
     metadata: Annotated[_Metadata, About("about all cameras")] = _Metadata()
 
@@ -80,7 +80,7 @@ def save_rig(rig: CameraRig, path: str | Path) -> None:
 
 
 def rig_tables(rig: CameraRig, exact: bool = False) -> dict[str, Any]:
-    """Return the tables that `save_rig` writes; `exact` ones hold rotations as matrices, to the last digit."""
+    """Return the tables that `save_rig` writes; if `exact`, rotations are matrices with all digits."""
     tables: dict[str, Any] = {}
     for index, camera in enumerate(rig.cameras):
         tables[f"cam_{index}"] = table_of(_table(camera)) | ({"rotation": camera.rotation.tolist()} if exact else {})
@@ -100,14 +100,14 @@ def _table(camera: Camera) -> _CameraTable:
 
 
 def load_rig(path: str | Path) -> CameraRig:
-    """Return the rig of a calibration file: anipose, caliscope or Qualisys.
+    """Return the rig in a calibration file: anipose, caliscope or Qualisys.
 
-    Those of other programs are converted to metres and to a world with y up. In anipose's layout they lack
-    `metadata.length_unit`: lengths are in the unit of the board, millimetres where a baseline exceeds 10.
+    Files of other programs are converted to metres and to a world with y up. In anipose's layout they lack
+    `metadata.length_unit`: lengths are in the unit of the board, millimetres if a baseline exceeds 10.
 
     Raises:
         FormatError: The file cannot be read.
-        CalibrationError: Cameras are missing or incomplete, or lenses are fisheyes.
+        CalibrationError: Cameras are missing or incomplete, or have fisheye lenses.
     """
     raw = read_bytes(path)
     if raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
@@ -133,7 +133,7 @@ RigTables: TypeAlias = Annotated[CameraRig, Via(Table, rig_from, partial(rig_tab
 
 
 def save_ignored(path: str | Path, places: ArrayLike) -> None:
-    """Write places (N, 3), as in `CameraRig.ignored`, into a calibration in anipose's layout."""
+    """Write positions (N, 3), as in `CameraRig.ignored`, into a calibration in anipose's layout."""
     tables = read_toml(path)
     keys = _camera_keys(tables)
     if not keys or not all(isinstance(tables[key], dict) for key in keys):
@@ -183,7 +183,7 @@ def _camera(table: _CameraTable, where: str) -> Camera:
         )
     turn = table.rotation
     matrix = turn if turn.shape == (3, 3) else rot.to_matrix(rot.from_rotation_vector(turn))
-    if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or from a bundle adjustment
+    if 1e-9 < np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3:  # few digits, or the result of a bundle adjustment
         matrix = nearest_rotation(matrix)
     found = (table.name, table.size, table.matrix, table.distortions, matrix, table.translation, table.ignored_px)
     camera = Camera(*found)

@@ -1,4 +1,4 @@
-"""Camera calibrations of other programs, converted to metres and OpenCV's frame.
+"""Camera calibrations from other programs, converted to metres and OpenCV's frame.
 
 - caliscope: TOML with tables [cameras.N], in metres, camera-from-world as a matrix or a rotation vector; "null" where a
   camera was not placed.
@@ -97,8 +97,8 @@ def _numbers(camera: ElementTree.Element, tag: str, names: tuple[str, ...], plac
 def level_from_world(rotations: Array) -> Array:
     """Return the rotation (3, 3) that makes y the upward axis of a world.
 
-    Programs differ in the axis that points up. Most cameras are held upright, which tells it; where they disagree, the
-    world stays as it is.
+    Programs differ in which axis points up. Most cameras are held upright, which reveals it; if they disagree, the
+    world is left as it is.
     """
     up = -rotations[:, 1].mean(axis=0)
     axis = int(np.argmax(np.abs(up)))
@@ -108,8 +108,8 @@ def level_from_world(rotations: Array) -> Array:
         return np.diag([1.0, -1.0, -1.0])
     sign = float(np.sign(up[axis]))
     turn = np.eye(3)
-    if axis == 2:  # x stays
+    if axis == 2:  # x is unchanged
         turn[1:, 1:] = [[0.0, sign], [-sign, 0.0]]
-    else:  # z stays
+    else:  # z is unchanged
         turn[:2, :2] = [[0.0, -sign], [sign, 0.0]]
     return turn

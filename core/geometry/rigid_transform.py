@@ -36,7 +36,7 @@ def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
     w = w / np.add.reduce(w)
     p_mean, q_mean = w @ p, w @ q
     together = (w[:, None] * (p - p_mean)).T @ (q - q_mean)
-    # q^T (matrix) q is the sum of w target (R source): the largest eigenvalue's vector is the rotation
+    # q^T (matrix) q is the sum of w target (R source): the eigenvector of the largest eigenvalue is the rotation
     _, vectors = np.linalg.eigh((together.ravel() @ _HORN).reshape(4, 4))
     quaternion: Array = vectors[:, 3]
     if quaternion[0] < 0.0:
@@ -59,7 +59,7 @@ def nearest_rotation(matrix: Array) -> Array:
 def principal_axes(points: Array) -> tuple[Array, Array, Array]:
     """Return the centroid of points (N, 3), their extents (3,) and principal axes (3, 3).
 
-    An extent is the root of the summed squares along an axis. The axes are rows, the longest first; the last is the
+    An extent is the root of the summed squares along an axis. The axes are rows, longest first; the last is the
     normal of the nearest plane.
     """
     middle = points.mean(axis=0)

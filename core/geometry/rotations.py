@@ -14,7 +14,7 @@ from .arrays import Array
 _AXES = {"X": 0, "Y": 1, "Z": 2}
 _CYCLIC = {"X": (0, 1, 2), "Y": (1, 2, 0), "Z": (2, 0, 1)}
 _TINY = np.finfo(np.float64).tiny  # replaces zero lengths in divisions
-_FEW = 1 << 11  # array size up to which one product with a constant matrix is quicker than one per entry
+_FEW = 1 << 11  # array size up to which one product with a constant matrix is faster than one per entry
 _CROSS = np.zeros((3, 9))  # the entries of `cross_matrices`
 _CROSS[0, [5, 7]] = _CROSS[1, [6, 2]] = _CROSS[2, [1, 3]] = -1.0, 1.0
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
@@ -22,7 +22,7 @@ _UNIT = np.eye(3).ravel()
 
 
 def _table(rows: int, columns: int, text: str) -> Array:
-    """Return a matrix of signs; a column's text lists the rows that it adds or subtracts."""
+    """Return a matrix of signs; each column's text lists the rows that it adds or subtracts."""
     result = np.zeros((rows, columns))
     for column, entries in enumerate(text.split()):
         for sign, row in zip(entries[::2], entries[1::2], strict=True):
@@ -30,9 +30,9 @@ def _table(rows: int, columns: int, text: str) -> Array:
     return result
 
 
-# quaternion @ this: the flat matrix that multiplies row vectors by the quaternion from the left
+# quaternion @ this: flat matrix that multiplies row vectors by the quaternion from the left
 _LEFT = _table(4, 16, "+0 +1 +2 +3 -1 +0 +3 -2 -2 -3 +0 +1 -3 +2 -1 +0")
-# products of a quaternion's entries, 4 i + j, @ this: the flat rotation matrix less the unit matrix
+# products of a quaternion's entries, 4 i + j, @ this: flat rotation matrix minus the unit matrix
 _MATRIX = 2.0 * _table(16, 9, "-a-f +6-3 +7+2 +6+3 -5-f +b-1 +7-2 +b+1 -5-a")
 
 
@@ -74,7 +74,7 @@ def multiply(left: ArrayLike, right: ArrayLike) -> Array:
 
 
 def left_matrices(quaternions: Array) -> Array:
-    """Return the matrices (..., 4, 4) of multiplication by quaternions from the left."""
+    """Return the matrices (..., 4, 4) for multiplication by quaternions from the left."""
     return np.asarray((quaternions @ _LEFT).reshape(*quaternions.shape, 4).swapaxes(-1, -2))
 
 
@@ -232,7 +232,7 @@ def slerp(start: ArrayLike, end: ArrayLike, fraction: ArrayLike) -> Array:
     cosine = np.einsum("...i,...i", a, b)
     angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
     sine, _ = _sine_and_cosine(angle)
-    near = sine < 1e-7  # the arc is straight
+    near = sine < 1e-7  # the arc is nearly straight
     safe = np.where(near, 1.0, sine)
     of_start = np.where(near, 1.0 - t, _sine_and_cosine((1.0 - t) * angle)[0] / safe)
     of_end = np.where(near, t, _sine_and_cosine(t * angle)[0] / safe)
@@ -249,7 +249,7 @@ def mean(quaternions: ArrayLike) -> Array:
 
 
 def continuous(quaternions: ArrayLike) -> Array:
-    """Return `[F, ..., 4]` with neighbouring frames in one hemisphere."""
+    """Return `[F, ..., 4]` with the signs chosen so that neighbouring frames lie in one hemisphere."""
     q = np.array(quaternions, dtype=np.float64)
     if len(q) > 1:
         flipped = np.einsum("...i,...i", q[1:], q[:-1]) < 0.0
@@ -259,9 +259,9 @@ def continuous(quaternions: ArrayLike) -> Array:
 
 
 def unwrap_euler(angles: Array) -> Array:
-    """Return Euler angles (F, 3) as near as possible to those of the frame before.
+    """Return Euler angles (F, 3) as close as possible to those of the previous frame.
 
-    Angles (a, b, c) about three different axes are the same rotation as (a + pi, pi - b, c + pi).
+    Angles (a, b, c) about three different axes give the same rotation as (a + pi, pi - b, c + pi).
     """
     other = np.stack((angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi), axis=1)
     turns = ((form[1:] - angles[:-1] + np.pi) % (2.0 * np.pi) - np.pi for form in (angles, other))

@@ -20,7 +20,7 @@ def triangulate(
         normalised: Undistorted normalised coordinates (N, C, 2); ignored where the weight is zero.
         weights: 1 where a camera sees a point, else 0 (N, C); at least two ones in a row.
         pixel_sigma: Standard deviation of a blob's centre along each axis, pixels.
-        start_m: Earlier estimates of the points (N, 3), NaN where there is none.
+        start_m: Earlier estimates of the points (N, 3), NaN if unknown.
     """
     observed = np.where(weights[..., None] > 0, normalised, 0.0)
     rotations = np.array([camera.rotation for camera in cameras])
@@ -29,13 +29,13 @@ def triangulate(
         start = np.where(np.isfinite(start), start, _linear(cameras, rotations, observed, weights))
     shifts = np.array([camera.translation_m for camera in cameras])
     focal = np.array([camera.focal_px for camera in cameras])
-    # in pixels: the distortion changes the scale by little over a marker's error
+    # in pixels: the distortion hardly changes the scale within a marker's error
     scale = (weights * (focal / pixel_sigma))[..., None]
     points, residuals, jacobian = gauss_newton(
         start,
         lambda points: _residuals(rotations, shifts, points, observed, scale),
         steps=3,
-        smallest=1e-7,  # m
+        smallest=1e-7,  # metres
         solve=lambda matrices, vectors: (inverse_3x3(matrices) @ vectors[..., None])[..., 0],
     )
     errors = np.sqrt(np.sum(residuals.reshape(*weights.shape, 2) ** 2, axis=2)) * pixel_sigma
@@ -50,14 +50,14 @@ def _linear(cameras: Sequence[Camera], rotations: Array, observed: Array, weight
     rays = (local[:, :, None] @ rotations)[:, :, 0]
     squares = np.einsum("nci,nci->nc", local, local)
     weighted = rays * (weights / squares)[..., None]
-    # normal equations: the sum of w (1 - r r^T) times the point is that of w (1 - r r^T) c, r unit rays, c centres
+    # normal equations: the sum of w (1 - r r^T) times the point equals that of w (1 - r r^T) c, unit rays r, centres c
     across = weights.sum(axis=1)[:, None, None] * np.eye(3) - weighted.transpose(0, 2, 1) @ rays
     along = np.einsum("nci,ci->nc", rays, centres)
     right = weights @ centres - np.einsum("nci,nc->ni", weighted, along)
     return np.asarray((inverse_3x3(across) @ right[..., None])[..., 0])
 
 
-# cofactors 00, 01, 02, 11, 12, 22 of a flat symmetric matrix are p * q - r * s, entries at these places
+# cofactors 00, 01, 02, 11, 12, 22 of a flat symmetric matrix are p * q - r * s, with entries at these indices
 _P, _Q, _R, _S = np.array(((4, 2, 1, 0, 1, 0), (8, 5, 5, 8, 2, 4), (5, 1, 2, 2, 0, 1), (5, 8, 4, 2, 5, 1)))
 _WHOLE = np.array((0, 1, 2, 1, 3, 4, 2, 4, 5))  # the flat matrix of these cofactors
 
@@ -65,7 +65,7 @@ _WHOLE = np.array((0, 1, 2, 1, 3, 4, 2, 4, 5))  # the flat matrix of these cofac
 def inverse_3x3(matrices: Array) -> Array:
     """Return the inverses of symmetric matrices (N, 3, 3) by cofactors.
 
-    NumPy's general solver takes several times as long for a dozen.
+    NumPy's general solver takes several times as long for a dozen matrices.
     """
     flat = matrices.reshape(-1, 9)
     cofactors = flat.take(_P, axis=1) * flat.take(_Q, axis=1) - flat.take(_R, axis=1) * flat.take(_S, axis=1)
@@ -74,7 +74,7 @@ def inverse_3x3(matrices: Array) -> Array:
 
 
 def _residuals(rotations: Array, shifts: Array, points: Array, observed: Array, scale: Array) -> tuple[Array, Array]:
-    """Return scaled errors (N, 2 C) and their derivatives by the point (N, 2 C, 3)."""
+    """Return scaled errors (N, 2 C) and their derivatives with respect to the point (N, 2 C, 3)."""
     local = (points @ rotations.reshape(-1, 3).T).reshape(len(points), -1, 3) + shifts
     depth = local[..., 2:]
     depth = np.where(np.abs(depth) > 1e-6, depth, 1e-6)

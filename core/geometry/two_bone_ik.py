@@ -22,8 +22,8 @@ def reach_with_two_bones(
 
     Args:
         points: Start of the first bone, joint between them, end of the second (3,).
-        rotations: Present world rotations (4,) of the bones.
-        target: Target (3,) relative to the start; the bones point at it where it is out of reach.
+        rotations: Current world rotations (4,) of the bones.
+        target: Target (3,) relative to the start; if it is out of reach, the bones point at it.
         hinge: Unit axis (3,) about which a straight limb bends.
         straightest: Share of the limb's length to which it may be stretched, unless it is already longer.
     """
@@ -51,10 +51,10 @@ def two_bone_directions(
     """Return the directions of two bones that put their end at `reach`, relative to their start.
 
     Args:
-        reach: Wanted end of the second bone; beyond the bones' length they come as near as possible.
+        reach: Desired end of the second bone; beyond the bones' length they come as close as possible.
         normal: Normal of the plane of the bend while the bones end at `unreached`; it turns along with the limb.
-        unreached: Present end of the bones.
-        straightest: Share of the bones' length to which they are stretched at most.
+        unreached: Current end of the bones.
+        straightest: Largest share of the bones' length to which they are stretched.
     """
     way = c.unit(reach)
     limit = straightest * (first_m + second_m)

@@ -1,1 +1,1 @@
-"""Assign marker names to points and blobs."""
+"""Labelling: assignment of marker names to points and blobs."""

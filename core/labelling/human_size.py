@@ -1,4 +1,4 @@
-"""Check of the body's size in a take, which reveals a wrong unit of length."""
+"""Check of the body's size in a take, to detect a wrong unit of length."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class HumanSizeSettings:
     """Settings of the check."""
 
     samples: int = 200  # largest number of frames that are checked
-    same_unit: float = 1.6  # largest ratio to the default size, after a change of unit, at which the unit is blamed
+    same_unit: float = 1.6  # largest ratio to the default size after a change of unit for which the unit is blamed
 
 
 _S = HumanSizeSettings()
@@ -37,15 +37,15 @@ _MISTAKES = {
 
 
 def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
-    """Raise TakeError for a take whose body has no human size.
+    """Raise TakeError for a take in which the body does not have a human size.
 
     The torso hardly bends, so the distances between its markers give the size. Takes with fewer than two of them pass.
 
     Args:
-        take: Take under the names of the set.
+        take: Take with the marker names of the set.
 
     Raises:
-        TakeError: The body is too small or too large for a person; the message has its size and the likely unit.
+        TakeError: The body is too small or too large for a person; the message states its size and the likely unit.
     """
     scale = _scale(take, marker_set)
     size_m = scale * stature_m(default_skeleton())
@@ -63,7 +63,7 @@ def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
 
 
 def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
-    """Return how many times as large as the default body the torso is, NaN if unknown."""
+    """Return the size of the torso relative to the default body, NaN if unknown."""
     worn = [
         marker
         for marker in marker_set.markers
@@ -85,7 +85,7 @@ def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
 
 
 def _length(metres: float) -> str:
-    """Return a length as text, in a suitable unit."""
+    """Return a length as text in a suitable unit."""
     for unit, name in ((1e3, "km"), (1.0, "m"), (1e-2, "cm")):
         if metres >= unit:
             return f"{metres / unit:.2g} {name}"

@@ -1,8 +1,8 @@
-"""Labels of points without history: at the start, and after the body was lost.
+"""Labelling of points without history: at the start, and after the body was lost.
 
 Torso markers keep their distances from each other in every pose, so the few choices of points for the torso are
-enumerated. Each places the root. In its frame every pair of limb markers is compared with poses of the database: two
-arms and two legs may all be known, though never seen together.
+enumerated. Each one places the root. In its frame every pair of limb markers is compared with poses in the database:
+the arms and the legs may each be known, even if never seen together.
 """
 
 from dataclasses import dataclass
@@ -14,37 +14,37 @@ from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..markers.marker_set import FEWEST_TORSO
 from .torso_candidates import TORSO, Search, TorsoCandidates
 
-REACH_M = 0.30  # distance from the closest example within which a point may be a marker
+REACH_M = 0.30  # distance from the closest example up to which a point may be a marker
 
 
 @dataclass(frozen=True)
 class InitialSettings:
-    """Settings of `InitialLabeller`, tuned on cuts into random frames; costs are minus logarithms of likelihoods."""
+    """Settings of `InitialLabeller`, tuned on cuts to random frames; costs are negative log likelihoods."""
 
-    coarse: int = 8  # one example in so many chooses between placements of the root
-    fitted: int = 400  # torsos to which the mean torso is fitted,
+    coarse: int = 8  # step between the examples used to choose between placements of the root
+    fitted: int = 400  # number of torsos to which the mean torso is fitted,
     placed: int = 24  # number of these compared with the coarse examples,
-    compared: int = 8  # and of these with all examples and completed by limbs
-    together: int = 10_500  # examples times limbs compared at once; more take too long for a live frame
+    compared: int = 8  # and number of these compared with all examples and completed with limbs
+    together: int = 10_500  # limit on examples times limbs compared at once; more take too long for a live frame
     labellings: int = 40  # labellings kept while limbs are added
-    best: int = 6  # labellings kept of each torso
+    best: int = 6  # labellings kept for each torso
     limb_points: int = 12  # points tried for each limb
-    margin_m: float = 0.3  # distance beyond the farthest limb of all examples from which a point is not a limb
+    margin_m: float = 0.3  # margin around the limbs of all examples outside which a point is not a limb
     fewest_found: float = 0.6  # share of the markers that must be found
-    unlikely: float = 3.6  # cost per marker found above which the points are not a body
-    torso_sigma_m: float = 0.05  # standard deviation of a torso marker from the examples'
+    unlikely: float = 3.6  # cost per marker found above which the points are not taken for a body
+    torso_sigma_m: float = 0.05  # standard deviation of a torso marker relative to the examples
     missed_torso_cost: float = TORSO.missed_cost
-    up_sigma_rad: float = 0.25  # standard deviation of the vertical from the examples'
+    up_sigma_rad: float = 0.25  # standard deviation of the vertical relative to the examples
     up_tail: float = 2.0  # heavy tail of the vertical, so that handstands stay possible; smaller is heavier
-    limb_sigma_m: float = 0.1  # standard deviation of a limb marker from the examples'
+    limb_sigma_m: float = 0.1  # standard deviation of a limb marker relative to the examples
     missed_limb_cost: float = 6.0  # cost of a limb marker without a point
     ghost_cost: float = 4.0  # cost of a ghost: a point that is not a marker
-    hopeless_torso: float = 15.0  # cost above the cheapest torso from which a torso is dropped
-    hopeless: float = 6.0  # cost above the cheapest labelling from which a torso is dropped
-    back_cost: float = 6.0  # cost of facing away from the cameras: many a crouch also fits the opposite heading
-    alike_rad: float = 0.4  # difference of the verticals of poses with similar limbs
+    hopeless_torso: float = 15.0  # cost above the cheapest torso at which a torso is dropped
+    hopeless: float = 6.0  # cost above the cheapest labelling at which a torso is dropped
+    back_cost: float = 6.0  # cost of facing away from the cameras: many crouching poses also fit the opposite heading
+    alike_rad: float = 0.4  # largest difference between the verticals of poses with similar limbs
     unlike_weight: float = 0.02  # weight of other examples
-    least_likelihood: float = 1e-9  # floor of the likelihood of a pair of limbs
+    least_likelihood: float = 1e-9  # lower bound on the likelihood of a pair of limbs
 
 
 _S = InitialSettings()
@@ -55,13 +55,13 @@ class InitialLabels:
     """Labels of N points, found without history."""
 
     labels: IntArray  # marker of each point, -1 for none
-    cost: float  # minus the logarithm of their likelihood, up to a constant
-    expected_m: Array  # (M, 3) markers of the closest example, placed where the body stands
-    alternatives: tuple[tuple[IntArray, float], ...]  # other labels and their costs, likeliest first
+    cost: float  # negative log likelihood, up to a constant
+    expected_m: Array  # (M, 3) markers of the closest example, at the body's position
+    alternatives: tuple[tuple[IntArray, float], ...]  # alternative labels and their costs, likeliest first
 
 
 class _Placement(NamedTuple):
-    """Root under one choice of the torso's points (T,)."""
+    """Root placement for one choice of the torso's points (T,)."""
 
     torso: IntArray
     turn: Array
@@ -74,7 +74,7 @@ class _Placement(NamedTuple):
 
 
 class _Found(NamedTuple):
-    """Labels (N,) of all points, with the torso of a placement."""
+    """Labels (N,) of all points, given the torso of a placement."""
 
     cost: float
     labels: IntArray
@@ -82,12 +82,12 @@ class _Found(NamedTuple):
 
 
 class InitialLabeller:
-    """Labeller of a body in any pose like the examples, at any place and heading.
+    """Labeller for a body in any pose similar to the examples, at any position and heading.
 
     Args:
         examples_m: Markers (S, M, 3) of poses in the root's frame.
         ups: Vertical (S, 3) of these poses in the same frame.
-        torso: (M,) Markers on the torso, at least three.
+        torso: Markers (M,) on the torso, at least three.
     """
 
     def __init__(self, examples_m: FloatArray, ups: FloatArray, torso: Mask) -> None:
@@ -102,7 +102,7 @@ class InitialLabeller:
         self._reach_m = float(np.sqrt(self._limb_norms.max(initial=0.0))) + _S.margin_m
 
     def label(self, points_m: Array) -> InitialLabels | None:
-        """Return labels of points (N, 3), y up; None if they look like no body."""
+        """Return labels of points (N, 3), y up; None if they do not look like a body."""
         search = self.search(points_m)
         try:
             while True:
@@ -112,7 +112,7 @@ class InitialLabeller:
             return found
 
     def search(self, points_m: Array) -> Search[InitialLabels | None]:
-        """Do the work of `label` in pieces."""
+        """Do the work of `label` in steps."""
         torsos = yield from self._torsos.choose(points_m)
         if len(torsos) == 0:
             return None
@@ -138,8 +138,8 @@ class InitialLabeller:
 
         Args:
             markers_m: Markers (M, 3), NaN where hidden.
-            followed_m: Markers (M, 3) of a tracked body, which place it when too few of the torso are seen; without
-                one the cost is then infinite.
+            followed_m: Markers (M, 3) of a tracked body, which determine its placement when too little of the torso is
+                visible; without them the cost is then infinite.
             ghosts: Number of points that are not markers.
         """
         seen = np.all(np.isfinite(markers_m), axis=1)
@@ -171,7 +171,7 @@ class InitialLabeller:
         return sorted(self._place(points_m, torsos[rows], turns[rows], shifts[rows]), key=lambda placed: placed.cost)
 
     def _place(self, points_m: Array, torsos: IntArray, turns: Array, shifts: Array, step: int = 1) -> list[_Placement]:
-        """Return placements with costs for torsos (P, T), turns and shifts.
+        """Return placements with costs for torsos (P, T), rotations and shifts.
 
         Torso and vertical are compared with every `step`th example.
         """
@@ -188,7 +188,7 @@ class InitialLabeller:
         return [_Placement(*row) for row in zip(torsos, turns, shifts, least.tolist(), strict=True)]
 
     def _label_limbs(self, points_m: Array, placements: list[_Placement]) -> list[_Found]:
-        """Label the points that are not the torso by pairs of limbs."""
+        """Label the points that are not on the torso by pairs of limbs."""
         local = np.stack([placement.to_local(points_m) for placement in placements])
         is_free = np.einsum("pnc,pnc->pn", local, local) < self._reach_m**2
         for row, placement in zip(is_free, placements, strict=True):
@@ -196,7 +196,7 @@ class InitialLabeller:
         candidates = self._limb_candidates(local, is_free)
         turns = np.stack([placement.turn for placement in placements])
         choices, costs = _cheapest(self._pair_costs(local, candidates, turns), candidates)
-        # the additional last label is for hidden markers (index -1), and is cut off
+        # the additional last label is for hidden markers (index -1) and is cut off
         labels = np.full((*costs.shape, len(points_m) + 1), -1)
         torsos = np.stack([placement.torso for placement in placements])
         np.put_along_axis(labels, np.repeat(torsos[:, None], costs.shape[1], axis=1), self._torso, axis=2)
@@ -222,7 +222,7 @@ class InitialLabeller:
         return InitialLabels(labels, cost, np.asarray(markers @ turns[0].T + shifts[0]), alternatives)
 
     def _limb_candidates(self, local: FloatArray, is_free: Mask) -> IntArray:
-        """Return the likeliest points (P, L, C) of each limb, filled up with -1."""
+        """Return the likeliest points (P, L, C) for each limb, padded with -1."""
         limbs = len(self._limbs)
         result = np.full((len(local), limbs, min(int(is_free.sum(axis=1).max()), _S.limb_points)), -1)
         for row, points, free in zip(result, local, is_free, strict=True):
@@ -235,13 +235,13 @@ class InitialLabeller:
         return result
 
     def _pair_costs(self, local: FloatArray, candidates: IntArray, turns: Array) -> FloatArray:
-        """Return the `pairs` of `_cheapest` for points in the placements' frames."""
+        """Return the `pairs` for `_cheapest` from points in the placements' frames."""
         placements, limbs, count = candidates.shape
         likelihoods = np.ones((placements, limbs, count + 1, len(self._examples)), dtype=np.float32)
         own = local[np.arange(placements)[:, None, None], candidates]
         likelihoods[:, :, :count] = _likelihoods(self._limb_places, self._limb_norms, own)
         flat = likelihoods.reshape(placements, -1, len(self._examples))
-        # examples with another vertical count less
+        # examples with a different vertical count less
         tilt = turns[:, 1].astype(np.float32) @ self._ups.T
         weights = np.exp((tilt - 1.0) / np.float32(_S.alike_rad**2)) + np.float32(_S.unlike_weight)
         weights /= weights.sum(axis=1, keepdims=True)
@@ -254,10 +254,10 @@ def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> F
     """Return heavy-tailed likelihoods (..., L, N, S) of points (..., L or 1, N, 3).
 
     Args:
-        places: Examples (L, 3, S) of each limb.
+        places: Example positions (L, 3, S) of each limb.
         norms: Their squared lengths (L, S).
     """
-    far = points @ places  # further steps in place
+    far = points @ places  # later steps are done in place
     far *= np.float32(-2.0)
     far += norms[:, None]
     far += np.einsum("...c,...c->...", points, points)[..., None]
@@ -271,10 +271,10 @@ def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> F
 
 
 def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]:
-    """Return the cheapest points (P, K, L) of limbs, or -1 for none, and costs (P, K), filled up with infinity.
+    """Return the cheapest points (P, K, L) of limbs, or -1 for none, and costs (P, K), padded with infinity.
 
-    Args:
-        pairs: Costs (P, L, C + 1, L, C + 1) of two limbs at two of their candidates; the last candidate is none.
+    pairs: Costs (P, L, C + 1, L, C + 1) of two limbs at two of their candidates; the last candidate means hidden.
+        candidates: Points (P, L, C) for each placement, padded with -1.
         candidates: Points (P, L, C) of each placement, filled up with -1.
     """
     placements, limbs, none = candidates.shape
@@ -284,7 +284,7 @@ def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]
     for limb in range(limbs):
         own = np.column_stack((candidates[:, limb], np.full(placements, -1)))
         cost = costs[:, :, None] + pairs[every, np.arange(limb), chosen, limb].sum(axis=2) / max(limbs - 1, 1)
-        # a hidden limb leaves a point over
+        # if a limb is hidden, a point is left unlabelled
         cost[:, :, none] += _S.missed_limb_cost + _S.ghost_cost
         taken = np.any(rows[:, :, None] == own[:, None, :, None], axis=3) | (own < 0)[:, None]
         cost[:, :, :none][taken[:, :, :none]] = np.inf
@@ -299,7 +299,7 @@ def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]
 
 
 def _fit_torsos(torso_m: Array, points_m: Array, chosen: IntArray) -> tuple[Array, Array, Array]:
-    """Fit a torso (T, 3) to choices (H, T) of points; return turns, shifts and squared errors."""
+    """Fit a torso (T, 3) to choices (H, T) of points; return rotations, shifts and squared errors."""
     weights = (chosen >= 0).astype(np.float64)[..., None]
     weights /= weights.sum(axis=1, keepdims=True)
     targets = np.where(weights > 0.0, points_m[chosen], 0.0)

@@ -1,26 +1,26 @@
-"""Search for labels without history, spread over frames."""
+"""Search for labels without history, spread over several frames."""
 
 from ..geometry.arrays import Array, IntArray
 from .initial_labelling import InitialLabeller, InitialLabels
 from .labeller import Labeller
 
-# array elements handled in one frame
+# array elements processed in one frame
 WORK = 1_000_000  # about 2.5 ms
-WORK_UNHURRIED = 200_000  # while nothing speaks against the labels
+WORK_UNHURRIED = 200_000  # while there is no evidence against the labels
 WORK_ALONE = 5_500_000  # without a tracked body
 
 
 class LabelSearch:
-    """Search for labels of one frame's points, in pieces over the frames that follow.
+    """Search for the labels of one frame's points, done in steps during the following frames.
 
-    The labels found are carried to the last frame by following the points.
+    The labels found are carried to the latest frame by following the points.
 
     Args:
         points_m: Points (N, 3) of the frame that is searched.
-        follower: New labeller, which follows the labels found.
+        follower: New labeller that follows the labels found.
 
     Attributes:
-        found: Labels of that frame's points; None if they look like no body.
+        found: Labels of that frame's points; None if they do not look like a body.
     """
 
     def __init__(self, initial: InitialLabeller, points_m: Array, follower: Labeller) -> None:
@@ -35,7 +35,7 @@ class LabelSearch:
         self._later.append((points_m, elapsed_s))
 
     def advance(self, work: float) -> bool:
-        """Do a frame's share of the work; return whether the search is done."""
+        """Do one frame's share of the work; return whether the search is finished."""
         while not self._is_done and work > 0.0:
             try:
                 work -= next(self._search)
@@ -44,11 +44,11 @@ class LabelSearch:
         return self._is_done
 
     def labellings(self) -> list[tuple[IntArray, float]]:
-        """Return all labels (N,) of the first points with costs, likeliest first."""
+        """Return all label hypotheses (N,) for the first points with costs, likeliest first."""
         return [(self.found.labels, self.found.cost), *self.found.alternatives] if self.found else []
 
     def carry(self, labels: IntArray) -> tuple[Labeller, IntArray]:
-        """Return a labeller that has followed labels (N,) to the last frame's (N,)."""
+        """Return a labeller that has followed labels (N,) to the latest frame's points (N,)."""
         self._follower.begin(self.points_m, labels)
         for points_m, elapsed_s in self._later:
             labels = self._follower.follow(points_m, elapsed_s)

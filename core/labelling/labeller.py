@@ -1,7 +1,7 @@
-"""Labels of points by the markers of the last synthesized pose.
+"""Labelling of points by the markers of the last synthesised pose.
 
-Chai and Hodgins 2005, section 4.1: markers are labelled in the first frame, later frames are matched to the marker set
-of the most recent synthesized motion. That set includes hidden markers, so a marker that returns is labelled again.
+Chai and Hodgins 2005, section 4.1: markers are labelled in the first frame; later frames are matched to the markers of
+the most recent synthesised pose. These include hidden markers, so a marker that returns gets its label again.
 """
 
 from collections.abc import Sequence
@@ -21,24 +21,24 @@ class LabellerSettings:
     """Settings of `Labeller`, tuned on takes with crossing limbs and returning markers (tuning log).
 
     A marker takes a point within a gate around its predicted position. A limb's marker that was hidden may be farther
-    away: it takes a point that no other marker can have and that has stayed for some frames, as false matches of two
-    cameras come and go.
+    away: it takes a point that no other marker can have and that has stayed for some frames, because false matches
+    between two cameras do not last.
     """
 
     gate_m: float = 0.08  # gate of a marker at rest
     gate_speed_share: float = 0.6  # growth of the gate, as a share of the predicted movement
-    gate_unknown_m_s: float = 6.0  # growth for a marker with unknown velocity
-    gate_hidden_m_s: float = 2.0  # growth with the time that the marker has been hidden
+    gate_unknown_m_s: float = 6.0  # growth of the gate for a marker with unknown velocity
+    gate_hidden_m_s: float = 2.0  # growth of the gate with the time that the marker has been hidden
     limb_gate_m: float = 0.35  # largest gate of a marker on a limb
     torso_gate_m: float = 0.12  # largest gate of a marker on the torso
     lone_reach_m: float = 1.0  # distance within which a hidden marker takes a point that only it can have
-    lone_frames: int = 3  # frames for which such a point must have stayed
-    lone_move_m: float = 0.1  # movement in one frame within which it has stayed
+    lone_frames: int = 3  # number of frames that such a point must have stayed
+    lone_move_m: float = 0.1  # largest movement in one frame for which it has stayed
     pixel_sigma: float = 0.5  # standard deviation of blob centres
-    meeting_px: float = 3.0  # reprojection error above which rays do not belong to one marker
+    meeting_px: float = 3.0  # reprojection error above which rays do not belong to the same marker
     memory_s: float = 0.1  # age up to which a velocity is used
-    briefly_s: float = 0.05  # time for which a hidden torso marker is known as well as a visible one
-    steady_m: float = 0.06  # distance from the extrapolated place within which a marker is tracked confidently
+    briefly_s: float = 0.05  # time up to which a hidden torso marker is as reliable as a visible one
+    steady_m: float = 0.06  # distance from the extrapolated position up to which a marker is tracked confidently
 
 
 _S = LabellerSettings()
@@ -51,23 +51,23 @@ class _Tracks:
     positions_m: Array  # (M, 3)
     velocities_m_s: Array  # (M, 3), NaN where unknown
     hidden_s: Array  # time for which the marker has been hidden
-    is_steady: Mask  # it was close to its extrapolated place
+    is_steady: Mask  # it was close to its extrapolated position
     is_confident: Mask  # it has been tracked confidently since the last `Labeller.confirm`
-    lone_m: Array  # (M, 3) unlabelled points that only this marker can have, NaN without one
-    lone_frames: IntArray  # frames for which that point has stayed
+    lone_m: Array  # (M, 3) unlabelled points that only this marker can have, NaN if none
+    lone_frames: IntArray  # number of frames that this point has stayed
 
 
 @dataclass(frozen=True)
 class LabelledBlobs:
-    """Blobs of M markers in C cameras, and the points that they give."""
+    """Blobs of M markers in C cameras, and the points triangulated from them."""
 
     blobs: IntArray  # (M, C) indices, -1 where the camera does not show the marker
     normalised: Array  # (M, C, 2) undistorted normalised coordinates, NaN where there is no blob
-    points_m: Array  # (M, 3) positions of markers that two or more cameras show, NaN for others
+    points_m: Array  # (M, 3) positions of markers that two or more cameras see, NaN for others
 
     @property
     def single_cameras(self) -> IntArray:
-        """(M,) the one camera that shows the marker, -1 where none does or it is located."""
+        """The only camera (M,) that sees each marker; -1 if none does or the marker is located."""
         shown = self.blobs >= 0
         alone = np.any(shown, axis=1) & ~np.isfinite(self.points_m[:, 0])
         return np.where(alone, np.argmax(shown, axis=1), -1)
@@ -77,16 +77,16 @@ class LabelledBlobs:
 class Priority:
     """Order in which M markers choose their points or blobs."""
 
-    tracked: Mask  # located in the last frame: they choose first
+    tracked: Mask  # located in the last frame: these choose first
     torso: Mask  # tracked markers on the torso
-    returning: Mask  # torso markers hidden briefly: they choose first, too, but no point that may be of `torso`
+    returning: Mask  # torso markers hidden briefly: they choose first, too, but no point that may belong to `torso`
 
 
 class Labeller:
-    """Labels the points of successive frames of one capture.
+    """Labels the points of successive frames in one capture.
 
     Args:
-        torso: (M,) Markers on the torso. Where the torso is known they are known, too, even when hidden for long.
+        torso: Markers (M,) on the torso. If the torso is located, they are reliable even after being hidden for long.
     """
 
     def __init__(self, torso: Mask) -> None:
@@ -106,14 +106,14 @@ class Labeller:
         """Start from labels (N,) of points (N, 3).
 
         Args:
-            is_confident: (M,) Markers that count as tracked confidently; none by default.
+            is_confident: Markers (M,) that count as tracked confidently; none by default.
         """
         self._update(points_m, labels, 0.0)
         self._tracks.is_confident = np.zeros_like(self._torso) if is_confident is None else is_confident.copy()
 
     @property
     def is_confident(self) -> Mask:
-        """(M,) markers that have been tracked confidently since the last `confirm`."""
+        """Markers (M,) that have been tracked confidently since the last `confirm`."""
         return self._tracks.is_confident.copy()
 
     def confirm(self, markers: Mask) -> None:
@@ -121,7 +121,7 @@ class Labeller:
         self._tracks.is_confident |= markers & (self._tracks.hidden_s == 0.0)
 
     def label(self, points_m: Array, covariances_m2: Array, predicted_m: Array, elapsed_s: float) -> IntArray:
-        """Return labels (N,) by one assignment of points to the predicted markers.
+        """Return labels (N,) from a single assignment of points to the predicted markers.
 
         Args:
             points_m: Points (N, 3).
@@ -178,7 +178,7 @@ class Labeller:
         for index in range(len(cameras)):
             shown = blobs[:, index] >= 0
             normalised[shown, index] = frame.normalised[index][blobs[shown, index]]
-        known = np.full((count, 3), np.nan)  # points of the same blobs
+        known = np.full((count, 3), np.nan)  # points triangulated from the same blobs
         if len(frame.points_m) and frame.point_blobs.shape[1] == len(cameras):
             markers, same = np.nonzero(np.all(blobs[:, None] == frame.point_blobs[None], axis=2))
             known[markers] = frame.points_m[same]
@@ -228,7 +228,7 @@ class Labeller:
     def expected(self, predicted_m: Array, elapsed_s: float) -> tuple[Array, Array]:
         """Return expected markers (M, 3) and their gates (M,), metres; see `label`.
 
-        A marker hidden for a short while is extrapolated, because the pose may lose it at once.
+        A marker hidden for a short time is extrapolated, because the pose may drift away from it immediately.
         """
         tracks = self._tracks
         is_known = np.isfinite(tracks.velocities_m_s[:, 0])
@@ -283,8 +283,8 @@ def assign_points(
         points_m: Points (N, 3).
         covariances_m2: Their covariances (N, 3, 3).
         expected_m: Expected markers (M, 3).
-        gates_m: Largest distances (M,) from these.
-        priority: Order of the markers; all together by default.
+        gates_m: Largest distances (M,) from the expected positions.
+        priority: Order in which markers choose; all together by default.
     """
     deviation = np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2) / 3.0)
     distances = np.linalg.norm(points_m[:, None] - expected_m[None], axis=-1)
@@ -338,7 +338,7 @@ def _join_cameras(
     gates: Array,
     known: Array,
 ) -> Array:
-    """Triangulate points (M, 3); where rays disagree, remove the less likely blob, in place."""
+    """Triangulate points (M, 3); if rays disagree, remove the less likely blob, in place."""
     points = np.full((len(blobs), 3), np.nan)
     while True:
         seen = blobs >= 0

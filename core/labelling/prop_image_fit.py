@@ -1,4 +1,4 @@
-"""Fit of a prop's pose to its blobs in all images, with those that a single camera sees."""
+"""Fit of a prop's pose to its blobs in all images, including those that only one camera sees."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class PropFitSettings:
     small_step: float = 1e-5  # step (rad, m) that ends the fit
     least_depth_m: float = 0.1
     centre_px: float = 0.3  # scale of the robust weights: errors of blob centres and calibration
-    damping: float = 1e-6  # far below the information of one blob; holds directions without data
+    damping: float = 1e-6  # far below the information of one blob; fixes directions without data
 
 
 _S = PropFitSettings()
@@ -30,7 +30,7 @@ _S = PropFitSettings()
 
 @dataclass(frozen=True)
 class Placed:
-    """A prop in the world: x_world = turn x_prop + shift, at a time."""
+    """A prop's pose at one moment: x_world = turn x_prop + shift."""
 
     turn: Array
     shift: Array
@@ -54,7 +54,7 @@ class PropImages:
         self._focal_px = np.array([camera.focal_px for camera in cameras])
 
     def nearest(self, placed: Placed, limits_px: float | Array) -> IntArray:
-        """Return the mutually nearest blob (M, C) of each marker; -1 for none.
+        """Return the blob (M, C) of each marker if each is nearest to the other, else -1.
 
         Args:
             limits_px: Largest distance, one for all or (C, 1).
@@ -79,9 +79,9 @@ class PropImages:
         return np.asarray(metres * self._focal_px / depth)[:, None]
 
     def fit(self, placed: Placed, blobs: IntArray) -> tuple[Placed, Array]:
-        """Return the pose that explains the blobs (M, C) best, and their errors (M, C), pixels.
+        """Return the pose that best explains the blobs (M, C), and their errors (M, C), pixels.
 
-        Cauchy's weights let a few wrong blobs count little.
+        Cauchy weights give a few wrong blobs little influence.
         """
         seen = blobs >= 0
         observed = np.zeros((*blobs.shape, 2))

@@ -1,7 +1,7 @@
-"""Tracking of one prop from frame to frame, with search when it is lost.
+"""Tracking of one prop from frame to frame, with a search when it is lost.
 
-Its distances are exact to millimetres, so points that may be its markers are few; placed on them, it must explain
-the blobs of each camera, single ones too. A tracked prop starts at its expected pose instead.
+The distances on a prop are exact to millimetres, so few points can be its markers. Placed on such points, it must
+explain the blobs of each camera, including single ones. A tracked prop starts at its expected pose instead.
 """
 
 from collections.abc import Sequence
@@ -30,26 +30,26 @@ class PropSettings:
     """
 
     span_m: float = 0.006  # tolerance of distances between located markers
-    span_sigmas: float = 0.5  # additional tolerance in standard deviations of the points, which are pessimistic
-    fit_m: float = 0.010  # RMS distance from which points are not the prop
+    span_sigmas: float = 0.5  # additional tolerance in standard deviations of the points, which are overestimated
+    fit_m: float = 0.010  # RMS distance above which points are not the prop
     missed_m: float = 0.03  # distance that a marker without a point counts as
-    tried: int = 6  # matches of points from which poses are fitted to the images
-    elsewhere_m: float = 0.03  # distance of a marker from which two poses are different
+    tried: int = 6  # number of point matches from which poses are fitted to the images
+    elsewhere_m: float = 0.03  # distance of a marker above which two poses are different
     clearly_m2: float = 0.005**2  # mean square distance by which the best pose must beat others without images
     gate_m: float = 0.10  # largest distance of a tracked prop's markers from their predicted positions
     gate_speed_share: float = 0.5  # growth of this gate, as a share of the predicted movement
-    gate_hidden_m_s: float = 2.0  # its growth with the time that the prop has been hidden
+    gate_hidden_m_s: float = 2.0  # growth of this gate with the time that the prop has been hidden
     held_s: float = 0.25  # time after which a hidden prop is lost
     claim_s: float = 0.10  # time for which a poorly visible prop keeps the blobs at its predicted markers
-    claim_m: float = 0.03  # distance of these blobs
-    confirmed_s: float = 0.10  # time for which a find that may be chance (three markers, few blobs) must last
-    sure_blobs: int = 7  # blobs from which a find is not chance
-    near_px: float = 4.0  # distance of a blob from a marker of a candidate pose
+    claim_m: float = 0.03  # largest distance of these blobs from the markers
+    confirmed_s: float = 0.10  # time that a detection that may be chance (three markers, few blobs) must last
+    sure_blobs: int = 7  # number of blobs from which a detection is not chance
+    near_px: float = 4.0  # largest distance between a blob and a marker of a candidate pose
     expected_px: float = 20.0  # the same for the expected pose
-    fit_px: float = 1.5  # error from which a blob is not the prop's
-    fewest_blobs: int = 5  # blobs that place the prop
-    least_score: float = 4.75  # score of a pose; five blobs reach it within a third of a pixel
-    well_explained: float = 0.85  # score per blob from which an expected pose is right
+    fit_px: float = 1.5  # error above which a blob does not belong to the prop
+    fewest_blobs: int = 5  # fewest blobs that determine the pose
+    least_score: float = 4.75  # smallest score of a pose; five blobs reach it with errors below a third of a pixel
+    well_explained: float = 0.85  # score per blob from which an expected pose is accepted
     clearly: float = 0.7  # score by which a pose must beat any other
 
 
@@ -61,11 +61,11 @@ class PropDetection:
     """Detection of a prop in one frame."""
 
     pose: PropPose
-    rest: MarkerFrame  # the frame without what belongs to the prop
+    rest: MarkerFrame  # the frame without the points and blobs of the prop
 
 
 class _PoseCandidate(NamedTuple):
-    """Pose of a prop on points."""
+    """Pose of a prop, fitted to points."""
 
     placed: Placed
     points: IntArray  # (M,) point of each marker, -1 for none
@@ -75,7 +75,7 @@ class _PoseCandidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Pose of a prop in the images."""
+    """Pose of a prop, fitted to the images."""
 
     placed: Placed
     blobs: IntArray  # (M, C), -1 for none
@@ -83,7 +83,7 @@ class _Fit:
 
     @property
     def seen(self) -> int:
-        """Number of markers that some camera shows."""
+        """Number of markers that any camera sees."""
         return int(np.sum(np.any(self.blobs >= 0, axis=1)))
 
     @property
@@ -93,10 +93,10 @@ class _Fit:
 
 
 class PropTracker:
-    """Tracks one prop through the frames of one capture.
+    """Tracks one prop through the frames of a capture.
 
     Args:
-        cameras: Cameras of the frames' blobs; none for frames of points alone.
+        cameras: Cameras of the frames' blobs; none for frames that only have points.
     """
 
     def __init__(self, prop: Prop, cameras: Sequence[Camera] = ()) -> None:
@@ -105,7 +105,7 @@ class PropTracker:
         self._last: Placed | None = None
         self._before: Placed | None = None
         self._pose = PropPose(rot.identity(), np.zeros(3))
-        self._unconfirmed_since_s: float | None = None  # time of a find that may be chance
+        self._unconfirmed_since_s: float | None = None  # time of a detection that may be chance
 
     def step(self, frame: MarkerFrame) -> PropDetection:
         """Return the prop's pose in the next frame, and the frame without its markers."""
@@ -157,7 +157,7 @@ class PropTracker:
         return sorted(found, key=lambda fit: -fit.score)
 
     def _fit(self, images: PropImages, start: Placed, limit_px: float) -> _Fit | None:
-        """Fit the prop to the images near a start; None when they do not show it."""
+        """Fit the prop to the images from a nearby start; None if they do not show it."""
         placed, errors_px = start, np.empty(0)
         for limit in (limit_px, _S.near_px):
             blobs = images.nearest(placed, limit)
@@ -169,11 +169,11 @@ class PropTracker:
         return _Fit(placed, blobs, score) if score >= _S.least_score and self._is_placed_by(blobs) else None
 
     def _is_placed_by(self, blobs: IntArray) -> bool:
-        """Return whether blobs (M, C) place the prop."""
+        """Return whether blobs (M, C) determine the prop's pose."""
         return bool(np.sum(blobs >= 0) >= _S.fewest_blobs) and self._is_spread(np.any(blobs >= 0, axis=1))
 
     def _is_spread(self, seen: Mask) -> bool:
-        """Return whether markers (M,) place the prop: at least three, not on a line."""
+        """Return whether markers (M,) determine the prop's pose: at least three, not on a line."""
         return int(seen.sum()) >= FEWEST_MARKERS and planarity_m(self.prop.positions_m[seen]) >= RULES.planarity_m
 
     def _is_elsewhere(self, one: Placed, other: Placed) -> bool:
@@ -195,11 +195,11 @@ class PropTracker:
             if near:
                 return near
         found = self._best_fits(frame, tolerances)
-        # three points elsewhere may be chance while the prop is hidden
+        # while the prop is hidden, three points elsewhere may be chance
         return [candidate for candidate in found if expected is None or np.sum(candidate.points >= 0) > FEWEST_MARKERS]
 
     def _best_fits(self, frame: MarkerFrame, tolerances: Array, allowed: Mask | None = None) -> list[_PoseCandidate]:
-        """Return the best few poses on matching points, best first; `allowed` (N, M) limits the matches."""
+        """Return the few best poses on matching points, best first; `allowed` (N, M) limits the matches."""
         points_m = frame.points_m
         matches = match_rigid_pattern(points_m, self.prop.spans_m, tolerances, FEWEST_MARKERS, allowed)
         found: list[_PoseCandidate] = []
@@ -227,7 +227,7 @@ class PropTracker:
         share = (time_s - last.time_s) / (last.time_s - before.time_s)
         step = rot.to_rotation_vector(rot.from_matrix(last.turn @ before.turn.T))
         turn = rot.to_matrix(rot.from_rotation_vector(share * step)) @ last.turn
-        # the middle of the markers moves steadily, the origin of a swung prop may not
+        # the centre of the markers moves steadily; the origin of a swung prop may not
         middle = self.prop.positions_m.mean(axis=0)
         now = transform(last.turn, last.shift, middle)
         then = transform(before.turn, before.shift, middle)
@@ -249,7 +249,7 @@ class PropTracker:
         return PropDetection(self._pose, rest)
 
     def _claim_blobs(self, frame: MarkerFrame, images: PropImages, expected: Placed | None) -> PropDetection:
-        """Miss the prop, but let it keep the blobs near its markers for a moment.
+        """Mark the prop as not found, but let it keep the blobs near its markers for a moment.
 
         Otherwise a performer with a hidden hand would get the sword's hilt.
         """
@@ -259,12 +259,12 @@ class PropTracker:
         return self._miss(rest)
 
     def _miss(self, rest: MarkerFrame) -> PropDetection:
-        if self._unconfirmed_since_s is not None:  # the find was chance
+        if self._unconfirmed_since_s is not None:  # the detection was chance
             self._forget()
         return PropDetection(self.last_pose(), rest)
 
     def last_pose(self) -> PropPose:
-        """Return the prop's last pose, as not found."""
+        """Return the prop's last pose, marked as not found."""
         return PropPose(self._pose.rotation, self._pose.position_m)
 
     def _forget(self) -> None:

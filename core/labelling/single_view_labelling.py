@@ -1,8 +1,8 @@
-"""Labels of the blobs of a single camera, frame after frame.
+"""Labelling of the blobs of a single camera, frame by frame.
 
-A marker that was just seen is extrapolated in the image. One that was hidden is near the last pose's marker, the less
-certainly the longer. One assignment of all blobs to all markers weighs the distance of a blob from a marker against
-this uncertainty; otherwise a marker hidden for long, which may be anywhere, takes its neighbours' blobs.
+A marker that was just seen is extrapolated in the image. One that was hidden is near the last pose's marker, but less
+certainly the longer it was hidden. One assignment of all blobs to all markers weighs the distance of a blob from a
+marker against this uncertainty; otherwise a marker hidden for long, which may be anywhere, takes its neighbours' blobs.
 """
 
 from copy import copy
@@ -19,20 +19,20 @@ from ..geometry.gated_assignment import assign
 class SingleViewSettings:
     """Settings of `SingleViewLabeller`.
 
-    Deviations are across the ray at the marker's distance; costs are minus twice the logarithm of a likelihood.
+    Deviations are measured across the ray at the marker's distance; costs are minus twice the log likelihood.
     """
 
     memory_s: float = 0.1  # age up to which a movement in the image is used
     image_m: float = 0.006  # standard deviation of an extrapolated marker
-    image_m_s2: float = 30.0  # acceleration that it may have
+    image_m_s2: float = 30.0  # standard deviation of its acceleration
     body_m: float = 0.05  # standard deviation of the pose's markers
-    body_m_s: float = 0.5  # growth with the time that a marker has been hidden
+    body_m_s: float = 0.5  # growth of this deviation with the time that a marker has been hidden
     body_most_m: float = 0.20  # largest such deviation of a marker on a limb
     torso_most_m: float = 0.06  # the same on the torso
-    unlikely: float = 20.0  # cost above which a blob is not the marker's
+    unlikely: float = 20.0  # cost above which a blob does not belong to the marker
     certain: float = 4.0  # cost up to which no alternative label is tried
-    alternative: float = 12.0  # cost above the best up to which an assignment is an alternative
-    nearest_m: float = 0.1  # least distance from the camera
+    alternative: float = 12.0  # cost above the best assignment up to which an assignment is an alternative
+    nearest_m: float = 0.1  # smallest distance from the camera
 
 
 _S = SingleViewSettings()
@@ -42,7 +42,7 @@ class SingleViewLabeller:
     """Labels the blobs of successive frames of one camera.
 
     Args:
-        torso: (M,) Markers on the torso. Where the torso is known they are known, too, even when hidden for long.
+        torso: Markers (M,) on the torso. If the torso is located, they are reliable even after being hidden for long.
     """
 
     def __init__(self, camera: Camera, torso: Mask) -> None:
@@ -90,7 +90,7 @@ class SingleViewLabeller:
         return result
 
     def _costs(self, points: Array, predicted_m: Array, elapsed_s: float) -> Array:
-        """Return the costs (N, M) of each blob for each marker."""
+        """Return the cost (N, M) of each blob for each marker."""
         local = self._camera.to_camera(predicted_m)
         depth = np.maximum(local[:, 2], _S.nearest_m)
         by_body = local[:, :2] / depth[:, None]
@@ -109,7 +109,7 @@ class SingleViewLabeller:
 
 
 def _assign(costs: Array) -> tuple[float, IntArray]:
-    """Return the least cost of labels, and these (N,)."""
+    """Return the lowest cost of labels, and the labels (N,)."""
     rows, columns = assign(costs, _S.unlikely)
     labels = np.full(len(costs), -1, dtype=np.int64)
     labels[rows] = columns

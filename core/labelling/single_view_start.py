@@ -1,8 +1,8 @@
-"""Labels of the blobs of a single camera at the start, from a known pose.
+"""Initial labelling of the blobs of a single camera, from a known pose.
 
-The performer stands in a calibration pose before the camera and the body is known, so that two blobs taken for two
-markers give its distance. The best of all such placements is refined: blobs are assigned, the body is fitted to their
-rays, and so on. Later labels follow from the last pose, as with more cameras.
+The performer stands in a calibration pose in front of the camera and the body is known, so assigning two blobs to two
+markers determines its distance. The best of all such placements is refined by turns: assign the blobs, fit the body to
+their rays. Later labels follow from the last pose, as with several cameras.
 """
 
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ from ..geometry.least_squares import gauss_newton
 
 @dataclass(frozen=True)
 class SingleViewStartSettings:
-    """Settings of `label_single_view` and `label_near`; distances are across the ray at the marker's depth."""
+    """Settings of `label_single_view` and `label_near`; distances are measured across the ray at the marker's depth."""
 
-    turns_deg: tuple[float, ...] = (-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0)  # headings tried, 0: towards the camera
-    pairs: int = 4  # pairs of markers, the farthest apart, that two blobs are taken for
-    nearest_m: float = 0.8  # least and greatest distance of the performer from the camera
+    turns_deg: tuple[float, ...] = (-60.0, -40.0, -20.0, 0.0, 20.0, 40.0, 60.0)  # headings, 0: towards the camera
+    pairs: int = 4  # number of marker pairs, the farthest apart, to which two blobs are assigned
+    nearest_m: float = 0.8  # smallest and largest distance of the performer from the camera
     farthest_m: float = 10.0
-    bent: float = 0.25  # deviation of two blobs from the direction of their markers, relative to the markers' distance
+    bent: float = 0.25  # deviation of two blobs from the direction of their markers, relative to the distance
     gate_m: float = 0.25  # largest distance of a blob from its marker in the first round
     narrowing: float = (
         0.8  # factor of the gate per round, down to `missed_m`, so that hidden markers lose others' blobs
     )
     missed_m: float = 0.10  # distance that a marker without a blob counts as
-    refined: int = 2  # placements of each pose and heading that are refined
-    closest: int = 12  # examples at the body's place that are refined
-    rounds: int = 10  # assignments of one refinement
+    refined: int = 2  # number of placements of each pose and heading that are refined
+    closest: int = 12  # number of examples near the body's position that are refined
+    rounds: int = 10  # assignments in one refinement
     tilt_sigma_rad: float = 0.1  # standard deviation of a standing person from upright
-    sigma_m: float = 0.03  # standard deviation of markers from the pose, which nobody holds exactly
+    sigma_m: float = 0.03  # standard deviation of markers from the pose, which no one holds exactly
     fewest_found: float = 0.7  # share of the markers that must be found
     farthest_rms_m: float = 0.07  # largest RMS distance of the markers found
 
@@ -52,10 +52,10 @@ class SingleViewStart:
 
 
 def label_single_view(points: Array, camera: Camera, poses_m: Sequence[Array]) -> SingleViewStart | None:
-    """Return labels of the blobs of a performer in one of a few poses; None without a fit.
+    """Return labels of the blobs of a performer in one of several poses; None if none fits.
 
     Args:
-        points: Undistorted normalised coordinates (N, 2) of the blobs; some may be false, some missing.
+        points: Undistorted normalised coordinates (N, 2) of the blobs; some may be false or missing.
         poses_m: Markers (M, 3) of each pose, y up, facing +z.
     """
     count = len(poses_m[0])
@@ -93,7 +93,7 @@ def label_near(points: Array, camera: Camera, expected_m: Array, count: int) -> 
     depth = np.maximum(local[..., 2:], _S.nearest_m)
     seen = local[..., :2] / depth
     squares = np.sum((seen[:, :, None] - points) ** 2, axis=-1) * depth**2
-    costs = np.minimum(squares.min(axis=1), _S.gate_m**2).sum(axis=1)  # sums over blobs, as markers may be hidden
+    costs = np.minimum(squares.min(axis=1), _S.gate_m**2).sum(axis=1)  # sums over blobs, because markers may be hidden
     found: list[tuple[float, SingleViewStart]] = []
     for body in local[np.argsort(costs)[: _S.closest]]:
         cost, labels, refined = _refine(points, body, camera.rotation[:, 1])
@@ -110,7 +110,7 @@ def _place_by_pairs(points: Array, body: Array) -> list[Array]:
     apart = points[first] - points[second]
     placements = []
     for a, b in zip(*np.unravel_index(order, spans.shape), strict=True):
-        # x_a + t = u (z_a + s) for both; their difference gives s, the shift in depth
+        # x_a + t = u (z_a + s) for both; their difference determines s, the shift in depth
         wanted = body[a, :2] - body[b, :2] - points[first] * body[a, 2] + points[second] * body[b, 2]
         depth = np.einsum("pc,pc->p", apart, wanted) / np.einsum("pc,pc->p", apart, apart)
         bent = np.linalg.norm(wanted - depth[:, None] * apart, axis=1) > _S.bent * spans[a, b]
@@ -151,9 +151,9 @@ def _refine(points: Array, local: Array, up: Array) -> tuple[float, IntArray, Ar
 
 
 def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up: Array) -> tuple[Array, Array]:
-    """Fit the body to its markers' rays by Gauss-Newton; return it and its pose (turn, shift) from the start.
+    """Fit the body to its markers' rays by Gauss-Newton; return it and its change of pose (turn, shift).
 
-    It turns about its middle. A prior holds it upright (`up` in the camera's frame).
+    It turns about its centre. A prior keeps it upright (`up` in the camera's frame).
     """
     middle = start.mean(axis=0)
     sigma_tilt = (np.eye(3) - np.outer(up, up)) / _S.tilt_sigma_rad
@@ -177,5 +177,5 @@ def _fit_to_rays(points: Array, markers: IntArray, start: Array, pose: Array, up
 
 
 def _ray_offsets(local: Array, points: Array) -> Array:
-    """Return distances (..., 2) of points in the camera's frame from rays, metres across at their depth."""
+    """Return distances (..., 2) of points in the camera's frame from rays, metres across the ray at their depth."""
     return np.asarray(local[..., :2] - points * local[..., 2:])

@@ -1,4 +1,4 @@
-"""Import of marker takes: y up, and names of the marker set."""
+"""Import of marker takes: conversion to y up and to the names of the marker set."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,9 +27,9 @@ _UP = np.array([0.0, 1.0, 0.0])
 def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> MarkerTake:
     """Return a take with y up and its markers under the names of the marker set.
 
-    Labels are matched by `match_labels`. Where they do not name the torso, the markers of a take with as many markers
-    as the set are named by their places on a standing body. A take of one camera is returned unchanged: it is labelled
-    when it is solved, and its calibration holds the world.
+    Labels are matched by `match_labels`. If they do not name the torso and the take has as many markers as the set, the
+    markers are named by their positions on a standing body. A take of one camera is returned unchanged: it is labelled
+    when it is solved, and its calibration contains the world.
 
     Args:
         marker_set: Marker set with usual offsets.
@@ -38,9 +38,9 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> Mark
             which becomes y = 0; None for the file's axes.
 
     Raises:
-        TakeError: The markers are not the set's, the body's size is not human, or too few markers are seen at once to
-            find the vertical.
-        MarkerSetError: The set has no usual offsets, and the floor or the names are to be found by them.
+        TakeError: The markers are not the set's, the body's size is not human, or too few markers are visible at once
+            to find the vertical.
+        MarkerSetError: The set has no usual offsets, but they are needed to find the floor or the names.
     """
     if is_unnamed(take):
         return take
@@ -62,7 +62,7 @@ def import_take(take: MarkerTake, marker_set: MarkerSet, up: str | None) -> Mark
 
 
 def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> MarkerTake:
-    """Return the take with y up, named by the markers' places."""
+    """Return the take with y up and with markers named by their positions."""
     if len(take.names) != len(marker_set):
         raise TakeError(
             f"its markers are called {join_names(take.names)}, those of the set {marker_set.name} "
@@ -78,17 +78,17 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
         except TakeError as error:
             problem = problem or error
             continue
-        # names can also be found along a wrong axis, but the body then lies or is upside down
+        # names can also be found along a wrong axis, but then the body lies or is upside down
         if len(axes) == 1 or axis_up(named, marker_set) == "y":
             found.append(named)
-    if found:  # along a wrong axis some markers are at other markers' places
+    if found:  # along a wrong axis some markers are at other markers' positions
         return min(found, key=lambda named: misfit_of_names_m(named, marker_set))
     advice = "choose the marker set that was worn, or give one of your own (TOML) with the file's names"
     raise TakeError(problem.what if problem else "", where=take.name, advice=advice)
 
 
 def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
-    """Return the take with the floor under the feet at y = 0, its heading kept."""
+    """Return the take with the floor under the feet at y = 0 and its heading unchanged."""
     points = floor_points(take, marker_set)
     middle, _, axes = principal_axes(points)
     normal = axes[2] if axes[2, 1] > 0.0 else -axes[2]

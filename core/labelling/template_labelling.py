@@ -1,6 +1,6 @@
-"""Labels of points in a calibration pose, by a similarity transform of a template.
+"""Labelling of points in a calibration pose, by a similarity transform of a template.
 
-Pairs of points taken for distant template markers give rough placements; the best are refined.
+Assigning pairs of points to distant template markers gives rough placements; the best are refined.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class TemplateSettings:
     pairs: int = 6  # pairs of template markers tried, the most distant ones
     refined: int = 60  # rough placements that are refined
     rounds: int = 8  # assignments of one refinement
-    turn_penalty_m: float = 0.02  # per radian away from facing the cameras; chooses between near-symmetric placements
+    turn_penalty_m: float = 0.02  # per radian away from facing the cameras; decides between near-symmetric placements
     fewest_found: float = 0.6  # share of the markers that must be found
 
 
@@ -51,7 +51,7 @@ def similarity(source: Array, target: Array, scales: tuple[float, float] = (0.0,
 
 
 def label_by_template(points_m: Array, template_m: Array) -> IntArray:
-    """Return labels (N,) of points in a pose like the template's; all -1 when too few fit.
+    """Return labels (N,) of points in a pose like the template's; all are -1 if too few fit.
 
     Args:
         points_m: Points (N, 3) in a world with y roughly up, with ghosts and hidden markers.
@@ -72,7 +72,7 @@ def label_by_template(points_m: Array, template_m: Array) -> IntArray:
 
 
 def _rough_placements(points: Array, template: Array) -> list[Similarity]:
-    """Return the best placements from pairs of points for distant template markers."""
+    """Return the best placements, from pairs of points assigned to distant template markers."""
     pairs = np.transpose(np.triu_indices(len(template), 1))
     spans = np.linalg.norm(template[pairs[:, 0]] - template[pairs[:, 1]], axis=-1)
     placements, costs = [], []
@@ -89,7 +89,7 @@ def _rough_placements(points: Array, template: Array) -> list[Similarity]:
 
 
 def _from_pair(template_pair: Array, point_pair: Array, scale: float) -> Similarity:
-    """Return the upright placement of a pair: heading and middle agree."""
+    """Return the upright placement in which a pair's heading and centre agree."""
     source, target = template_pair[1] - template_pair[0], point_pair[1] - point_pair[0]
     yaw = np.arctan2(target[0], target[2]) - np.arctan2(source[0], source[2])
     cosine, sine = np.cos(yaw), np.sin(yaw)

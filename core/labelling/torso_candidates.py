@@ -1,4 +1,4 @@
-"""Choices of points for the torso markers, which keep their distances from each other."""
+"""Candidate points for the torso markers, which keep their distances from each other."""
 
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
@@ -12,21 +12,21 @@ from ..markers.marker_set import FEWEST_TORSO
 
 @dataclass(frozen=True)
 class TorsoSettings:
-    """Settings of `TorsoCandidates`; costs are minus logarithms of likelihoods."""
+    """Settings of `TorsoCandidates`; costs are negative log likelihoods."""
 
     missed_cost: float = 6.0  # cost of a torso marker without a point
-    percentiles: tuple[float, float] = (0.5, 99.5)  # range of the examples' distances that bounds a torso's
+    percentiles: tuple[float, float] = (0.5, 99.5)  # range of the examples' distances that limits a torso's
     stretch: float = 0.1  # relative tolerance beyond these bounds
     stretch_m: float = 0.03  # additional tolerance
-    sigma_m: float = 0.05  # least standard deviation of a distance
-    choices: int = 4000  # choices of points that are kept
-    chunk: int = 200_000  # choices compared in one piece of work
+    sigma_m: float = 0.05  # smallest standard deviation of a distance
+    choices: int = 4000  # number of choices that are kept
+    chunk: int = 200_000  # choices compared in one step of work
 
 
 TORSO = TorsoSettings()
 
 Found = TypeVar("Found")
-Search: TypeAlias = Generator[float, None, Found]  # work in pieces; yields the array elements handled
+Search: TypeAlias = Generator[float, None, Found]  # work in steps; yields the number of array elements handled
 
 
 class TorsoCandidates:
@@ -45,7 +45,7 @@ class TorsoCandidates:
         self._mean_m, self._sigma_m = spans.mean(axis=0), np.maximum(spans.std(axis=0), TORSO.sigma_m)
 
     def choose(self, points_m: Array) -> Search[IntArray]:
-        """Return points (H, T) of the torso markers, or -1 for none, likeliest first."""
+        """Return points (H, T) for the torso markers, or -1 for none, likeliest first."""
         points = len(points_m)
         costs = yield from self._span_costs(points_m)
         chosen, cost = np.empty((1, 0), dtype=np.int64), np.zeros(1, dtype=np.float32)
@@ -70,7 +70,7 @@ class TorsoCandidates:
         return chosen[np.argsort(cost, kind="stable")]
 
     def _span_costs(self, points_m: Array) -> Search[Mapping[tuple[int, int], FloatArray]]:
-        """Return by pair of markers the costs (N + 1, N) of two points; the last row is for a hidden first marker."""
+        """Return for each pair of markers the costs (N + 1, N) of two points; the last row: first marker hidden."""
         points = len(points_m)
         norms = np.einsum("nc,nc->n", points_m, points_m)
         squares = norms[:, None] + norms - 2.0 * (points_m @ points_m.T)

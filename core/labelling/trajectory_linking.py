@@ -1,7 +1,7 @@
-"""Labelled trajectories without a body model, from unlabelled points of a recorded take.
+"""Labelled trajectories from the unlabelled points of a recorded take, without a body model.
 
-Points are joined to tracklets by their motion, then tracklets to markers by the distances between markers, which a body
-keeps (those on one limb exactly, others roughly). So a marker that was hidden gets its own label back.
+Points are joined to tracklets by their motion, then tracklets to markers by the distances between markers, which the
+body preserves (exactly on one limb, roughly elsewhere). So a marker that was hidden gets its own label again.
 """
 
 from collections.abc import Sequence
@@ -25,21 +25,21 @@ class LinkSettings:
     fastest_m_s: float = 3.0  # growth of this gate with the time between frames; also the fastest walk
     widest_gate_m: float = 0.35
     young_gate: float = 0.6  # share of the gate for a tracklet that may be a ghost
-    ghost_frames: int = 3  # length up to which it may be one
-    bridge_frames: int = 2  # frames that a tracklet can miss
-    slow_rate_s: float = 0.08  # time between frames from which velocities say little: the common shift is used
+    ghost_frames: int = 3  # largest length at which it may be a ghost
+    bridge_frames: int = 2  # number of frames that a tracklet can miss
+    slow_rate_s: float = 0.08  # time between frames above which velocities say little and the common shift is used
     slow_rounds: int = 3  # assignments with a corrected common shift
     depth_jump_m: float = 0.25  # additional gate along the line of sight
     depth_trust: float = 0.2  # share of the velocity along the line of sight that is used
     fair_share: float = 0.25  # share of the frames that must show the usual number of markers
     structure_sigma_m: float = 0.012  # standard deviation of rigid distances
     continuity_m: float = 0.06  # standard deviation of a marker's movement across a gap
-    continuity_m_s: float = 1.5  # its growth with the length of the gap
+    continuity_m_s: float = 1.5  # growth of this deviation with the length of the gap
     cost_cap: float = 16.0  # largest cost of one distance
-    cost_limit: float = 10.0  # cost from which a tracklet is another marker's
-    young_cost_limit: float = 4.0  # the same for one that may be a ghost
-    long_frames: int = 10  # length from which tracklets are joined in the order of time
-    overlap_frames: int = 2  # frames that two tracklets of one marker may share
+    cost_limit: float = 10.0  # cost above which a tracklet belongs to another marker
+    young_cost_limit: float = 4.0  # the same for a tracklet that may be a ghost
+    long_frames: int = 10  # length from which tracklets are joined in order of time
+    overlap_frames: int = 2  # number of frames that two tracklets of one marker may share
 
 
 _S = LinkSettings()
@@ -56,13 +56,13 @@ class Tracklet:
 
     @property
     def may_be_ghost(self) -> bool:
-        """It is so short that it may be a false match of two cameras."""
+        """Whether it is so short that it may be a false match between two cameras."""
         return len(self.frames) <= _S.ghost_frames
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """Tracked take, and per frame the marker (or -1) of each point."""
+    """Tracked take, and for each frame the marker (or -1) of each point."""
 
     take: MarkerTake
     labels: tuple[IntArray, ...]
@@ -70,11 +70,11 @@ class Tracking:
 
 
 def track_markers(frames: Sequence[MarkerFrame], name: str, fps: float, count: int | None = None) -> Tracking:
-    """Return trajectories of all markers: M01, M02, ... from the highest down.
+    """Return trajectories of all markers, named M01, M02, ... from the highest down.
 
     Args:
         frames: Frames in order of time.
-        count: Number of markers; by default as many as a quarter of the frames show.
+        count: Number of markers; by default the number that a quarter of the frames reach.
 
     Raises:
         TakeError: No frame shows enough points.
@@ -93,7 +93,7 @@ def track_markers(frames: Sequence[MarkerFrame], name: str, fps: float, count: i
         linker.fill(marker, tracklet)
     seeds = {id(tracklet) for (tracklet,) in identities}
     rest = [tracklet for tracklet in tracklets if id(tracklet) not in seeds]
-    # long tracklets first: short ones must not take their place
+    # long tracklets come first: short ones must not take their place
     rest.sort(key=lambda each: (-min(len(each.frames), _S.long_frames), _frames_away(each, seed)))
     dropped = 0
     for tracklet in rest:
@@ -192,7 +192,7 @@ class _Linker:
         return np.array([self._points[f][point] for f, point in rows]).reshape(-1, 3)
 
     def best_identity(self, tracklet: Tracklet) -> int | None:
-        """Return a tracklet's marker, or None when no free one fits."""
+        """Return a tracklet's marker, or None if no free one fits."""
         where, own = np.array(tracklet.frames), self._places(tracklet)
         taken = np.isfinite(self.positions[where, :, 0]).sum(axis=0)
         # a false point may have ended one tracklet a frame after the next began
@@ -234,9 +234,9 @@ class _Linker:
 
 
 def _squared_gates(difference: Array, across: Array | float, depth_axis: Array) -> Array:
-    """Return squared distances in gates that are wider along the line of sight.
+    """Return squared distances within gates that are wider along the line of sight.
 
-    Unsynchronised cameras see a marker that moves sideways at different places: its depth jumps from frame to frame
+    Unsynchronised cameras see a marker that moves sideways at different positions: its depth jumps between frames
     by far more than it moves.
     """
     depth = difference @ depth_axis
@@ -253,7 +253,7 @@ def _depth_axis(frame: MarkerFrame) -> Array:
 
 
 def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
-    """Return the body's shift that brings most expected positions near a point."""
+    """Return the shift of the body that brings most expected positions near a point."""
     shifts = np.concatenate((np.zeros((1, 3)), (points[None] - expected[:, None]).reshape(-1, 3)))
     shifts = shifts[np.linalg.norm(shifts, axis=1) <= _S.fastest_m_s * passed_s]
     nearest = [np.minimum(cdist(expected + shift, points).min(axis=1), _S.widest_gate_m).sum() for shift in shifts]
@@ -261,7 +261,7 @@ def _common_shift(expected: Array, points: Array, passed_s: float) -> Array:
 
 
 def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
-    """Return how many markers a fair share of the frames shows, short tracklets aside."""
+    """Return how many markers a fair share of the frames shows, ignoring short tracklets."""
     longest = [tracklet for tracklet in tracklets if not tracklet.may_be_ghost] or list(tracklets)
     shown = np.zeros(count, dtype=np.int64)
     for tracklet in longest:
@@ -274,7 +274,7 @@ def _usual_count(tracklets: Sequence[Tracklet], count: int) -> int:
 
 
 def _seed_frame(alive: Sequence[Sequence[Tracklet]], worn: int) -> int:
-    """Return the frame where the longest tracklets for all markers are seen at once."""
+    """Return the frame in which the longest tracklets for all markers are visible at once."""
     scores = [
         sum(sorted((len(tracklet.frames) for tracklet in row), reverse=True)[:worn]) if len(row) >= worn else -1
         for row in alive

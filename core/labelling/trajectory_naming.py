@@ -1,4 +1,4 @@
-"""Names of tracked trajectories, voted on by standing bodies over the take."""
+"""Naming of tracked trajectories by votes of frames that show a standing body."""
 
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ from .template_labelling import label_by_template, similarity
 class NamingSettings:
     """Settings of `name_trajectories`."""
 
-    samples: int = 25  # frames that vote
+    samples: int = 25  # number of frames that vote
     fewest_votes: float = 0.3  # share of these in which most markers must have been recognised
 
 
@@ -26,13 +26,13 @@ _S = NamingSettings()
 
 
 def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
-    """Return the take in the order and under the names of the marker set.
+    """Return the take with the order and the names of the marker set.
 
-    In frames spread over the take the points are labelled by a standing body and by one in the T pose, with the set's
-    usual offsets; every frame that fits votes.
+    In frames spread over the take, the points are labelled by a standing body and by one in the T pose, with the set's
+    usual offsets; every frame that fits has a vote.
 
     Raises:
-        TakeError: The take has another number of markers than the set, or does not look like it.
+        TakeError: The number of markers differs from the set's, or the take does not look like the set.
         MarkerSetError: The set has no offsets to tell its markers apart.
     """
     count = len(marker_set)
@@ -55,7 +55,7 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 
 
 def misfit_of_names_m(take: MarkerTake, marker_set: MarkerSet) -> float:
-    """Return the median over frames of the RMS distance between a take's markers and those of a body of any size.
+    """Return the median over frames of the RMS distance between a take's markers and a body's of any size.
 
     The body stands or holds the T pose, whichever is nearer.
     """
@@ -73,7 +73,7 @@ def _misfit_m(template: Array, points: Array) -> float:
 
 
 def _templates(marker_set: MarkerSet) -> list[Array]:
-    """Return the set's markers (M, 3) on a body in the T pose and on one that stands."""
+    """Return the set's markers (M, 3) on a body in the T pose and on a standing one."""
     skeleton = default_skeleton()
     return [marker_set.positions_on(skeleton, pose(skeleton)) for pose in (t_pose, standing)]
 
@@ -92,7 +92,7 @@ def _vote(votes: Array, row: Array, templates: list[Array]) -> None:
 
 
 def match_trajectories(own: Array, other: Array) -> tuple[IntArray, IntArray]:
-    """Match trajectories (F, M, 3) to (F, N, 3) with the least sum of median distances."""
+    """Match trajectories (F, M, 3) to (F, N, 3) with the smallest sum of median distances."""
     cost = [[_median_distance(mine, theirs) for theirs in other.swapaxes(0, 1)] for mine in own.swapaxes(0, 1)]
     rows, columns = linear_sum_assignment(cost)
     return rows.astype(np.int64), columns.astype(np.int64)
@@ -101,4 +101,4 @@ def match_trajectories(own: Array, other: Array) -> tuple[IntArray, IntArray]:
 def _median_distance(a: Array, b: Array) -> float:
     distance = np.linalg.norm(a - b, axis=1)
     seen = np.isfinite(distance)
-    return float(np.median(distance[seen])) if seen.any() else 1e3  # far more than any real one
+    return float(np.median(distance[seen])) if seen.any() else 1e3  # far larger than any real distance

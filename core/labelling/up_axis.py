@@ -1,4 +1,4 @@
-"""Up axis of a take's world, found from the body that moves in it."""
+"""Up axis of a take's world, found from the moving body."""
 
 from dataclasses import dataclass
 
@@ -27,13 +27,13 @@ class UpAxisSettings:
     """Weights of the evidence, chosen on CMU and Bandai takes and on bodies that crawl, sit, lie down and get up."""
 
     samples: int = 60  # largest number of frames that are checked
-    fewest: int = 4  # fewest markers of a frame that show the posture of the whole body
+    fewest: int = 4  # fewest markers in a frame that show the posture of the whole body
     body: float = 0.7  # weight of the mean cosine between the axis and the vertical of a body fitted to all markers
     trunk: float = 0.3  # the same for the torso markers: the torso is upright in a seated body, too
     moves: float = 0.7  # weight per metre by which the body's top moves further along the axis than its bottom
     most_moves_m: float = 0.5
     usual: float = 0.2  # weight of y and z, the up axes of most programs
-    outliers: float = 5.0  # percentage of extreme values left out at either end
+    outliers: float = 5.0  # percentage of extreme values ignored at either end
 
 
 _S = UpAxisSettings()
@@ -47,7 +47,7 @@ def axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
     over for a while, its head moves up and down, while its lowest point stays on the floor.
 
     Raises:
-        TakeError: Too few markers are seen at once.
+        TakeError: Too few markers are visible at once.
     """
     names = [name for name in marker_set.names if name in take.names]
     worn = marker_set.subset(names)
@@ -73,14 +73,14 @@ def axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
 
 
 def _usual_places(marker_set: MarkerSet) -> Array:
-    """Return the markers (M, 3) on a standing body; those without a usual offset at their joints."""
+    """Return the markers (M, 3) on a standing body; markers without a usual offset are placed at their joints."""
     skeleton = default_skeleton()
     offsets = np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in marker_set.markers])
     return marker_set.with_offsets(offsets).positions_on(skeleton, standing(skeleton))
 
 
 def _mean_up(template: Array, rows: Array, seen: Array, fewest: int) -> Array:
-    """Return the mean over frames of the vertical (3,) of the template fitted to the seen markers."""
+    """Return the mean over frames of the vertical (3,) of the template fitted to the visible markers."""
     ups: list[Array] = []
     for row, own in zip(rows, seen, strict=True):
         if own.sum() >= fewest:

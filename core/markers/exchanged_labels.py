@@ -1,7 +1,7 @@
-"""Correction of labels that were exchanged for a while, by continuity and by distances on the body.
+"""Correction of temporarily exchanged labels, by continuity and by distances on the body.
 
-Two markers exchange their labels at a seam where both trajectories jump and each goes on as the other did. The evidence
-is summed over the stretches of a take (Viterbi 1967), together with that of the distances to other markers, which
+Two markers exchange their labels at a seam where both trajectories jump and each continues the other's. The evidence is
+summed over the stretches of a take (Viterbi 1967), together with evidence from the distances to other markers, which
 hardly change along a bone.
 """
 
@@ -19,7 +19,7 @@ from .trajectory_seams import SeamScale, after, before, cost, sudden
 class ExchangeSettings:
     """Settings of `undo_exchanges`; chosen like `SeamSettings`."""
 
-    jump_m: float = 0.03  # smallest miss that each trajectory needs at some seam
+    jump_m: float = 0.03  # smallest miss that each trajectory must have at some seam
     jump_sigmas: float = 4.0  # the same in standard deviations
     possible: float = 6.0  # evidence from which a seam is a candidate, nats
     possible_in_gap: float = -3.0  # the same in a gap, where exchanges are more frequent than the evidence shows
@@ -28,11 +28,11 @@ class ExchangeSettings:
     change_in_gap: float = 6.0  # the same in a gap
     at_end: float = 9.0  # cost of being exchanged when the take begins or ends
     frame: float = 0.01  # cost of each exchanged frame, nats: prefers the shorter of two explanations
-    apart: int = 2  # seams on either side of a candidate that show the same jump
-    partners: int = 3  # other markers whose distances are compared
+    apart: int = 2  # number of seams on either side of a candidate that show the same jump
+    partners: int = 3  # number of other markers whose distances are compared
     rigid_m: float = 0.03  # largest standard deviation of a distance that is compared
-    least_rigid_m: float = 0.01  # smallest standard deviation, from skin motion
-    most_body: float = 15.0  # limit of the evidence of distances: the other marker may be exchanged, too
+    least_rigid_m: float = 0.01  # smallest standard deviation, because of skin motion
+    most_body: float = 15.0  # limit on the evidence from distances: the other marker may be exchanged, too
     independent_s: float = 0.25  # time after which a distance counts as a new measurement
     most: int = 200  # largest number of exchanges that are undone
 
@@ -42,7 +42,7 @@ _S = ExchangeSettings()
 
 @dataclass(frozen=True)
 class Exchange:
-    """Frames from `first` to `last`, in which two markers (columns) had each other's labels."""
+    """Frames from `first` to `last` in which two markers (columns) had each other's labels."""
 
     first: int
     last: int
@@ -50,12 +50,12 @@ class Exchange:
 
 
 def undo_exchanges(times_s: Array, points_m: Array, neighbours: Mask) -> tuple[Array, list[Exchange]]:
-    """Return trajectories (F, M, 3) with exchanged labels put back, and what was exchanged.
+    """Return trajectories (F, M, 3) with exchanged labels corrected, and the list of exchanges.
 
     Args:
         times_s: Ascending times (F,).
         points_m: Trajectories (F, M, 3), NaN where hidden.
-        neighbours: Whether two markers (M, M) are on the same or on neighbouring bones.
+        neighbours: Mask (M, M) of pairs of markers on the same or on neighbouring bones.
     """
     search = _Search(times_s, points_m, neighbours)
     found: list[Exchange] = []
@@ -71,12 +71,12 @@ class _Course:
 
     Args:
         path: Positions (F, 3), NaN where the marker is hidden.
-        rows: Frames where it is seen.
-        ratios: Misses at the seams between these, as shares of the usual ones.
+        rows: Frames where it is visible.
+        ratios: Misses at the seams between these frames, relative to the usual ones.
         come, go: Velocities (F, 3) before and after each frame, NaN where unknown.
-        come_m: Positions (F - 1, 3) halfway to the next frame, extrapolated from before.
+        come_m: Positions (F - 1, 3) halfway to the next frame, extrapolated from earlier frames.
         misses_m2: Squared misses (F - 1,) between successive frames, NaN where unknown.
-        jumps: Whether it jumps somewhere.
+        jumps: Whether the trajectory jumps anywhere.
     """
 
     path: Array
@@ -90,7 +90,7 @@ class _Course:
 
 
 class _Search:
-    """Search for the pair with the most evidence, repeated after each correction."""
+    """Finds the pair with the most evidence, again after each correction."""
 
     def __init__(self, times_s: Array, points_m: Array, neighbours: Mask) -> None:
         self._times_s, self.points_m = times_s, points_m.copy()
@@ -169,9 +169,9 @@ class _Search:
         return gain, stretches
 
     def _possible_seams(self, a: int, b: int, seen: Mask, rows: IntArray) -> IntArray:
-        """Return the seams between common frames (rows) at which an exchange can be more likely than none.
+        """Return the seams between common frames (rows) at which an exchange can be more likely than no exchange.
 
-        Between successive frames one marker misses by half their distance, or neither comes nearer to the other.
+        Between successive frames either one marker misses by half their distance, or neither comes nearer to the other.
         """
         own, other = self._courses[a], self._courses[b]
         apart_m2 = _squares(own.come_m - other.come_m)
@@ -179,7 +179,7 @@ class _Search:
         return np.union1d((np.cumsum(seen) - 1)[beside], np.flatnonzero(np.diff(rows) > 1))
 
     def _gains(self, a: int, b: int, start: IntArray, stop: IntArray) -> Array:
-        """Return the evidence (K,), nats, that labels are exchanged between two frames each."""
+        """Return the evidence (K,), nats, that labels are exchanged between two frames."""
         half_s = 0.5 * (self._times_s[stop] - self._times_s[start])[:, None]
         courses = (self._courses[a], self._courses[b])
         come = [course.path[start] + half_s * course.come[start] for course in courses]
@@ -201,7 +201,7 @@ def _squares(apart_m: Array) -> Array:
 
 
 def _candidates(gains: Array, seams: IntArray, rows: IntArray) -> IntArray:
-    """Return the seams at which labels may have been exchanged: the most evidence nearby, or in a gap."""
+    """Return the seams at which labels may have been exchanged: those with the most evidence nearby, or in a gap."""
     hidden = rows[seams + 1] - rows[seams] >= _S.gap
     possible = seams[(gains[seams] > _S.possible) | (hidden & (gains[seams] > _S.possible_in_gap))]
     padded = np.pad(gains, _S.apart, constant_values=-np.inf)
@@ -214,7 +214,7 @@ def _most_likely(gains: Array, exchanged: Array) -> tuple[float, IntArray]:
     """Return the evidence for the most likely states, and the states (K + 1,) between K seams, 1 for exchanged.
 
     Args:
-        gains: Evidence (K,) that the state changes, less the cost of a change.
+        gains: Evidence (K,) that the state changes, minus the cost of a change.
         exchanged: Cost (K + 1,) of each stretch when exchanged.
     """
     totals, origins = np.array([0.0, exchanged[0] + _S.at_end]), []
@@ -236,7 +236,7 @@ def _merged(edges: IntArray, states: IntArray) -> list[tuple[int, int, int]]:
 
 
 class RigidDistances:
-    """Distances of each marker to others on the same or on neighbouring bones that hardly change in this take."""
+    """Distances between markers on the same or on neighbouring bones that hardly change in this take."""
 
     def __init__(self, points_m: Array, neighbours: Mask) -> None:
         markers = points_m.shape[1]
@@ -252,7 +252,7 @@ class RigidDistances:
             self._sigmas[a, b] = self._sigmas[b, a] = max(sigma, _S.least_rigid_m) if sigma < _S.rigid_m else np.inf
 
     def partners(self, marker: int, without: int | None = None) -> IntArray:
-        """Return the markers whose distance to a marker changes least; `without` is left out."""
+        """Return the markers whose distance to a marker changes least, except `without`."""
         sigmas = self._sigmas[marker].copy()
         if without is not None:
             sigmas[without] = np.inf
@@ -260,7 +260,7 @@ class RigidDistances:
         return order[np.isfinite(sigmas[order])]
 
     def cost_of_exchange(self, paths: Sequence[Array], a: int, b: int) -> Array:
-        """Return how much worse (F,) the distances are, nats, when two markers are exchanged in paths (F, 3) of all."""
+        """Return how much worse (F,), nats, the distances get if two markers are exchanged in paths (F, 3) of all."""
         total = np.zeros(len(paths[a]))
         for marker, other in ((a, b), (b, a)):
             for partner in self.partners(marker, other):

@@ -21,13 +21,13 @@ _PAD = 3 * (_ORDER + 1)  # frames of odd padding, as in SciPy's filtfilt
 
 
 def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
-    """Low-pass a take's trajectories without lag; gaps stay.
+    """Low-pass filter a take's trajectories without lag; gaps are kept.
 
-    Every unbroken stretch of a trajectory is filtered by itself; stretches too short for the filter stay as they are.
+    Every unbroken stretch of a trajectory is filtered separately; stretches too short for the filter are unchanged.
 
     Args:
-        take: Take; its frames may come unevenly.
-        cutoff_hz: Frequency at which half the power is left; walking keeps its shape from 6 Hz up.
+        take: Take; its frames may be uneven in time.
+        cutoff_hz: Frequency at which half the power remains; walking keeps its shape from 6 Hz upwards.
 
     Raises:
         SettingsError: The frequency is not between 0 and half the frame rate.
@@ -43,7 +43,7 @@ def smooth_take(take: MarkerTake, cutoff_hz: float) -> MarkerTake:
 
 
 def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
-    """Return the motion with joint rotations and root path low-passed without lag.
+    """Return the motion with joint rotations and root path low-pass filtered without lag.
 
     Joints without markers follow the database's examples, which change from frame to frame. Cut-off and errors are
     those of `smooth_take`.
@@ -54,7 +54,7 @@ def smooth_motion(motion: Motion, cutoff_hz: float) -> Motion:
 
 
 def smooth_poses(clock: Clock, rotations: Array, root_positions_m: Array, cutoff_hz: float) -> tuple[Array, Array]:
-    """Return poses (F, J, 4) and (F, 3) low-passed by their times; cut-off and errors are those of `smooth_take`."""
+    """Return poses (F, J, 4) and (F, 3), low-pass filtered by their times; cut-off and errors as in `smooth_take`."""
     weights = _low_pass(cutoff_hz, clock.fps, "")
     turns = clock.filtered(rotations, partial(_filter_rotations, weights), is_rotation=True)
     return turns, clock.filtered(root_positions_m, partial(_filter, weights))
@@ -63,13 +63,13 @@ def smooth_poses(clock: Clock, rotations: Array, root_positions_m: Array, cutoff
 def smooth_on_body(take: MarkerTake, marker_set: MarkerSet, motion: Motion, cutoff_hz: float) -> MarkerTake:
     """Reduce the noise of a set's markers with the help of the solved body.
 
-    All markers and the database's poses average the body's noise. So a marker's position in the frame of its joint is
-    low-passed far below the motion, and the trajectory along which the joint then carries it as in `smooth_take`.
+    All markers together and the database's poses average out the noise of the body's pose. A marker's position in the
+    frame of its joint is filtered far below the motion, and its trajectory as carried by the joint as in `smooth_take`.
 
     Args:
-        take: Take with markers under the set's names; others stay as they are.
-        motion: Motion solved from the take, in its world, frame by frame.
-        cutoff_hz: Cut-off of the trajectory; a fifth of it is that of the position on the body. Errors are those of
+        take: Take with the set's marker names; other markers are unchanged.
+        motion: Motion solved from the take, in its world, with the same frames.
+        cutoff_hz: Cut-off for the trajectory; that for the position on the body is a fifth of it. Errors are those of
             `smooth_take`.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
@@ -94,7 +94,7 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
             where=name,
             advice=f"give more than 0 and less than half the frame rate, {0.5 * fps:.3g} Hz",
         )
-    # two passes narrow the band: each gets a cut-off that is higher by the same factor
+    # two passes narrow the band, so each gets a cut-off that is higher by the same factor
     single_pass = cutoff_hz / (np.sqrt(2.0) - 1.0) ** (0.5 / _ORDER)
     if single_pass >= 0.5 * fps:
         return None
@@ -107,7 +107,7 @@ def _low_pass(cutoff_hz: float, fps: float, name: str) -> Array | None:
 
 
 def _filter(weights: Array | None, path: Array) -> Array:
-    """Filter rows (F, ...) forwards and backwards; too few stay as they are."""
+    """Filter rows (F, ...) forwards and backwards; too few rows are returned unchanged."""
     if weights is None or len(path) <= _PAD:
         return path
     rows = path.reshape(len(path), -1)
@@ -130,5 +130,5 @@ def _pass(weights: Array, rows: Array) -> Array:
     driven[1:] += inputs[1] * rise[:-1]
     driven[2:] += inputs[2] * rise[:-2]
     bands = np.repeat(outputs[:, None], len(rows), axis=1)
-    # scipy.signal would take most of a second to load
+    # importing scipy.signal would take most of a second
     return np.asarray(solve_banded((_ORDER, 0), bands, driven, overwrite_b=True)) + rows[0]

@@ -1,4 +1,4 @@
-"""Floor of a recording from standing feet, for captures without a board on the floor."""
+"""Floor of a recording found from standing feet, for captures without a board on the floor."""
 
 import math
 from collections.abc import Callable
@@ -29,24 +29,24 @@ class FloorSettings:
     sole_m: float = 0.02  # height of a standing foot's lowest joint above the floor
     smoothing_hz: float = 5.0  # cut-off of the trajectories
     still_m_s: float = 0.25  # speed below which a foot's marker rests
-    low_m: float = 0.04  # height above the marker's lowest within a second, below which it rests
-    fewest_s: float = 0.5  # rest of one foot that tells where the floor is
+    low_m: float = 0.04  # height above the marker's lowest position within a second, below which it rests
+    fewest_s: float = 0.5  # shortest rest of one foot that shows where the floor is
     lean_rad: float = math.radians(3.0)  # standard deviation of a performer's mean lean from upright
     height_sigma_m: float = 0.01  # standard deviation of a resting marker's height
-    frames_per_stand: float = 10.0  # frames that repeat each other's errors
-    trimmed: float = 3.0  # median deviations of the height from which a frame is an outlier
+    frames_per_stand: float = 10.0  # number of frames that repeat each other's errors
+    trimmed: float = 3.0  # deviation of the height, in median deviations, above which a frame is an outlier
     trim_rounds: int = 5
-    upright_samples: int = 60  # frames that tell the vertical
+    upright_samples: int = 60  # number of frames used to find the vertical
 
 
 _S = FloorSettings()
 
 
 def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skeleton], Array] = standing) -> Array:
-    """Return four points (4, 3) of the floor, about where the performer moved.
+    """Return four points (4, 3) of the floor, around the area where the performer moved.
 
-    Resting markers of the feet are as high above the floor as on a standing person. A plane is fitted to them; the
-    performer's mean vertical is its prior, in case the feet stood nearly on one line.
+    Resting foot markers are as high above the floor as on a standing person. A plane is fitted to them; the performer's
+    mean vertical is its prior, in case the feet stood nearly on a line.
 
     Args:
         take: Labelled take in any world, in which the performer stands or walks.
@@ -54,7 +54,7 @@ def floor_points(take: MarkerTake, marker_set: MarkerSet, pose: Callable[[Skelet
         pose: Usual pose of the performer, who is upright on average.
 
     Raises:
-        TakeError: No markers on the feet, or feet that never rest.
+        TakeError: There are no markers on the feet, or the feet never rest.
         MarkerSetError: The set has no offsets.
     """
     skeleton = default_skeleton()
@@ -78,7 +78,7 @@ def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
 
 
 def _upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
-    """Return the rotation (3, 3) from a level frame, by the body's mean vertical."""
+    """Return the rotation (3, 3) from a level frame, according to the body's mean vertical."""
     template = marker_set.positions_on(skeleton, pose)
     columns = _columns(take, marker_set)
     up = np.zeros(3)
@@ -102,7 +102,7 @@ def _columns(take: MarkerTake, marker_set: MarkerSet) -> list[int]:
 
 
 def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, upright: Array) -> Array:
-    """Return (N, 3) level-frame points of the floor below markers of resting feet."""
+    """Return floor points (N, 3) in the level frame, below markers of resting feet."""
     columns, radius = _columns(take, marker_set), round(take.fps)
     heights, times_s = _usual_heights(marker_set, skeleton), frame_times(take)
     found = []
@@ -124,7 +124,7 @@ def _stance_points(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, 
 
 
 def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
-    """Return (M,) heights of the markers above the floor when a person stands."""
+    """Return the heights (M,) of the markers above the floor when a person stands."""
     positions, _ = forward_kinematics(skeleton, standing(skeleton), np.zeros(3))
     markers = marker_set.positions_on(skeleton, standing(skeleton))
     floor = min(positions[skeleton.index(name), 1] for name in _FOOT_JOINTS) - _S.sole_m
@@ -132,7 +132,7 @@ def _usual_heights(marker_set: MarkerSet, skeleton: Skeleton) -> Array:
 
 
 def _plane(stands: Array, upright: Array) -> Array:
-    """Return four points (4, 3) of the plane fitted to level-frame points."""
+    """Return four points (4, 3) of the plane fitted to points in the level frame."""
     kept = np.ones(len(stands), dtype=bool)
     for _ in range(_S.trim_rounds):
         middle = stands[kept].mean(axis=0)

@@ -1,10 +1,10 @@
-"""Gap filling by the solved body and by splines.
+"""Gap filling with the solved body and with splines.
 
-A marker is followed in the frame of the joint that carries it, where it moves only by skin motion and errors of the
-body's calibration. Across a gap its position in that frame is interpolated, and the solved joint carries it. A cubic
-spline through the positions beside the gap is better while the gap is short; the two are averaged by the inverse of
-their expected square errors. The spline's error is measured on gaps made where the marker is seen. The body's error is
-the difference of the marker's positions on it before and after gaps, in frames that were solved without the marker.
+A marker is followed in the frame of the joint that carries it, where it moves only because of skin motion and errors of
+the body's calibration. Across a gap this position is interpolated, and the solved joint carries it. A cubic
+spline through the positions next to the gap is better while the gap is short; the two are averaged, weighted by the
+inverse of their expected square errors. The spline's error is measured on artificial gaps where the marker is visible.
+The body's error is the difference of the marker's positions on it before and after gaps, solved without the marker.
 """
 
 from dataclasses import dataclass, replace
@@ -25,16 +25,16 @@ _MID_ERROR = 0.0398  # root mean square of u^2 (1 - u)^2, the shape of a cubic i
 
 @dataclass(frozen=True)
 class GapSettings:
-    """Settings of `fill_gaps`, chosen on gaps made in CMU takes (tuning log)."""
+    """Settings of `fill_gaps`, chosen on artificial gaps in CMU takes (tuning log)."""
 
-    shoulder_s: float = 0.1  # part of a trajectory beside a gap that gives the marker's position on the body
-    settled_s: float = 0.04  # time constant in which the offset of the last frame before the gap fades
-    leaving_s: float = 0.1  # time constant in which the body's error grows from the gap's ends
-    least_drift_m: float = 0.01  # drift of a marker on the body across a gap, where there is little evidence
+    shoulder_s: float = 0.1  # part of a trajectory next to a gap that determines the marker's position on the body
+    settled_s: float = 0.04  # time constant with which the offset of the last frame before the gap fades
+    leaving_s: float = 0.1  # time constant with which the body's error grows from the gap's ends
+    least_drift_m: float = 0.01  # drift of a marker on the body across a gap if there is little evidence
     earlier_gaps: float = 3.0  # weight of the drift across all gaps, in observations of one gap
-    least_error_m: float = 0.001  # least error of either estimate
-    long_s: float = 0.5  # length of a gap at which splines err twice as much as measured, as motion changes
-    most_trials: int = 40  # gaps made to measure splines
+    least_error_m: float = 0.001  # smallest error of either estimate
+    long_s: float = 0.5  # length of a gap at which splines err twice as much as measured, because the motion changes
+    most_trials: int = 40  # number of artificial gaps used to measure splines
 
 
 _S = GapSettings()
@@ -42,7 +42,7 @@ _S = GapSettings()
 
 @dataclass(frozen=True)
 class Gap:
-    """Frames from `start` to before `stop` in which a marker (column of the take) is hidden."""
+    """Frames from `start` up to but not including `stop` in which a marker (column of the take) is hidden."""
 
     marker: int
     start: int
@@ -55,7 +55,7 @@ class Gap:
 
 
 def find_gaps(visible: Mask) -> list[Gap]:
-    """Return the gaps of markers in a mask (F, M) of visible ones, without markers never seen."""
+    """Return the gaps of markers in a mask (F, M) of visible ones, except markers that are never visible."""
     found = []
     for marker, seen in enumerate(visible.T):
         if seen.any():
@@ -66,8 +66,8 @@ def find_gaps(visible: Mask) -> list[Gap]:
 def widen_gaps(take: MarkerTake) -> MarkerTake:
     """Return the take with each gap a tenth of a second longer at both ends.
 
-    A body solved from this does not jump where a marker disappears or returns, and beside the gap the marker shows how
-    far off the body is without it.
+    A body solved from this does not jump where a marker disappears or returns, and next to the gap the marker shows
+    how far off the body is without it.
     """
     frames = _shoulder(take.fps)
     kept = take.visible
@@ -77,11 +77,11 @@ def widen_gaps(take: MarkerTake) -> MarkerTake:
 
 
 def fill_gaps(take: MarkerTake, marker_set: MarkerSet, motion: Motion) -> MarkerTake:
-    """Fill the gaps of a set's markers; measured positions stay.
+    """Fill the gaps of a set's markers; measured positions are kept.
 
     Args:
-        take: Take with markers under the set's names; other markers, and those never seen, stay as they are.
-        motion: Motion solved from `widen_gaps` of the take, in its world, frame by frame.
+        take: Take with the set's marker names; other markers, and those never visible, are unchanged.
+        motion: Motion solved from `widen_gaps` of the take, in its world, with the same frames.
     """
     joints, turns = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
     times_s = frame_times(take)
@@ -102,7 +102,7 @@ def _shoulder(fps: float) -> int:
 
 
 class _Filler:
-    """Fills one gap from the measured positions beside it."""
+    """Fills one gap from the measured positions next to it."""
 
     def __init__(self, take: MarkerTake, times_s: Array, gap: Gap, joints: Array, turns: Array, carrier: int) -> None:
         self._fps, self._times_s, self._gap = take.fps, times_s, gap
@@ -169,7 +169,7 @@ class _Filler:
         return np.asarray(self._joint[rows] + rot.rotate(self._turn[rows], places))
 
     def _tried_m(self) -> float | None:
-        """Return the RMS error of splines over gaps of this length made in visible frames, or None if there is none."""
+        """Return the RMS error of splines over gaps of this length placed in visible frames, or None if none fits."""
         count, beside = self._gap.frames, _shoulder(self._fps)
         length = count + 2 * beside
         whole = np.convolve(self._seen, np.ones(length, dtype=int), mode="valid") == length
@@ -178,7 +178,7 @@ class _Filler:
             return None
         rows = np.arange(length)
         hidden, kept = rows[beside : beside + count], np.delete(rows, np.s_[beside : beside + count])
-        # one spline for all, as they share their knots
+        # one spline for all, because they share their knots
         paths = self._path[starts[:: max(1, len(starts) // _S.most_trials), None] + rows]
         away = CubicSpline(kept, paths[:, kept], axis=1)(hidden) - paths[:, hidden]
         return float(np.sqrt(np.mean(np.sum(away**2, axis=-1))))

@@ -1,7 +1,7 @@
-"""Faults of the labels of a take: exchanged markers, frozen stretches, wild points.
+"""Faulty labels of a take: exchanged markers, frozen stretches, wild points.
 
-A label is trusted while its trajectory continues as a body can move. Exchanged labels are put back; positions with
-other faults are taken as missing. Both directions of time are used, so this works on complete takes only.
+A label is trusted while its trajectory continues as a body can move. Exchanged labels are corrected; positions with
+other faults are treated as missing. Both directions of time are used, so this works on complete takes only.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ class LabelFault:
     """Frames of a take in which labels were wrong.
 
     Args:
-        first, last: Frames of the take, from 0, both included.
+        first, last: Frames of the take, counted from 0, including the last.
         labels: Names of the markers.
         kind: What was wrong.
     """
@@ -50,7 +50,7 @@ class LabelFault:
     kind: FaultKind
 
     def stretch(self, take: MarkerTake) -> DoubtfulStretch:
-        """Return the stretch of the take, with what was wrong and what was done in words."""
+        """Return the stretch of the take, what was wrong and what was done, in words."""
         start, stop = (int(take.frame_numbers[at]) for at in (self.first, self.last))
         frames = f"frame {start}" if start == stop else f"frames {start} to {stop}"
         markers = " and ".join([", ".join(self.labels[:-1]), self.labels[-1]]) if self.labels[1:] else self.labels[0]
@@ -65,29 +65,29 @@ class FaultSettings:
 
     fewest_frames: int = 8  # shortest take that shows what is usual
     still_sigmas: float = 0.1  # largest step of a still marker, in standard deviations of its misses
-    still_m: float = 1e-7  # the same in metres whatever the noise: rounding of conversions
-    still_frames: int = 3  # fewest equal positions of a still marker
+    still_m: float = 1e-7  # the same in metres for any noise: rounding of conversions
+    still_frames: int = 3  # smallest number of equal positions of a still marker
     still_evidence: float = 9.0  # evidence needed that it stops or starts unlike a body, nats
-    still_step: float = 3.0  # limit of the evidence of each step without noise, nats
+    still_step: float = 3.0  # limit on the evidence of each step without noise, nats
     rounded: float = 3.0  # smallest noise that rounding cannot hide, in steps of rounding
     quietest: float = 0.05  # quantile of a marker's misses that is its noise at its quietest
-    still_move_m: float = 0.02  # distance that the body must move meanwhile for missing noise to matter
+    still_move_m: float = 0.02  # distance that the body must move meanwhile for the missing noise to matter
     still_harm_m: float = 0.01  # smallest jump at either end that matters
-    still_drift_m: float = 0.05  # smallest drift by the speed at either end that matters, too
+    still_drift_m: float = 0.05  # smallest drift at the speed of either end that matters, too
     still_drift_evidence: float = 14.0  # evidence needed for such a drift, nats
-    beside: int = 6  # seams before or after that show how sudden the motion is there
-    all_still: float = 0.6  # share of other markers that are still at once, above which the recording hung
+    beside: int = 6  # number of seams before or after that show how sudden the motion is there
+    all_still: float = 0.6  # share of other markers that are still too, above which the recording had stopped
 
 
 _S = FaultSettings()
 
 
 def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tuple[LabelFault, ...]]:
-    """Return a take with faulty labels put back or removed, and the faults in time order.
+    """Return a take with faulty labels corrected or removed, and the faults in order of time.
 
     Args:
-        take: Take under the names of the subject's markers; other trajectories stay as they are.
-        subject: Performer, whose joints carry the markers.
+        take: Take with the names of the subject's markers; other trajectories are unchanged.
+        subject: Performer whose joints carry the markers.
     """
     worn = [marker for marker in subject.marker_set.markers if marker.name in take.names]
     if take.frames < _S.fewest_frames or not worn or np.any(np.diff(take.times_s) <= 0.0):
@@ -113,7 +113,7 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
 
 
 def _steps_between(subject: Subject, joints: Sequence[int]) -> IntArray:
-    """Return how many bones lead from the joint of one marker to that of another (M, M)."""
+    """Return the number of bones between the joints of two markers (M, M)."""
     lineages = []
     for joint in joints:
         lineage = [joint]
@@ -134,7 +134,7 @@ def _nearest(steps: IntArray) -> Mask:
 
 
 def _exchanged(exchanges: Sequence[Exchange], names: Sequence[str]) -> list[LabelFault]:
-    """Return exchanges as stretches; pairs that changed at the same time are one."""
+    """Return exchanges as stretches; pairs that changed at the same time become one."""
     together: dict[tuple[int, int], list[int]] = {}
     for each in exchanges:
         together.setdefault((each.first, each.last), []).extend(each.markers)
@@ -187,9 +187,9 @@ def _frozen(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) ->
 
 
 def _evidence_of_steps(times_s: Array, points_m: Array, steps: Array) -> Array:
-    """Return the evidence (M,), nats, of each step of length 0 that a position was filled in, as it lacks noise.
+    """Return the evidence (M,), nats, of each step of length 0, without noise, that a position was filled in.
 
-    What counts is the noise of the marker at its quietest, if it is above the rounding of the take.
+    The noise that counts is the marker's at its quietest, if it is above the rounding of the take.
     """
     moved = steps[np.isfinite(steps) & (steps > _S.still_m)]
     rounding_m = max(float(moved.min()), _S.still_m) if len(moved) else np.inf

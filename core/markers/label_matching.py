@@ -14,12 +14,12 @@ from .marker_take import MarkerTake
 
 AUTO = "auto"
 
-_MOST_NAMES = 12  # longest list of names in a message
+_MOST_NAMES = 12  # most names listed in a message
 
 
 @dataclass(frozen=True)
 class _Names:
-    """Names of a take's markers, in a file."""
+    """File with names for a take's markers."""
 
     names: Annotated[Mapping[str, str], About("marker of each label", least=1)]
 
@@ -42,12 +42,12 @@ class LabelMatch:
 
     @property
     def has_torso(self) -> bool:
-        """Whether enough torso markers are there to find the root."""
+        """Whether there are enough torso markers to find the root."""
         torso = [marker.name for marker in self.marker_set.markers if marker.torso]
         return sum(name in self.label_of for name in torso) >= FEWEST_TORSO
 
     def rename(self, take: MarkerTake) -> MarkerTake:
-        """Replace labels by the markers' names; other labels stay."""
+        """Replace labels by the markers' names; other labels are unchanged."""
         marker_of = {label: marker for marker, label in self.label_of.items()}
         return replace(take, names=tuple(marker_of.get(name, name) for name in take.names))
 
@@ -55,7 +55,7 @@ class LabelMatch:
 def match_labels(labels: Sequence[str], marker_set: MarkerSet) -> LabelMatch:
     """Match labels to the markers of a set.
 
-    A label matches a marker's name or one of its other names. Case, punctuation and a subject's name before it are
+    A label matches a marker's name or one of its other names. Case, punctuation and a subject's name in front of it are
     ignored: "Anna:R.ASIS", "anna_rasis".
     """
     known: dict[str, str] = {}
@@ -76,15 +76,15 @@ def match_labels(labels: Sequence[str], marker_set: MarkerSet) -> LabelMatch:
 
 
 def normalise_label(name: str) -> str:
-    """Return the letters and digits of a name, without case."""
+    """Return the letters and digits of a name, in lower case."""
     return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
-    """Return the shipped marker set with most of the labels.
+    """Return the shipped marker set that matches most of the labels.
 
     Raises:
-        TakeError: No set has enough torso markers among the labels.
+        TakeError: No set has enough of its torso markers among the labels.
     """
     matches = [match_labels(labels, load_marker_set(name)) for name in marker_set_names()]
     matches = [match for match in matches if match.has_torso]
@@ -98,30 +98,30 @@ def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
 
 
 def choose_marker_set(name_or_path: str, labels: Sequence[str], where: str) -> MarkerSet:
-    """Return the named marker set; for AUTO the best one for the labels."""
+    """Return the named marker set; for AUTO, the best one for the labels."""
     return match_best_set(labels, where).marker_set if name_or_path == AUTO else load_marker_set(name_or_path)
 
 
 def join_names(names: Sequence[str]) -> str:
-    """Return names for a message, long lists cut."""
+    """Return names for a message, shortening long lists."""
     left = len(names) - _MOST_NAMES
     return ", ".join(names[:_MOST_NAMES]) + (f" and {left} more" if left > 0 else "")
 
 
 def load_names(path: Path | str) -> dict[str, str]:
-    """Return label -> marker of a TOML file's table `[names]`.
+    """Return label -> marker from a TOML file's table `[names]`.
 
     Raises:
-        MarkerSetError: There is no such table, or it holds other values than texts.
+        MarkerSetError: The table is missing, or it contains values that are not strings.
     """
     return dict(NAMES.read(read_toml(path), str(path)).names)
 
 
 def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
-    """Rename labels; one that already has the new name of another gets "other" before it.
+    """Rename labels; if the new name is already another label, that label gets the prefix "other".
 
     Raises:
-        TakeError: None of the labels is in the take, or two of them are given to one marker.
+        TakeError: None of the labels is in the take, or two of them are given to the same marker.
     """
     given = {label: marker for label, marker in names.items() if label in take.names}
     if not given:

@@ -1,4 +1,4 @@
-"""Marker frame: blobs, points and rays of one moment."""
+"""Marker frame: the blobs, points and rays of one moment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -14,8 +14,8 @@ from ..geometry.camera import Camera, undistort_all
 class MarkerFrame:
     """N points, R rays and the blobs that C cameras show at one moment.
 
-    Labels are indices in the marker set where the source knows them, -1 elsewhere. Without `detected`, `blobs` are as
-    the images show them; `normalised` is empty until `undistort_blobs` computes it.
+    Labels are indices in the marker set if the source knows them, else -1. Without `detected`, `blobs` are as in the
+    images; `normalised` is empty until `undistort_blobs` computes it.
     """
 
     number: int
@@ -25,14 +25,14 @@ class MarkerFrame:
     labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     # per camera (n, 5): x, y (pixels, distorted), radius_px, brightness 0-255, hue 0-180
     blobs: tuple[FloatArray, ...] = ()
-    detected: tuple[FloatArray, ...] = ()  # blobs as the images show them, where `blobs` were moved to another time
+    detected: tuple[FloatArray, ...] = ()  # blobs as in the images, if `blobs` were moved to another time
     normalised: tuple[Array, ...] = ()  # per camera (n, 2) undistorted normalised coordinates of the blobs
     point_blobs: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))  # (N, C), -1 for none
     single_cameras: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (R,) camera of a ray
-    single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (R,) its blob
-    single_points: Array = field(default_factory=lambda: np.empty((0, 2)))  # (R, 2) its normalised coordinates
+    single_blobs: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))  # (R,) its blob in that camera
+    single_points: Array = field(default_factory=lambda: np.empty((0, 2)))  # (R,) normalised coordinates of the blob
     single_labels: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    camera_times_s: Array = field(default_factory=lambda: np.empty(0))  # (C,) stamps of the images, NaN without one
+    camera_times_s: Array = field(default_factory=lambda: np.empty(0))  # (C,) stamps of the images, NaN if none
     notes: tuple[str, ...] = ()  # problems of the source in plain words ("left camera frozen")
 
     def __post_init__(self) -> None:
@@ -69,7 +69,7 @@ class MarkerFrame:
 
 
 def undistort_blobs(frame: MarkerFrame, cameras: Sequence[Camera]) -> MarkerFrame:
-    """Return the frame with normalised coordinates, computed where it lacks them."""
+    """Return the frame with normalised coordinates, computed if they are missing."""
     if frame.normalised or not frame.blobs or len(frame.blobs) != len(cameras):
         return frame
     pixels = [blobs[:, :2].astype(np.float64) for blobs in frame.blobs]

@@ -11,12 +11,12 @@ from ..errors import CaptureError
 from .marker_frame import MarkerFrame
 
 _MAGIC = b"PFMF"
-# Takes hold these bytes: a newer version must read the older ones too. Version 3 has no normalised coordinates.
+# Takes contain these bytes, so newer versions must read the older ones too. Version 3 has no normalised coordinates.
 _VERSION, _OLDEST = 4, 3
 _HEADER = struct.Struct("<4sHHqdIIII")  # magic, version, cameras, number, time, points, rays, note bytes, body bytes
 _STAMP = struct.Struct("<d")
-_NOT_MOVED = 0xFFFFFFFF  # count of a camera's detected blobs that means they are its blobs, unchanged
-_NOT_COMPUTED = 0xFFFFFFFF  # count of its normalised coordinates that means none are stored
+_NOT_MOVED = 0xFFFFFFFF  # number of detected blobs of a camera that means the blobs are unchanged
+_NOT_COMPUTED = 0xFFFFFFFF  # number of normalised coordinates that means none are stored
 
 
 def pack(frame: MarkerFrame) -> bytes:
@@ -37,7 +37,7 @@ def pack(frame: MarkerFrame) -> bytes:
 
 
 def unpack(data: bytes) -> MarkerFrame:
-    """Return the frame of `pack`; raise CaptureError when the bytes are not a frame."""
+    """Return the frame from the bytes of `pack`; CaptureError if they are not a frame."""
     if len(data) < _HEADER.size:
         raise CaptureError("a marker frame was cut off")
     magic, version, cameras, number, time_s, points, rays, note_bytes, body_bytes = _HEADER.unpack_from(data)
@@ -63,12 +63,12 @@ def unpack(data: bytes) -> MarkerFrame:
 
 
 def pack_stamped(stamp_s: float, frame: MarkerFrame) -> bytes:
-    """Return the time of the images (`time.perf_counter()`) and `pack`."""
+    """Return the bytes of `pack`, preceded by the time of the images (`time.perf_counter()`)."""
     return _STAMP.pack(stamp_s) + pack(frame)
 
 
 def unpack_stamped(data: bytes) -> tuple[float, MarkerFrame]:
-    """Return stamp and frame of `pack_stamped`; errors as in `unpack`."""
+    """Return stamp and frame from the bytes of `pack_stamped`; errors are those of `unpack`."""
     if len(data) < _STAMP.size:
         raise CaptureError("a marker frame was cut off")
     (stamp_s,) = _STAMP.unpack_from(data)

@@ -1,4 +1,4 @@
-"""Marker frames without some of their points or blobs."""
+"""Marker frames with some of their points, rays or blobs removed."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,12 +11,12 @@ from .marker_frame import MarkerFrame
 
 
 def without_points(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
-    """Return the frame without the points in a mask (N,); their blobs stay."""
+    """Return the frame without the points in a mask (N,); their blobs are kept."""
     return _without(frame, taken, ("points_m", "covariances_m2", "labels", "point_blobs"))
 
 
 def without_rays(frame: MarkerFrame, taken: Mask) -> MarkerFrame:
-    """Return the frame without the rays in a mask (R,); their blobs stay."""
+    """Return the frame without the rays in a mask (R,); their blobs are kept."""
     return _without(frame, taken, ("single_cameras", "single_blobs", "single_points", "single_labels"))
 
 
@@ -26,7 +26,7 @@ def _without(frame: MarkerFrame, taken: Mask, fields: tuple[str, ...]) -> Marker
 
 
 def without_blobs(frame: MarkerFrame, taken: Sequence[IntArray]) -> MarkerFrame:
-    """Return the frame without some blobs, and without the points and rays of these.
+    """Return the frame without some blobs, and without the points and rays made from them.
 
     Args:
         taken: Indices of the blobs to remove, for each camera.

@@ -1,4 +1,4 @@
-"""Noise of each marker, from its trajectory alone.
+"""Noise of each marker, estimated from its trajectory alone.
 
 Bodies move smoothly: a cubic through four positions predicts the next one to a fraction of a millimetre at 60 Hz. The
 difference is noise. The median over time ignores sudden accelerations.
@@ -12,12 +12,12 @@ from ..geometry.arrays import Array
 
 _POSITIONS = 5  # successive positions that are compared
 _MEDIAN_LENGTH = 1.538  # median of the chi distribution with 3 degrees of freedom
-_LATEST_S = 1.0  # time over which a live estimate is taken
+_LATEST_S = 1.0  # period over which a live estimate is taken
 _FEWEST = 10  # comparisons needed for a marker's own estimate
 
 
 class MarkerNoise:
-    """Estimates the noise of markers while they are captured, from the last second."""
+    """Estimates the noise of markers from the last second of a capture."""
 
     def __init__(self) -> None:
         self._times_s: deque[float] = deque(maxlen=_POSITIONS)
@@ -69,7 +69,7 @@ def _differences(times_s: Array, points_m: Array) -> Array:
 
 def _sigmas(differences: Array) -> Array:
     """Return standard deviations (M,) from differences (N, M), NaN where unknown."""
-    ordered = np.sort(differences.T)  # NaN last
+    ordered = np.sort(differences.T)  # NaNs come last
     frames = len(differences)
     if frames >= _FEWEST and not np.isnan(ordered[:, -1]).any():
         return np.asarray(0.5 * (ordered[:, (frames - 1) // 2] + ordered[:, frames // 2]) / _MEDIAN_LENGTH)

@@ -17,17 +17,17 @@ from ..system.files import is_file, read_toml
 from ..system.schema import About, Schema, Table
 
 _FARTHEST_M = 10.0  # largest distance of a marker from its joint; bones are not longer
-FEWEST_TORSO = 3  # markers that find the root: three points fix a rigid body
-# joints from the torso outwards, of limbs those of either side
+FEWEST_TORSO = 3  # fewest markers that determine the root: three points fix a rigid body
+# joints from the torso outwards; for limbs, those of either side
 _TRUNK, _BESIDE = ("root", "lowerback", "upperback", "thorax"), ("clavicle", "lowerneck", "femur", "humerus")
 _NEAR_TORSO = (*_TRUNK, *_BESIDE, "upperneck", "head")
 
 
 class PointKind(Enum):
-    """What the points of a set are."""
+    """Kind of the points in a set."""
 
-    MARKERS = "markers"  # fixed to the body, exact to millimetres
-    KEYPOINTS = "keypoints"  # found in images by a network, near joints, with errors of centimetres that last
+    MARKERS = "markers"  # fixed to the body, accurate to millimetres
+    KEYPOINTS = "keypoints"  # found in images by a network, near joints, with lasting errors of centimetres
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class MarkerSet:
                 where=f"marker set {self.name}",
             )
         for marker in self.markers:
-            if marker.offset_m is not None and not np.all(np.abs(marker.offset_m) < _FARTHEST_M):  # nor NaN
+            if marker.offset_m is not None and not np.all(np.abs(marker.offset_m) < _FARTHEST_M):  # false for NaN, too
                 raise MarkerSetError(
                     f"offset_m must be three numbers below {_FARTHEST_M:g}", where=f"marker {marker.name}",
                     advice="give metres",
@@ -82,17 +82,17 @@ class MarkerSet:
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """Names of the markers in messages, in order."""
+        """Descriptions of the markers for messages, in order."""
         return tuple(marker.text or marker.name for marker in self.markers)
 
     @property
     def torso(self) -> Mask:
-        """(M,) true for markers that serve to find the root."""
+        """Mask (M,) of markers used to find the root."""
         return np.array([marker.torso for marker in self.markers])
 
     @property
     def offsets_m(self) -> Array:
-        """(M, 3) offsets; MarkerSetError when a marker has none yet."""
+        """Offsets (M, 3); MarkerSetError if a marker has none yet."""
         missing = [marker.name for marker in self.markers if marker.offset_m is None]
         if missing:
             raise MarkerSetError(
@@ -103,7 +103,7 @@ class MarkerSet:
         return np.array([marker.offset_m for marker in self.markers], dtype=np.float64)
 
     def joint_indices(self, skeleton: Skeleton) -> IntArray:
-        """(M,) index of each marker's joint in the skeleton."""
+        """Return the index (M,) of each marker's joint in the skeleton."""
         return np.array([skeleton.index(marker.joint) for marker in self.markers], dtype=np.int64)
 
     def positions_on(self, skeleton: Skeleton, rotations: Array, root_position_m: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
@@ -126,7 +126,7 @@ class MarkerSet:
     def worn(self, names: Sequence[str]) -> "MarkerSet":
         """Return the set without the markers that are not in `names`, however few are on the torso.
 
-        If fewer than three torso markers are left, those on the bones next to the torso help to find the root.
+        If fewer than three torso markers are left, markers on the bones next to the torso help to find the root.
 
         Raises:
             MarkerSetError: Fewer than three markers are on or next to the torso.
@@ -153,7 +153,7 @@ def marker_set_names() -> tuple[str, ...]:
 
 
 def load_marker_set(name_or_path: str | Path) -> MarkerSet:
-    """Return a shipped marker set by its name, or one from a TOML file."""
+    """Return a shipped marker set by its name, or the one in a TOML file."""
     path = MARKER_SETS / f"{name_or_path}.toml"
     if not is_file(path):
         path = Path(name_or_path)
@@ -166,7 +166,7 @@ def load_marker_set(name_or_path: str | Path) -> MarkerSet:
 
 
 def marker_set_from(table: Table, where: str) -> MarkerSet:
-    """Return the marker set of a file's tables; MarkerSetError for wrong ones."""
+    """Return the marker set from a file's tables; MarkerSetError if they are invalid."""
     return MARKER_SET.read({"name": Path(where).stem, **table}, where)
 
 

@@ -1,7 +1,7 @@
-"""Zero-lag smoothing of markers by their own noise.
+"""Zero-lag smoothing of markers according to their noise.
 
-Lasting errors, like those of keypoints, stay in the positions and count in their deviations. Each marker passes a
-multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact markers pass unchanged. A
+Lasting errors, like those of keypoints, remain in the positions and count in their deviations. Each marker passes a
+multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact markers are unchanged. A
 marker that is hidden for a moment is extrapolated, with a growing standard deviation.
 """
 
@@ -13,14 +13,14 @@ from .marker_noise import MarkerNoise, marker_noise
 from .source_noise import SourceNoise
 
 _MODELS = MotionModels(
-    changes=(0.01e-3, 0.1e-3, 1e-3),  # markers that stand, move, strike; m
+    changes=(0.01e-3, 0.1e-3, 1e-3),  # marker that stands, moves, strikes; m
     least_sigma=0.2e-3,  # skin and optics
     jump=0.05,
     first_speed=2.0,
     first_acceleration=20.0,
 )
 _UNKNOWN_SIGMA_M = 1e-3  # noise assumed in the first frames
-# Factor of the filters' expected error for hidden markers (1.2 to 1.8 on development takes, with noise and without),
+# Factor for the filters' expected error of hidden markers (1.2 to 1.8 on development takes, with noise and without),
 # and the largest standard deviation with which a hidden marker is used.
 _SUDDEN, _KNOWN_M = 1.75, 0.09
 
@@ -30,7 +30,7 @@ class MarkerSmoother:
 
     Args:
         markers: Number of markers M.
-        source: Errors of their source.
+        source: Errors to expect from their source.
     """
 
     def __init__(self, markers: int, source: SourceNoise) -> None:
@@ -38,10 +38,10 @@ class MarkerSmoother:
         self._follower = MultipleModelFilter((_MODELS, markers))
 
     def step(self, time_s: float, points_m: Array) -> tuple[Array, Array]:
-        """Return smoothed markers (M, 3) and deviations (M,) of a coordinate, metres.
+        """Return smoothed markers (M, 3) and the standard deviations (M,) of their coordinates, metres.
 
         Args:
-            points_m: Markers (M, 3), NaN where hidden; these are extrapolated for a moment only.
+            points_m: Markers (M, 3), NaN where hidden; these are only extrapolated for a moment.
         """
         self._follower.predict(time_s)
         noise_m = np.minimum(self._noise.step(time_s, points_m), self._source.most_fast_m)
@@ -57,8 +57,8 @@ def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tupl
 
     Args:
         times_s: Ascending times (F,).
-        points_m: Markers (F, M, 3), NaN where hidden; these are extrapolated for a moment only.
-        source: Errors of their source.
+        points_m: Markers (F, M, 3), NaN where hidden; these are only extrapolated for a moment.
+        source: Errors to expect from their source.
     """
     noise_m = np.minimum(marker_noise(times_s, points_m), source.most_fast_m)
     smoothed, deviations = np.full(points_m.shape, np.nan), np.full(points_m.shape[:2], np.inf)
@@ -82,7 +82,7 @@ def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tupl
 def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> Mask:
     """Correct the prediction; return a mask (M,) of markers that continue their motion.
 
-    After a cut, hidden ones do not.
+    After a cut, hidden markers do not.
     """
     followed, located = follower.followed, np.isfinite(points_m[:, 0])
     continued = follower.observe(points_m, noise_m)
@@ -93,7 +93,7 @@ def _observe(follower: MultipleModelFilter, points_m: Array, noise_m: Array) -> 
 
 
 def _known(points_m: Array, means_m: Array, deviations_m: Array, goes_on: Mask) -> tuple[Array, Array]:
-    """Return the means and deviations of located markers and of well-known hidden ones."""
+    """Return means and deviations of located markers and of hidden ones that are still known well."""
     located = np.isfinite(points_m[:, 0])
     deviations_m = np.where(located, 1.0, _SUDDEN) * deviations_m
     known = located | (goes_on & (deviations_m < _KNOWN_M))

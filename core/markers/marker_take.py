@@ -1,4 +1,4 @@
-"""Labelled marker trajectories: tracked, simulated, or of other systems."""
+"""Labelled marker trajectories: tracked, simulated, or from other systems."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,16 +21,16 @@ _VERSION = 1
 
 @dataclass(frozen=True)
 class SingleViews:
-    """Markers seen by one camera alone: rays, no positions."""
+    """Markers seen by only one camera: rays without positions."""
 
     rig: CameraRig  # cameras in the take's world
-    cameras: IntArray  # (F, M) camera that shows a marker which the take does not locate, -1 where none does
+    cameras: IntArray  # (F, M) camera that shows a marker which the take does not locate, else -1
     points: Array  # (F, M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
 
     def select(
         self, frames: slice | IntArray = slice(None), markers: Sequence[int] | slice = slice(None)
     ) -> "SingleViews":
-        """Return part of the frames, and markers in another order."""
+        """Return some of the frames, and the markers in another order."""
         return SingleViews(self.rig, self.cameras[frames][:, markers], self.points[frames][:, markers])
 
 
@@ -38,7 +38,7 @@ class SingleViews:
 class MarkerTake:
     """Trajectories of M named markers in F frames.
 
-    Frame numbers count from 0 and times are frame numbers / fps unless given.
+    Unless given, frame numbers count from 0 and times are frame numbers / fps.
     """
 
     name: str
@@ -95,7 +95,7 @@ class MarkerTake:
 
     @property
     def visible(self) -> Mask:
-        """(F, M) where a marker was located."""
+        """Mask (F, M) of the located markers."""
         return np.all(np.isfinite(self.positions_m), axis=-1)
 
 
@@ -138,7 +138,7 @@ def _single_from(stored: Mapping[str, Any]) -> SingleViews | None:
 
 
 def load_take(path: str | Path) -> MarkerTake:
-    """Return a take from a .take.npz file; TakeError when it is none or damaged."""
+    """Return a take from a .take.npz file; TakeError if it is not one or is damaged."""
     stored = read_arrays(path, TakeError, what="is not a marker take")
     with reading(path, TakeError, what="is not a marker take"):
         if str(stored["kind"]) != _KIND or int(stored["version"]) != _VERSION:

@@ -1,6 +1,6 @@
 """Props: rigid objects with markers of their own (sword, stick, camera).
 
-Cameras tell a prop by the distances between its markers. So its pattern must not fit itself in another position.
+Cameras recognise a prop by the distances between its markers, so its pattern must not fit itself in another position.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ MOST_MARKERS = 12
 
 @dataclass(frozen=True)
 class _PropMarker:
-    """A marker of a prop in a file."""
+    """A prop's marker as defined in a file."""
 
     name: Annotated[str, About("unique")]
     position_m: Annotated[Array, About("in the prop's own frame, y along it", "m", -10.0, 10.0, shape=(3,))]
@@ -31,7 +31,7 @@ class _PropMarker:
 
 @dataclass(frozen=True)
 class _PropFile:
-    """Definition of a prop in a file."""
+    """Definition of a prop as in a file."""
 
     name: Annotated[str, About("name of the prop")]
     marker: Annotated[tuple[_PropMarker, ...], About("its markers")]
@@ -51,7 +51,7 @@ PROP = Schema(
 
 @dataclass(frozen=True)
 class PatternRules:
-    """What a prop's pattern of markers needs so that cameras tell its position."""
+    """Requirements on a prop's marker pattern so that cameras can find its pose."""
 
     planarity_m: float = 0.01  # RMS distance from the nearest line below which the roll is unknown
     apart_m: float = 0.02  # distance below which two markers become one blob
@@ -74,7 +74,7 @@ class Prop:
     name: str
     names: tuple[str, ...]  # unique
     positions_m: Array  # (M, 3) in the prop's own frame, in which it stands upright: y along it
-    residual_m: float = 0.0  # RMS distance between seen and rigid markers when it was calibrated
+    residual_m: float = 0.0  # RMS distance between observed and rigid markers during calibration
 
     def __post_init__(self) -> None:
         places = np.asarray(self.positions_m, dtype=np.float64)
@@ -103,7 +103,7 @@ class Prop:
 
     @property
     def spans_m(self) -> Array:
-        """(M, M) distances between the markers."""
+        """Distances (M, M) between the markers."""
         return np.linalg.norm(self.positions_m[:, None] - self.positions_m[None], axis=-1)
 
     def _check_apart(self) -> None:
@@ -118,7 +118,7 @@ class Prop:
             )
 
     def _check_unlike(self) -> None:
-        """Reject a pattern that coincides with itself after a rotation of the prop."""
+        """Raise PropError for a pattern that coincides with itself after a rotation of the prop."""
         count = len(self.names)
         for way in match_rigid_pattern(
             self.positions_m, self.spans_m, np.full((count, count), RULES.alike_span_m), count
@@ -139,10 +139,10 @@ def prop_names() -> tuple[str, ...]:
 
 
 def load_prop(name_or_path: str | Path) -> Prop:
-    """Return a shipped prop by its name, or one from a TOML file.
+    """Return a shipped prop by its name, or the one in a TOML file.
 
     Raises:
-        PropError: There is none, or its markers are unsuitable.
+        PropError: There is no such prop, or its markers are unsuitable.
         FormatError: The file cannot be read, or is not TOML.
     """
     path = PROPS / f"{name_or_path}.toml"
@@ -155,12 +155,12 @@ def load_prop(name_or_path: str | Path) -> Prop:
 
 
 def prop_from(table: Table, where: str) -> Prop:
-    """Return the prop of a definition's tables; PropError for another version."""
+    """Return the prop from a definition's tables; PropError for another version."""
     return _prop(PROP.read(table, where), where)
 
 
 def prop_tables(prop: Prop) -> dict[str, Any]:
-    """Return the tables of a definition, `prop_from`'s inverse."""
+    """Return the tables of a definition, the inverse of `prop_from`."""
     return PROP.table(_prop_file(prop))
 
 
@@ -177,12 +177,12 @@ PropTables: TypeAlias = Annotated[Prop, Via(_PropFile, _prop, _prop_file)]
 
 
 def save_prop(prop: Prop, path: str | Path) -> None:
-    """Write a prop's definition as TOML; FormatError when it cannot be written."""
+    """Write a prop's definition as TOML; FormatError if it cannot be written."""
     write_toml(path, prop_tables(prop))
 
 
 def check_distinct(props: Sequence[Prop]) -> None:
-    """Raise PropError for props with one name or the same pattern of markers."""
+    """Raise PropError if props have the same name or the same pattern of markers."""
     if len({prop.name for prop in props}) < len(props):
         raise PropError("two props have the same name", advice="give each a name of its own in its file")
     for first in props:

@@ -1,4 +1,4 @@
-"""Errors of points by kind of source, shared by filters, solver, body fit and confidence."""
+"""Errors of points by kind of source, used by filters, solver, body fit and confidence."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from .marker_set import PointKind
 
 @dataclass(frozen=True)
 class SourceNoise:
-    """Errors to expect of the points of a kind of source, each per coordinate."""
+    """Expected errors of the points of one kind of source, per coordinate."""
 
     most_fast_m: float  # largest frame-to-frame noise that is smoothed; more is sudden motion at a low rate
     lasting_m: float  # standard deviation of errors that last many frames, so smoothing cannot remove them
@@ -16,12 +16,12 @@ class SourceNoise:
 
 _NOISES = {
     PointKind.MARKERS: SourceNoise(most_fast_m=0.004, lasting_m=0.0, calm_hz=16.0),
-    # Networks see points 20 to 30 mm off for 0.2 to 0.5 s, and 4 to 8 mm from frame to frame. Counted in full, these
-    # errors would let the database outvote motion that it lacks (chosen on CMU's 07_01, 14_08 and 49_10).
+    # Networks locate points with errors of 20 to 30 mm that last 0.2 to 0.5 s, and 4 to 8 mm between frames. With full
+    # weight these errors would let the database outvote motion that it lacks (chosen on CMU's 07_01, 14_08 and 49_10).
     PointKind.KEYPOINTS: SourceNoise(most_fast_m=0.015, lasting_m=0.012, calm_hz=4.0),
 }
 
 
 def noise_of(points: PointKind) -> SourceNoise:
-    """Return the errors of a kind of points."""
+    """Return the expected errors of a kind of points."""
     return _NOISES[points]

@@ -1,4 +1,4 @@
-"""Marker takes resampled at a steady rate."""
+"""Resampling of marker takes at a steady rate."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from .marker_take import MarkerTake
 
 
 def take_clock(take: MarkerTake) -> Clock:
-    """Return the clock of a take's frames; if all have the same time, frame numbers and nominal rate give it."""
+    """Return the clock of a take's frames; if all have the same time, frame numbers and nominal rate determine it."""
     clock = clock_of(take.times_s, take.fps, take.frame_numbers)
     if len(clock.rows) > 1 or take.frames == 1:
         return clock
@@ -18,7 +18,7 @@ def take_clock(take: MarkerTake) -> Clock:
 
 
 def frame_times(take: MarkerTake) -> Array:
-    """Return ascending times (F,) of all frames, s; those without a time of their own lie between their neighbours."""
+    """Return ascending times (F,) of all frames, s; frames without a time of their own lie between their neighbours."""
     clock = take_clock(take)
     rows, times_s = clock.rows, clock.times_s
     between = np.interp(np.arange(take.frames), rows, times_s)
@@ -29,8 +29,8 @@ def frame_times(take: MarkerTake) -> Array:
 def steady_take(take: MarkerTake) -> MarkerTake:
     """Return the take at a steady rate, for files that state one; the take itself if it is steady already.
 
-    Positions are interpolated by the times. They are missing in frames lost at a steady rate, between frames that are
-    far apart, and beside frames in which the marker is hidden. Markers that single cameras saw are left out.
+    Positions are interpolated by their times. They are missing in frames lost at a steady rate, between frames that are
+    far apart, and next to frames in which the marker is hidden. Markers that single cameras saw are left out.
     """
     clock = take_clock(take)
     if clock.is_whole and clock.fps == take.fps and np.all(np.diff(take.frame_numbers) == 1):

@@ -14,12 +14,12 @@ from ..system.files import read_toml, reading, write_toml
 from ..system.schema import About, Schema, Table, Via, table_of
 from .marker_set import MarkerSet
 
-_LONGEST_M = 10.0  # bones, and distances of markers
+_LONGEST_M = 10.0  # largest length of bones, and distance of markers
 
 
 @dataclass(frozen=True)
 class _Joint:
-    """A joint of a skeleton in a file."""
+    """A skeleton's joint as in a file."""
 
     name: Annotated[str, About("unique")]
     parent: Annotated[str, About("a joint before it; empty for the root")]
@@ -37,12 +37,12 @@ _JOINT = Schema(_Joint, "Joint", "A joint of a skeleton.", SkeletonError, "choos
 
 
 def skeleton_table(skeleton: Skeleton) -> list[dict[str, Any]]:
-    """Return the joints of a skeleton as rows of a file or a message."""
+    """Return the joints of a skeleton as table rows for a file or a message."""
     return list(map(table_of, _joints(skeleton)))
 
 
 def skeleton_from(rows: Sequence[Table], where: str) -> Skeleton:
-    """Return the skeleton of `skeleton_table`."""
+    """Return the skeleton from the rows of `skeleton_table`."""
     return _skeleton([_JOINT.read(row, where) for row in rows], where)
 
 
@@ -84,7 +84,7 @@ class Subject:
         _ = self.marker_set.offsets_m
 
     def wearing(self, marker_set: MarkerSet) -> "Subject":
-        """Return the subject with a set's markers; SubjectError for one not calibrated."""
+        """Return the subject with a set's markers; SubjectError if one is not calibrated."""
         unknown = [each.text or each.name for each in marker_set.markers if each.name not in self.marker_set.names]
         if not unknown:
             return replace(self, marker_set=self.marker_set.subset(marker_set.names))
@@ -122,10 +122,10 @@ def load_subject(path: str | Path) -> Subject:
 
 
 def subject_from(table: Table, where: str) -> Subject:
-    """Return the subject of a file's tables; SubjectError for another version."""
+    """Return the subject from a file's tables; SubjectError for another version."""
     worn = table.get("marker_set")
     if isinstance(worn, Mapping):
         table = {**table, "marker_set": {"name": Path(where).stem, **worn}}
-    # a joint's parent may not exist, or an axis be no rotation
+    # a joint's parent may not exist, or an axis may not be a rotation
     with reading(where, SubjectError, SUBJECT.advice):
         return SUBJECT.read(table, where)

@@ -1,4 +1,4 @@
-"""Labelled marker frames from a marker take."""
+"""Conversion of a marker take to labelled marker frames."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,13 +11,13 @@ from .marker_frame import MarkerFrame
 from .marker_set import FEWEST_TORSO, MarkerSet
 from .marker_take import MarkerTake
 
-SIGMA_M = 0.001  # standard deviation of positions that come without one
+SIGMA_M = 0.001  # standard deviation of positions without a stated one
 
 
 def take_frames(take: MarkerTake, marker_set: MarkerSet) -> Iterator[MarkerFrame]:
     """Yield the frames of a take, labelled by marker name; other markers are left out.
 
-    Markers that one camera alone showed are rays. A take of one camera holds only rays, without labels.
+    Markers that only one camera showed are rays. A take of one camera contains only rays, without labels.
 
     Raises:
         TakeError: The take has fewer than three of the set's torso markers.
@@ -50,7 +50,7 @@ def check_torso(take: MarkerTake, marker_set: MarkerSet) -> None:
 
 
 def is_unnamed(take: MarkerTake) -> bool:
-    """Return whether a take is of one camera, with trajectories that are not labelled yet."""
+    """Return whether a take comes from one camera and its trajectories are not labelled yet."""
     return take.single is not None and len(take.single.rig) == 1
 
 

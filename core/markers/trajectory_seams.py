@@ -2,7 +2,7 @@
 
 A seam is the moment between two successive positions. The trajectory is extrapolated to it along a straight line, from
 the two positions before and from the two after. The distance between the two results is the miss, which is zero while
-a marker accelerates steadily. It is measured in the trajectory's usual misses across gaps of the same length, around
+a marker accelerates steadily. It is compared with the trajectory's usual misses across gaps of the same length, around
 the same time.
 """
 
@@ -21,7 +21,7 @@ class SeamSettings:
     """Misses in true trajectories; chosen on the CMU subjects 05, 14, 16, 127, 135."""
 
     least_m: float = 0.3e-3  # smallest standard deviation of a coordinate, from rounding and skin
-    beside: int = 8  # seams on either side that show how sudden the motion is there
+    beside: int = 8  # number of seams on either side that show how sudden the motion is there
     gaps: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64)  # steps across a seam for which the misses are measured
 
 
@@ -80,12 +80,12 @@ class SeamScale:
         return self._at_gap[:, 0]
 
     def over(self, marker: int, elapsed_s: Array) -> Array:
-        """Return the standard deviations of misses across gaps of some durations."""
+        """Return the standard deviations of misses across gaps of given durations."""
         gaps = np.log(np.maximum(elapsed_s / self._step_s, 1.0))
         return np.asarray(np.exp(np.interp(gaps, np.log(_S.gaps), np.log(self._at_gap[marker]))))
 
     def _complete(self) -> None:
-        """Fill unknown entries from the other markers, or from shorter gaps; longer gaps never have smaller misses."""
+        """Fill unknown entries from the other markers or from shorter gaps; longer gaps never have smaller misses."""
         for column in range(len(_S.gaps)):
             known = np.isfinite(self._at_gap[:, column])
             usual = np.median(self._at_gap[known, column]) if known.any() else np.nan
@@ -94,7 +94,7 @@ class SeamScale:
         self._at_gap = np.fmax.accumulate(self._at_gap, axis=1)
 
     def ratios(self, marker: int, times_s: Array, misses_m: Array) -> Array:
-        """Return the misses (N - 1,) at the seams of positions at times (N,) as shares of the usual ones."""
+        """Return the misses (N - 1,) at the seams of positions at times (N,), relative to the usual ones."""
         return np.asarray(misses_m / self.over(marker, np.diff(times_s)))
 
     def torn(self, marker: int, times_s: Array, misses_m: Array, least_m: float, sigmas: float) -> IntArray:
@@ -105,9 +105,9 @@ class SeamScale:
 
 
 def sudden(ratios: Array, at: IntArray) -> Array:
-    """Return by what factors (K,) the misses around some seams exceed the usual ones, 1 where they do not.
+    """Return the factors (K,) by which the misses around some seams exceed the usual ones; 1 if they do not.
 
-    Larger misses for a while show sudden motion, so the median there counts.
+    Larger misses for a while show sudden motion, so the median of the misses there counts.
 
     Args:
         ratios: `SeamScale.ratios` of a trajectory.
@@ -118,7 +118,7 @@ def sudden(ratios: Array, at: IntArray) -> Array:
 
 def medians(rows: Array) -> Array:
     """Return the medians (N,) of rows (N, K) without NaN; 0 where all are NaN."""
-    ordered = np.sort(rows, axis=1)  # NaN last
+    ordered = np.sort(rows, axis=1)  # NaNs come last
     counts = np.isfinite(rows).sum(axis=1)
     each: IntArray = np.arange(len(rows))
     middle = 0.5 * (ordered[each, np.maximum(counts - 1, 0) // 2] + ordered[each, counts // 2])

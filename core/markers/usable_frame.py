@@ -13,9 +13,9 @@ from .marker_frame_subset import without_blobs, without_points, without_rays
 
 @dataclass(frozen=True)
 class FrameLimits:
-    """Limits of what a marker frame can hold."""
+    """Limits for the contents of a marker frame."""
 
-    longest_step_s: float = 1.0  # time between two frames from which the session restarts
+    longest_step_s: float = 1.0  # time between two frames above which the session restarts
     agreeing: int = 3  # successive frames that confirm a jump in time
     latest_s: float = 1e12
     far_m: float = 500.0  # distance from the world's origin at which no marker can be seen
@@ -27,12 +27,12 @@ _S = FrameLimits()
 
 
 class FrameTimes:
-    """Check that each frame of a session is a little later than the one before.
+    """Checks that each frame of a session is slightly later than the previous one.
 
-    A jump in time is refused until a few successive frames confirm it.
+    A jump in time is rejected until a few successive frames confirm it.
 
     Attributes:
-        jumped: The last frame admitted is the first after a jump.
+        jumped: The last frame accepted is the first after a jump.
     """
 
     def __init__(self) -> None:
@@ -55,11 +55,11 @@ class FrameTimes:
 
 
 def usable_frame(frame: MarkerFrame, markers: int, cameras: int) -> MarkerFrame:
-    """Return the frame without impossible blobs, points and rays, with a note of them.
+    """Return the frame without impossible blobs, points and rays, and with a note about them.
 
     Args:
         markers: Number of markers that labels can refer to.
-        cameras: Number of cameras of the rig, 0 without one.
+        cameras: Number of cameras in the rig, 0 if there is no rig.
     """
     blobs = [_within(rows, _S.far_px) for rows in frame.blobs]
     points, rays = _possible_points(frame, markers), _possible_rays(frame, markers, cameras)
@@ -93,7 +93,7 @@ def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
     """Return a mask (R,) of possible rays with existing cameras, blobs and labels."""
     if not len(frame.single_cameras):
         return np.ones(0, dtype=bool)
-    counts = [len(rows) for rows in frame.blobs]  # none without images: any blob may exist
+    counts = [len(rows) for rows in frame.blobs]  # empty without images: any blob may exist
     most = cameras or len(counts) or math.inf
     known = [
         0 <= camera < most and blob >= -1 and (not counts or (camera < len(counts) and blob < counts[camera]))
@@ -104,6 +104,6 @@ def _possible_rays(frame: MarkerFrame, markers: int, cameras: int) -> Mask:
 
 
 def _possible_labels(labels: IntArray, markers: int) -> Mask:
-    """Return a mask (N,) of labels that are -1, or the only one of an existing marker."""
+    """Return a mask (N,) of labels that are -1 or the only label of an existing marker."""
     counts = Counter(labels.tolist())
     return np.array([n == -1 or (0 <= n < markers and counts[n] == 1) for n in labels.tolist()], dtype=bool)

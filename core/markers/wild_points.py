@@ -1,4 +1,4 @@
-"""Wild points: stretches of a trajectory to which neither the motion before nor after leads."""
+"""Wild points: stretches of a trajectory that fit neither the motion before nor the motion after."""
 
 from dataclasses import dataclass
 
@@ -13,17 +13,17 @@ class WildPointSettings:
     """Settings of `find_wild_points`; chosen like `SeamSettings`."""
 
     quantile: float = 0.3  # quantile of the distances of wild points that counts
-    jump_m: float = 0.055  # smallest distance of wild points from where the motion leads
+    jump_m: float = 0.055  # smallest distance of wild points from the extrapolated motion
     jump_sigmas: float = 4.0  # smallest miss at their first and last seam, standard deviations
     longest_s: float = 0.5  # longest stretch of wild points
     evidence: float = 22.0  # evidence needed for wild points, nats
-    each: float = 1.5  # additional evidence needed for each of them, nats
-    beside: int = 6  # seams on either side of wild points that show how sudden the motion is there
-    independent: int = 16  # distance from which wild points do not change each other's evidence, positions
+    each: float = 1.5  # additional evidence needed for each point, nats
+    beside: int = 6  # number of seams on either side of wild points that show how sudden the motion is there
+    independent: int = 16  # distance from which wild points do not affect each other's evidence, positions
     edge: float = 0.5  # smallest miss at either end, as a share of their distance; below it, they are a step
-    bridge_sigmas: float = 3.0  # largest miss between before and after wild points, standard deviations
-    together: float = 0.3  # distance of other markers on the bone, as a share of the point's, when the whole bone jumps
-    sigmas: float = 4.0  # the same as `jump_m`, standard deviations of the miss across the stretch
+    bridge_sigmas: float = 3.0  # largest miss between the motion before and after wild points, standard deviations
+    together: float = 0.3  # distance of other markers on the bone, share of the point's: the whole bone jumps
+    sigmas: float = 4.0  # the same as `jump_m`, in standard deviations of the miss across the stretch
 
 
 _S = WildPointSettings()
@@ -31,7 +31,7 @@ _BRIDGE = 3  # seam over wild points, among those of four positions before and f
 
 
 def find_wild_points(times_s: Array, points_m: Array, scale: SeamScale, nearest: Mask) -> Mask:
-    """Return a mask (F, M) of positions to which neither the motion before nor after leads."""
+    """Return a mask (F, M) of positions that fit neither the motion before nor the motion after."""
     wild = np.zeros(points_m.shape[:2], dtype=bool)
     for marker, others in enumerate(nearest):
         beside = points_m[:, others]
@@ -41,7 +41,7 @@ def find_wild_points(times_s: Array, points_m: Array, scale: SeamScale, nearest:
 
 
 class _WildSearch:
-    """Removes positions of a trajectory while that makes the rest of it more likely.
+    """Removes positions from a trajectory while this makes the rest more likely.
 
     Args:
         path: The trajectory (F, 3).
@@ -53,14 +53,14 @@ class _WildSearch:
         self._scale, self._marker = scale, marker
 
     def all(self, rows: IntArray) -> IntArray:
-        """Return the frames of wild points among those where the marker is seen."""
+        """Return the frames of wild points among those where the marker is visible."""
         kept = rows
         while len(kept) > 6 and (taken := self._best(kept)):
             kept = np.delete(kept, np.concatenate(taken))
         return np.setdiff1d(rows, kept)
 
     def _best(self, rows: IntArray) -> list[IntArray]:
-        """Return the indices into rows of wild points, those with more evidence for each than any others near them."""
+        """Return the indices into rows of wild points, those with more evidence per point than any others near them."""
         times_s, path = self._times_s[rows], self._path[rows]
         misses = np.linalg.norm(before(times_s, path) - after(times_s, path), axis=1)
         torn = self._scale.torn(self._marker, times_s, misses, 0.5 * _S.jump_m, _S.jump_sigmas)
@@ -84,7 +84,7 @@ class _WildSearch:
         ]
 
     def _gains(self, rows: IntArray, first: IntArray, count: int, misses: Array) -> Array:
-        """Return the evidence (K,), nats, that so many points from each first one on are wild, less that needed."""
+        """Return the evidence (K,), nats, beyond what is needed, that the points from each first one on are wild."""
         gains = np.zeros(len(first))
         room = np.flatnonzero((first >= 2) & (first + count + 2 <= len(rows)))
         points, near = first[room, None] + np.arange(count), first[room, None] + np.r_[-4:0, count : count + 4]
@@ -96,7 +96,7 @@ class _WildSearch:
         least = np.quantile(np.linalg.norm(away, axis=-1), _S.quantile, axis=1)
         is_wild = least >= np.maximum(_S.jump_m, _S.sigmas * bridge)
         is_wild &= np.minimum(misses[points[:, 0] - 1], misses[points[:, -1]]) >= _S.edge * least
-        # else the trajectory goes on elsewhere: a step
+        # otherwise the trajectory continues elsewhere: a step
         is_wild &= left[:, _BRIDGE] <= np.maximum(_S.edge * least, _S.bridge_sigmas * bridge)
         sigmas = np.repeat(usual[:, None], left.shape[1], axis=1)
         sigmas[:, _BRIDGE] = bridge
@@ -108,7 +108,7 @@ class _WildSearch:
         return gains
 
     def _left(self, rows: IntArray, near: IntArray) -> tuple[Array, Array]:
-        """Return the misses (K, 7) at the seams of the positions near wild points, and the time over these.
+        """Return the misses (K, 7) at the seams of the positions near wild points, and the durations of these seams.
 
         Args:
             near: Indices (K, 8) into rows, four before and four after; misses beyond the ends are NaN.
@@ -125,7 +125,7 @@ class _WildSearch:
         return left, 2.0 * half_s[:, _BRIDGE, 0]
 
     def _usual(self, misses: Array, first: IntArray, count: int) -> Array:
-        """Return the standard deviations (K,) of misses beside points, without the seams that they touch."""
+        """Return the standard deviations (K,) of misses next to points, without the seams that they touch."""
         beside = _at(misses, first[:, None] + np.r_[-2 - _S.beside : -2, count + 1 : count + 1 + _S.beside])
         usual = np.zeros(len(first))
         known = np.isfinite(beside).any(axis=1)

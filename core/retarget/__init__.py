@@ -1,1 +1,1 @@
-"""Retargeting: bone maps of humanoid armatures, and motion onto them."""
+"""Retargeting: bone maps for humanoid armatures, and transfer of motion to them."""

@@ -16,14 +16,14 @@ class ArmatureRest(BoneTree):
     Args:
         tails: Ends (B, 3) of the bones.
         axes: Armature-from-bone rest rotations (B, 3, 3) (columns: the bone's axes).
-        deform: Bones (B,) that move vertices.
-        inherits_rotation: Bones (B,) that are turned by their parent.
-        local_location: Bones (B,) with a location in their rest axes.
-        location_scales: Length (B,) in the armature of a bone's location of 1; scaled bones above it shorten its way.
-        connected: Bones (B,) that are fixed to their parent's end, so that their location has no effect.
+        deform: Mask (B,) of bones that move vertices.
+        inherits_rotation: Mask (B,) of bones that turn with their parent.
+        local_location: Mask (B,) of bones whose location is in their rest axes.
+        location_scales: Length (B,) in the armature of a bone's location of 1; scaled bones above it shorten this.
+        connected: Mask (B,) of bones fixed to their parent's end, so that their location has no effect.
 
     Raises:
-        CharacterError: There are no bones, or the arrays do not belong together.
+        CharacterError: There are no bones, or the arrays do not fit together.
     """
 
     tails: Array

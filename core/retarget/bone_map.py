@@ -1,7 +1,7 @@
 """Bone map of an armature, found by a preset, by names or by shape, and checked.
 
-A limb is found by its names if they are complete and agree with the hierarchy, otherwise by its shape; trunk and neck
-by the hierarchy between hips, arms and head, because rigs have any number of bones there.
+A limb is found by its names if they are complete and agree with the hierarchy, otherwise by its shape. Trunk and neck
+are found by the hierarchy between hips, arms and head, because rigs have any number of bones there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,14 +19,14 @@ from .joint_matching import match_names, match_trunk
 from .limb_detection import Limbs, arm_joints, check_upright, cosine, find_limbs, leg_joints
 from .rest_alignment import up_and_left
 
-NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # these tell how the character stands
+NEEDED = ("root", "lfemur", "rfemur", "lhumerus", "rhumerus")  # these show how the character stands
 EXPECTED = (
     *NEEDED, "ltibia", "rtibia", "lfoot", "rfoot", "lradius", "rradius", "thorax", "head",
 )  # fmt: skip
 
 
 class MatchState(Enum):
-    """State of a joint's bone; the values are those of reports."""
+    """State of a joint's bone; the values appear in reports."""
 
     MAPPED = "mapped"
     MISSING = "missing"
@@ -56,11 +56,11 @@ class BoneMap:
 
     @property
     def bones(self) -> dict[str, str]:
-        """Joint -> bone of all joints that have one."""
+        """Joint -> bone, for all joints that have one."""
         return {joint: match.bone for joint, match in self.matches.items() if match.bone}
 
     def of_state(self, state: MatchState) -> list[str]:
-        """Return the joints of a state."""
+        """Return the joints in a state."""
         return [joint for joint, match in self.matches.items() if match.state is state]
 
     @property
@@ -79,7 +79,7 @@ def find_bone_map(rest: ArmatureRest, presets: Mapping[str, Mapping[str, str]] |
     """Return the map of an armature.
 
     Args:
-        presets: Name -> joint -> bone; the first one that matches completely is used.
+        presets: Name -> joint -> bone; the first that matches completely is used.
 
     Raises:
         CharacterError: The armature is not a biped, or arms, legs or hips are not found.
@@ -137,7 +137,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | None:
-    """Return a preset's bones in this armature, or None if it lacks one that is not a finger, thumb or toe."""
+    """Return a preset's bones in this armature, or None if any but fingers, thumbs and toes are missing."""
     bare = {name.split(":")[-1]: name for name in reversed(rest.names)}
     bones = {}
     for joint, bone in preset.items():
@@ -150,7 +150,7 @@ def _fitting(rest: ArmatureRest, preset: Mapping[str, str]) -> dict[str, str] | 
 
 
 def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bool], limbs: Limbs) -> None:
-    """Replace limbs without complete names, including hands and toes, by those found by shape."""
+    """Replace limbs with incomplete names, including hands and toes, by those found by shape."""
     for kind, chains, find_joints, joints in (
         ("leg", limbs.legs, leg_joints, ("femur", "tibia", "foot", "toes")),
         ("arm", limbs.arms, arm_joints, ("clavicle", "humerus", "radius", "wrist", "hand", "fingers", "thumb")),
@@ -164,12 +164,12 @@ def _fill_limbs(rest: ArmatureRest, found: dict[str, int], by_name: dict[str, bo
 
 
 def _shift_if_named_by_ends(rest: ArmatureRest, found: dict[str, int]) -> None:
-    """Move limbs one bone outwards in rigs with bones named after the joint at their end."""
+    """Move limbs one bone outwards in rigs whose bones are named after the joint at their end."""
     size = float(np.max(np.ptp(rest.heads, axis=0)))
     chains: tuple[tuple[str, ...], ...] = (("femur", "tibia", "foot", "toes"), ("humerus", "radius", "hand", "fingers"))
     for chain in chains:
         starts = [rest.heads[found[side + chain[0]]] for side in "lr"]
-        if float(np.linalg.norm(starts[0] - starts[1])) > 0.02 * size:  # not at the same place
+        if float(np.linalg.norm(starts[0] - starts[1])) > 0.02 * size:  # not at the same position
             continue
         for side in "lr":
             bones = [found.get(side + joint, -1) for joint in chain] + [-1]
@@ -219,7 +219,7 @@ def _suspect_joints(rest: ArmatureRest, found: Mapping[str, int], uneven: float 
     """Return joint -> reason why its bone is suspect.
 
     Args:
-        uneven: Relative difference in length between left and right that is suspect.
+        uneven: Relative difference in length between left and right above which bones are suspect.
     """
     suspect: dict[str, str] = {}
     chains = (("root", "femur", "tibia", "foot", "toes"), ("root", "clavicle", "humerus", "radius", "hand", "fingers"))

@@ -1,4 +1,4 @@
-"""Bone maps as TOML files to share: a name and a bone for each joint.
+"""Bone maps as TOML files that can be shared: a name, and a bone for each joint.
 
     name = "My rig"
 
@@ -26,7 +26,7 @@ _ENDING = ".toml"
 
 @dataclass(frozen=True)
 class _BoneMap:
-    """A bone map in a file."""
+    """A bone map as in a file."""
 
     joints: Annotated[Mapping[str, str], About("bone of each joint", least=1)]
     name: Annotated[str, About("name for people")] = ""
@@ -42,7 +42,7 @@ BONE_MAP = Schema(
 
 
 def read_bone_map(path: Path | str) -> dict[str, str]:
-    """Return joint -> bone of a file; FormatError if it cannot be read or is not a bone map."""
+    """Return joint -> bone from a file; FormatError if it cannot be read or is not a bone map."""
     joints = BONE_MAP.read(read_toml(path), str(path)).joints
     unknown = [joint for joint in joints if joint not in JOINT_NAMES]
     if unknown:
@@ -55,7 +55,7 @@ def read_bone_map(path: Path | str) -> dict[str, str]:
 
 
 def write_bone_map(path: Path | str, name: str, bones: dict[str, str]) -> None:
-    """Write joint -> bone as a file that `read_bone_map` reads."""
+    """Write joint -> bone to a file that `read_bone_map` reads."""
     joints = {joint: bones[joint] for joint in JOINT_NAMES if joint in bones}
     write_toml(path, BONE_MAP.table(_BoneMap(joints, name)))
 
@@ -71,7 +71,7 @@ def preset_paths(user_folder: Path | None = None) -> dict[str, Path]:
 
 
 def read_presets(user_folder: Path | None = None) -> dict[str, dict[str, str]]:
-    """Return name -> joint -> bone of all readable presets."""
+    """Return name -> joint -> bone for all readable presets."""
     found = {}
     for name, path in preset_paths(user_folder).items():
         try:
@@ -82,7 +82,7 @@ def read_presets(user_folder: Path | None = None) -> dict[str, dict[str, str]]:
 
 
 def load_bone_map(name_or_file: str) -> dict[str, str]:
-    """Return joint -> bone of a shipped preset or of a file; CharacterError if there is neither."""
+    """Return joint -> bone from a shipped preset or a file; CharacterError if there is neither."""
     paths = preset_paths()
     if name_or_file in paths:
         return read_bone_map(paths[name_or_file])

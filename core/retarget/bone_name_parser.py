@@ -1,7 +1,7 @@
-"""Parser of bone names: side, words and numbers in any rig's spelling.
+"""Parser for bone names: side, words and numbers in the spelling of any rig.
 
-Understands Mixamo, Rigify (metarig, deform bones), MakeHuman and MPFB, Unreal, VRM and VRoid, Rokoko, the CMU database,
-3ds Max Biped, Valve, DAZ, Poser and most rigs with English names.
+It understands Mixamo, Rigify (metarig, deform bones), MakeHuman and MPFB, Unreal, VRM and VRoid, Rokoko, the CMU
+database, 3ds Max Biped, Valve, DAZ, Poser and most rigs with English names.
 """
 
 import re
@@ -26,8 +26,8 @@ class BoneName:
     Args:
         side: "l", "r", or "" for the middle.
         words: Words that describe the joint, joined in lower case.
-        numbers: Numbers in the name in order, without that of the prefix "Bip01".
-        helper: The bone only supports another one (twist, IK target, ...).
+        numbers: Numbers in the name in order, without the number in the prefix "Bip01".
+        helper: Whether the bone only supports another one (twist, IK target, ...).
     """
 
     side: str

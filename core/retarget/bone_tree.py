@@ -51,7 +51,7 @@ class BoneTree:
         return upper in self.line(lower)
 
     def shared_ancestor(self, bones: list[int]) -> int:
-        """Return the lowest common ancestor of bones (one of them, perhaps), or -1 if there is none."""
+        """Return the lowest common ancestor of bones (which may be one of them), or -1 if there is none."""
         lines = [self.line(bone) for bone in bones]
         return next((bone for bone in lines[0] if all(bone in line for line in lines[1:])), -1)
 

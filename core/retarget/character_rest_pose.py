@@ -1,4 +1,4 @@
-"""Alignment of a character's rest pose with the standard one: facing, size, limbs.
+"""Alignment of a character's rest pose with the standard rest pose: facing, size, limbs.
 
 Trunk, clavicles, neck and head are upright in any rest pose and keep the character's own shape. Soles are flat, so feet
 are only turned about the vertical. Hands are also turned about the forearm until the palms face down.
@@ -28,8 +28,8 @@ class RestAlignment:
 
     Args:
         armature_from_world: Rotation (3, 3).
-        units_per_metre: Length in the armature for a metre of the performer, by the lengths of the legs.
-        heads_m: Bone heads (B, 3) in our axes, in metres of the performer.
+        units_per_metre: Armature units per metre of the performer, from the lengths of the legs.
+        heads_m: Bone heads (B, 3) in our axes, in the performer's metres.
         turns: Joint -> rotation (4,) of its bone from the character's rest pose to the standard one.
     """
 
@@ -104,7 +104,7 @@ def bone_direction(
 ) -> Array | None:
     """Return the direction of a limb's bone at rest, or None if unknown.
 
-    The tail of the last bone, which importers guess, is used if it roughly continues the bone before.
+    The tail of the last bone, which importers guess, is used if it roughly continues the previous bone.
     """
     side, kind, bone = name[0], name[1:], joints[name]
     end = bone_end(name, joints)
@@ -131,7 +131,7 @@ def _heading(skeleton: Skeleton, joints: Mapping[str, int], heads: Array, side: 
 def _face_palm_down(
     skeleton: Skeleton, rest: ArmatureRest, joints: Mapping[str, int], heads: Array, turns: dict[str, Array], side: str
 ) -> None:
-    """Turn the hand until the thumb faces forward, by 110 degrees at most, and the forearm half as much."""
+    """Turn the hand, by at most 110 degrees, until the thumb faces forward, and the forearm by half as much."""
     hand = side + "hand"
     if hand not in joints:
         return
@@ -152,7 +152,7 @@ def _face_palm_down(
 
 
 def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, side: str) -> Array | None:
-    """Return the direction across the palm towards the thumb, or None without fingers."""
+    """Return the direction across the palm towards the thumb, or None if there are no fingers."""
     index, little = (_knuckle(rest, joints[side + "hand"], side, words) for words in (("index",), ("pinky", "little")))
     if index >= 0 and little >= 0:
         return heads[index] - heads[little]
@@ -162,7 +162,7 @@ def _across_hand(rest: ArmatureRest, joints: Mapping[str, int], heads: Array, si
 
 
 def _knuckle(rest: ArmatureRest, hand: int, side: str, words: tuple[str, ...]) -> int:
-    """Return the first bone below the hand with one of the words in its name, or -1 for none."""
+    """Return the first bone below the hand with one of the words in its name, or -1 if there is none."""
     return next(
         (
             bone

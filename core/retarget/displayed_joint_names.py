@@ -1,4 +1,4 @@
-"""Names of the joints in panels and in other programs."""
+"""Joint names as shown in panels and written for other programs."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ from ..body.motion import Motion
 from ..body.standard_skeleton import JOINT_NAMES, TABLES, facts_of
 from ..errors import SettingsError
 
-OWN = "cmu"  # the standard skeleton has the names of the CMU Motion Capture Database
+OWN = "cmu"  # names of the CMU Motion Capture Database, which the standard skeleton uses
 
 NAMINGS: dict[str, dict[str, str]] = {
     OWN: {name: name for name in JOINT_NAMES},
@@ -18,7 +18,7 @@ NAMINGS: dict[str, dict[str, str]] = {
 
 
 def naming_of(name: str) -> dict[str, str]:
-    """Return joint -> name of a naming; SettingsError if it is unknown."""
+    """Return joint -> name in a naming; SettingsError if the naming is unknown."""
     if name not in NAMINGS:
         raise SettingsError(f"there is no naming {name!r}", advice="namings: " + ", ".join(NAMINGS))
     return NAMINGS[name]

@@ -1,4 +1,4 @@
-"""Bones of a character turned by a motion, and the joints that turn them."""
+"""Bones of a character that a motion turns, and the joints that turn them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ def root_bone(rest: ArmatureRest, hips: int) -> int:
 def driven_bones(
     skeleton: Skeleton, rest: ArmatureRest, joints: dict[str, int], turns: dict[str, Array]
 ) -> list[DrivenBone]:
-    """Return all bones that are turned by joints, parents first."""
+    """Return all bones that joints turn, parents first."""
     driven: dict[int, DrivenBone] = {}
     for joint, bone in joints.items():
         index = skeleton.index(joint)
@@ -74,7 +74,7 @@ def _neighbour_names(name: str) -> list[str]:
 
 
 def driven_ancestors(rest: ArmatureRest, order: Sequence[int], ancestors: IntArray | None) -> IntArray:
-    """Return for each driven bone the index of the one that turns it, or -1 for none."""
+    """Return for each driven bone the index of the one that turns it, or -1 if none does."""
     place = {bone: index for index, bone in enumerate(order)}
     follows = np.where(rest.inherits_rotation, rest.parents, -1) if ancestors is None else ancestors
     found = []

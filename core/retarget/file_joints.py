@@ -1,4 +1,4 @@
-"""Joints of a motion file, found by names and hierarchy."""
+"""Joints of a motion file, found by their names and hierarchy."""
 
 from functools import lru_cache
 
@@ -25,7 +25,7 @@ def match_joints(source: SourceMotion) -> dict[str, int]:
         raise SkeletonError(error.what, where=source.where, advice=error.advice) from None
 
 
-@lru_cache(maxsize=64)  # clips of one data set share their skeleton
+@lru_cache(maxsize=64)  # clips of one data set share a skeleton
 def _match(names: tuple[str, ...], parents: bytes, offsets_m: bytes) -> dict[str, int]:
     parent_of = np.frombuffer(parents, dtype=np.int64)
     offsets = np.frombuffer(offsets_m, dtype=np.float64).reshape(-1, 3)
@@ -39,10 +39,10 @@ def _match(names: tuple[str, ...], parents: bytes, offsets_m: bytes) -> dict[str
     repeated = [name for name in names if f"{name}_2" in names]
     if missing and repeated:
         advice = "name the sides: " + ", ".join(f"Left{name}, Right{name}" for name in repeated[:2])
-        raise SkeletonError(f"two joints are called {repeated[-1]!r}, and no side is named", advice=advice)
+        raise SkeletonError(f"two joints are called {repeated[-1]!r}, and their sides are not named", advice=advice)
     if missing:
         raise SkeletonError(
-            "no joint of the file is the " + ", ".join(missing), advice="joints of the file: " + ", ".join(names[:30])
+            "the file has no joint for " + ", ".join(missing), advice="joints of the file: " + ", ".join(names[:30])
         )
     if not match_trunk(tree, found):
         raise SkeletonError("its arms and legs have no common parent joint")
@@ -50,7 +50,7 @@ def _match(names: tuple[str, ...], parents: bytes, offsets_m: bytes) -> dict[str
 
 
 def _with_sides(tree: BoneTree) -> BoneTree | None:
-    """Return joints named in pairs with sides by their places, or None if the places cannot tell.
+    """Return joints whose names come in pairs, with sides found from their positions; None if these are unclear.
 
     The toes show where the front is.
     """

@@ -61,7 +61,7 @@ def align_rest(source: SourceMotion, found: Mapping[str, int]) -> dict[str, Arra
     """Return the source-joint-from-world quaternion (4,) of each joint at rest.
 
     Raises:
-        SkeletonError: Neither the zero pose nor the first frame is a standing body, and the axes follow no known
+        SkeletonError: Neither the zero pose nor the first frame is a standing body, and the axes do not follow a known
             convention.
     """
     joints = tuple(found.items())
@@ -94,7 +94,7 @@ def _align_zero_pose(
 
 
 def _is_body(positions: Array, found: Mapping[str, int], least_height: float = 0.35) -> bool:
-    """Return whether a pose is an upright body with the left side on the left.
+    """Return whether a pose is an upright body with its left side on the left.
 
     Args:
         least_height: Height of the hips above the knees, and of the shoulders above the hips, relative to thigh and

@@ -1,7 +1,7 @@
-"""Joints of the standard skeleton, found by names and hierarchy of bones.
+"""Matching of bones to joints of the standard skeleton, by names and hierarchy.
 
-Limbs are found by the words in their names; trunk and neck by their position between hips, arms and head, because rigs
-and files have any number of bones there.
+Limbs are found by the words in their names. Trunk and neck are found by their position between hips, arms and head,
+because rigs and files have any number of bones there.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from .bone_tree import BoneTree
 
 _LIMBS = {"leg": ("femur", "tibia", "foot"), "arm": ("humerus", "radius")}  # joints of a complete limb
 _TRUNK_SHARES = {"lowerback": 0.0, "upperback": 0.5}  # position between hips (0) and thorax (1)
-_AMBIGUOUS_ROOTS = ("root", "cog", "torso")  # names of the hips, or of a bone above them
+_AMBIGUOUS_ROOTS = ("root", "cog", "torso")  # names that may mean the hips, or a bone above them
 
 
 def match_names(tree: BoneTree) -> tuple[dict[str, int], dict[str, bool]]:
@@ -29,7 +29,7 @@ def match_names(tree: BoneTree) -> tuple[dict[str, int], dict[str, bool]]:
 
     def first(words: Sequence[str], side: str, taken: set[int]) -> int:
         candidates = [b for b in used if parsed[b].side == side and parsed[b].words in words and b not in taken]
-        # a joint above one of the same name is its socket (LHipJoint above LeftHip): it does not turn
+        # a joint above one with the same name is its socket (LHipJoint above LeftHip) and does not turn
         above = {b: int(tree.parents[b]) for b in candidates if tree.parents[b] >= 0}
         sockets = {parent for b, parent in above.items() if parsed[parent] == parsed[b]}
         candidates = [b for b in candidates if b not in sockets]
@@ -74,7 +74,7 @@ def _numbered_fingers(tree: BoneTree, side: str) -> dict[str, int]:
 
 
 def match_trunk(tree: BoneTree, found: dict[str, int]) -> bool:
-    """Add root, back, neck and head by the hierarchy; return False if the limbs have no common ancestor."""
+    """Add root, back, neck and head from the hierarchy; return False if the limbs have no common ancestor."""
     arms = [found.get(side + "clavicle", found[side + "humerus"]) for side in "lr"]
     limbs = [found["lfemur"], found["rfemur"], *arms]
     root = found.get("root", -1)
@@ -130,5 +130,5 @@ def _topmost(tree: BoneTree, top: int, arms: list[int]) -> int:
         if not children or (found >= 0 and not named and len(children) != 1):
             return found
         if found >= 0 and not named and parsed[found].words in ("spine", *HEAD_WORDS):
-            return found  # bones of the face are below the head
+            return found  # the face's bones are below the head
         bone = found = (named or children)[0]

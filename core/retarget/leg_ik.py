@@ -1,4 +1,4 @@
-"""Inverse kinematics of a character's legs, which puts the balls of its feet where the performer's are."""
+"""Inverse kinematics of a character's legs: it puts the balls of the feet where the performer's are."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from .character_rest_pose import RestAlignment
 
 @dataclass(frozen=True)
 class LegSettings:
-    """Proportions of legs, and lowering of the hips for a foot out of reach."""
+    """Proportions of legs, and lowering of the hips for a foot that is out of reach."""
 
     ball_above_sole: float = 0.029  # height of the ball of a standing foot above the floor, in leg lengths
     reach: float = 0.9995  # largest stretch of a leg, in leg lengths
-    softness: float = 0.005  # rounding of the start of the lowering, in leg lengths
-    standing_cosine: float = 0.75  # between leg and vertical, from which the hips are lowered fully
-    raised_cosine: float = 0.45  # below which they are not lowered
-    hinge: float = 0.05  # weight of the knee's axis against the plane of the bent leg, for straight legs
+    softness: float = 0.005  # rounding at the start of the lowering, in leg lengths
+    standing_cosine: float = 0.75  # cosine between leg and vertical above which the hips are lowered fully
+    raised_cosine: float = 0.45  # cosine below which they are not lowered
+    hinge: float = 0.05  # weight of the knee's axis relative to the plane of the bent leg, for straight legs
 
 
 _SETTINGS = LegSettings()
@@ -30,7 +30,7 @@ _SETTINGS = LegSettings()
 
 @dataclass(frozen=True)
 class _Leg:
-    """Indices and lengths of a leg in the performer's metres; `own` values are the performer's."""
+    """Indices and lengths of a leg, in the performer's metres; values named `own` are the performer's."""
 
     joints: tuple[int, ...]
     places: tuple[int, int]
@@ -49,7 +49,7 @@ class _Leg:
 
 @dataclass(frozen=True)
 class _Step:
-    """Rotations of the performer's leg, and the target of the character's ankle."""
+    """Rotations of the performer's leg, and the target for the character's ankle."""
 
     upper: c.Quaternion
     lower: c.Quaternion
@@ -63,7 +63,7 @@ class LegPlan:
     """Both legs of a character and its hips, in the performer's metres.
 
     Args:
-        hips_to_middle: Vector from the hips' head to the middle between the thighs.
+        hips_to_middle: Vector from the hips' head to the midpoint between the thighs.
         own_middle: The same for the performer.
         hips_up: Height added to the hips so that the soles are on the floor.
         legs: Legs with knee and ankle; others keep the rotations of their joints.
@@ -113,7 +113,7 @@ def _plan_leg(
     if side + "toes" in joints:
         to_ball = rot.rotate(alignment.turns[side + "foot"], heads[joints[side + "toes"]] - heads[foot])
     lengths = [float(np.linalg.norm(heads[b] - heads[a])) for a, b in ((femur, tibia), (tibia, foot))]
-    # additional height of the ball of a standing foot, and of ankle and hips, over the performer's
+    # height of the ball of a standing foot, and of ankle and hips, in addition to the performer's
     ball_up = float(heads[foot, 1] + to_ball[1]) - _SETTINGS.ball_above_sole * sum(lengths)
     # the hinge points to the left, down x back, as knees bend the shank backwards
     hinge = np.cross(thigh, [0.0, 0.0, -1.0])
@@ -163,7 +163,7 @@ def _step(leg: _Leg, world: Array, root: c.Quaternion, position: c.Vector) -> _S
 
 
 def _lowering(legs: Sequence[_Leg], reaches: Sequence[c.Vector]) -> c.Part:
-    """Return the lowering of the hips, metres, with which standing legs reach the floor.
+    """Return how far to lower the hips, metres, so that standing legs reach the floor.
 
     Args:
         reaches: Vectors from each hip to the target of its ankle.

@@ -1,4 +1,4 @@
-"""Limbs of an armature, found by its shape: two symmetric pairs of chains."""
+"""Detection of an armature's limbs by its shape: two symmetric pairs of chains."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -17,12 +17,12 @@ Pair = tuple[list[int], list[int]]
 class LimbSettings:
     """Proportions by which limbs are recognised."""
 
-    shortest_limb: float = 0.2  # part of the armature's greatest extent
+    shortest_limb: float = 0.2  # smallest length of a limb, part of the armature's greatest extent
     unequal: float = 0.15  # largest relative difference in length of the chains of a pair
     apart: float = 0.05  # smallest distance between the ends of a pair, part of the greatest extent
     short_bone: float = 0.12  # part of a limb's length below which bones at its start belong to pelvis or shoulder
-    foot_cosine: float = np.cos(np.radians(35.0))  # between leg and foot, at most
-    upright_cosine: float = np.cos(np.radians(50.0))  # between trunk and legs, at least
+    foot_cosine: float = np.cos(np.radians(35.0))  # largest cosine between leg and foot
+    upright_cosine: float = np.cos(np.radians(50.0))  # smallest cosine between trunk and legs
 
 
 _SETTINGS = LimbSettings()
@@ -30,7 +30,7 @@ _SETTINGS = LimbSettings()
 
 @dataclass(frozen=True)
 class Limbs:
-    """Chains of bones of legs and arms from the trunk outwards, by side."""
+    """Chains of leg and arm bones from the trunk outwards, by side."""
 
     legs: dict[str, list[int]]
     arms: dict[str, list[int]]
@@ -55,7 +55,7 @@ def find_limbs(rest: ArmatureRest) -> Limbs | None:
 
 
 def _pairs(rest: ArmatureRest) -> list[Pair]:
-    """Return pairs of similar chains with a common parent bone, the longest first."""
+    """Return pairs of similar chains with a common parent bone, longest first."""
     size = float(np.max(np.ptp(rest.heads, axis=0)))
     reach = np.zeros(len(rest))
     for bone in range(len(rest) - 1, 0, -1):
@@ -77,7 +77,7 @@ def _pairs(rest: ArmatureRest) -> list[Pair]:
 
 
 def _main_chain(rest: ArmatureRest, bone: int, reach: Array) -> list[int]:
-    """Return the longest chain from a bone outwards, up to a hand with fingers."""
+    """Return the longest chain outwards from a bone, up to a hand with fingers."""
     chain = [bone]
     while True:
         children = [child for child in rest.children[chain[-1]] if not parse_bone_name(rest.names[child]).helper]
@@ -115,7 +115,7 @@ def cosine(a: Array, b: Array) -> float:
 
 
 def _left(rest: ArmatureRest, legs: Pair, arms: Pair) -> Array:
-    """Return the direction to the character's left, by names, otherwise by the feet."""
+    """Return the direction to the character's left, from names or otherwise from the feet."""
     across = np.zeros(3)
     for a, b in (legs, arms):
         way = rest.heads[a[-1]] - rest.heads[b[-1]]
@@ -155,7 +155,7 @@ def leg_joints(rest: ArmatureRest, chain: list[int]) -> dict[str, int]:
 
 
 def _evenly_bent(rest: ArmatureRest, chain: list[int]) -> int:
-    """Return the index of the ankle in the chain, the bone with a knee halfway above it."""
+    """Return the index of the ankle in the chain: the bone with a knee halfway above it."""
     way = rest.distances(chain)
     uneven = {place: float(np.min(np.abs(way[1:place] / way[place] - 0.5))) for place in range(2, len(chain))}
     return min(uneven, key=lambda place: uneven[place], default=len(chain) - 1)

@@ -1,6 +1,6 @@
 """Alignment of any body at rest with the standard rest pose: facing and limbs.
 
-Limbs are turned the shortest way, each together with the limb above it, until their bones point as in the standard rest
+Each limb is turned the shortest way, together with the limb above it, until its bones point as in the standard rest
 pose.
 """
 
@@ -70,7 +70,7 @@ def facing(left: Array, up: Array, snap_rad: float = np.radians(25.0)) -> Array:
     """Return the rotation (3, 3) with columns left, up, forward of a body.
 
     Args:
-        snap_rad: Angle within which the result becomes axis-aligned: a lean (hips before or behind the head) is
+        snap_rad: Angle within which the result becomes axis-aligned: a lean (hips in front of or behind the head) is
             posture, not a rotation of the body.
 
     Raises:
@@ -85,9 +85,9 @@ def facing(left: Array, up: Array, snap_rad: float = np.radians(25.0)) -> Array:
     forward = forward / np.linalg.norm(forward)
     measured = np.stack((np.cross(up, forward), up, forward), axis=1)
     aligned = _nearest_axes(measured)
-    return aligned if np.sum(aligned * measured) > 1.0 + 2.0 * cosine else measured  # the trace tells the angle
+    return aligned if np.sum(aligned * measured) > 1.0 + 2.0 * cosine else measured  # the trace gives the angle
 
 
 def _nearest_axes(vectors: Array) -> Array:
-    """Return the coordinate axes within 37 degrees of unit vectors, 0 for those without one."""
+    """Return the coordinate axes within 37 degrees of unit vectors, or 0 where there is none."""
     return np.where(np.abs(vectors) > 0.8, np.sign(vectors), 0.0)

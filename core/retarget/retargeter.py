@@ -1,9 +1,9 @@
 """Retargeting of a performer's motion to a character with other proportions.
 
 A plan is made once per character and then applied to each pose independently. Each mapped bone takes its joint's world
-orientation, corrected by the alignment of the rest poses. Bones of trunk and neck between two mapped ones are
-interpolated. The hips travel by the ratio of leg lengths. Two-bone inverse kinematics puts the balls of the feet where
-the performer's are, so that planted feet stay planted; the hips come down if a leg is too short.
+orientation, corrected by the alignment of the rest poses. Trunk and neck bones between two mapped ones are
+interpolated. The hips' travel is scaled by the ratio of leg lengths. Two-bone inverse kinematics puts the balls of the
+feet where the performer's are, so planted feet stay planted; the hips are lowered if a leg is too short.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ class RootMotion(Enum):
 
 @dataclass(frozen=True)
 class CharacterPose:
-    """Transforms to set on a character; the leading shape is that of the motion.
+    """Transforms to set on a character; the leading shape is the motion's.
 
     Args:
         rotations: Rotations (..., N, 4) of `RetargetPlan.bones` relative to the rest pose, as Blender defines them.
@@ -52,7 +52,7 @@ class CharacterPose:
 
 @dataclass(frozen=True)
 class _Blend:
-    """Joints that turn the driven bones; those of `between` are interpolated by `share` towards the second joint."""
+    """Joints that turn the driven bones; bones in `between` are interpolated by `share` towards the second joint."""
 
     first: IntArray
     second: IntArray
@@ -62,7 +62,7 @@ class _Blend:
 
 @dataclass(frozen=True)
 class _RootBone:
-    """Rest frame of the root bone, and whether it also moves the hips, which are connected to it."""
+    """Rest frame of the root bone, and whether it also moves the hips because they are connected to it."""
 
     head: Array
     location_axes: Array
@@ -76,7 +76,7 @@ class _Carriers:
 
     Args:
         hips: Index of the hips among the driven bones.
-        mover_axes: Axes (3, 3) of the location of the bone that moves the hips, as long as its unit is short.
+        mover_axes: Axes (3, 3) of the location of the bone that moves the hips, scaled by the length of its unit.
         root: Root bone if it receives the root motion.
     """
 
@@ -88,7 +88,7 @@ class _Carriers:
 
 @dataclass(frozen=True)
 class RetargetPlan:
-    """Retargeting from one performer to one character, used by `apply_plan`.
+    """Plan for retargeting from one performer to one character, used by `apply_plan`.
 
     Args:
         joints: Joint -> index of the character's bone.
@@ -126,8 +126,8 @@ def plan_retarget(
     """Plan the retargeting of a performer's motion onto a character.
 
     Args:
-        root_motion: Wanted receiver; the root bone is the topmost bone above the hips.
-        ancestors: Bone (B,) that turns each bone, -1 for none, if constraints make it follow another one than its
+        root_motion: Desired receiver; the root bone is the topmost bone above the hips.
+        ancestors: Bone (B,) that turns each bone, -1 for none, if constraints make it follow a bone other than its
             parent.
         same_body: The character has the performer's proportions: no inverse kinematics, and hands and feet keep their
             directions.
@@ -213,10 +213,10 @@ def _follows_joints(skeleton: Skeleton, blend: _Blend, ancestors: IntArray) -> b
 def _bone_maps(
     rest: ArmatureRest, alignment: RestAlignment, driven: Sequence[DrivenBone], ancestors: IntArray
 ) -> Array:
-    """Return maps (N, 4, 4) from the rotation of a joint relative to its ancestor to that of the bone.
+    """Return maps (N, 4, 4) from the rotation of a joint relative to its ancestor to the rotation of the bone.
 
-    The orientation of a bone in the performer's axes is D C, with the joint's rotation D and C = A R, from the
-    alignment A of its rest pose and its rest axes R. With the ancestor p, the bone's rotation in Blender is
+    The orientation of a bone in the performer's axes is D C, with the joint's rotation D and C = A R, where A is the
+    alignment of its rest pose and R its rest axes. With the ancestor p, the bone's rotation in Blender is
     R^-1 R_p (D_p C_p)^-1 (D C) = (R^-1 R_p C_p^-1) (D_p^-1 D) C, which is linear in the middle factor.
     """
     order = [entry.bone for entry in driven]
@@ -233,7 +233,7 @@ def _bone_maps(
 def _forearms(
     skeleton: Skeleton, joints: Mapping[str, int], places: Mapping[int, int]
 ) -> tuple[tuple[int, int, c.Vector], ...]:
-    """Return indices of forearm and hand, and the forearm's direction, of arms without wrist bones."""
+    """Return indices of forearm and hand, and the forearm's direction, for arms without wrist bones."""
     found = []
     for side in "lr":
         if side + "wrist" not in joints and {side + "radius", side + "hand"} <= joints.keys():
@@ -324,7 +324,7 @@ def _turn_forearm(turned: Array, forearm: int, hand: int, way: c.Vector) -> None
     w, x, y, z = c.multiply(c.conjugate(turn), c.components(turned[..., hand, :]))
     along = x * way[0] + y * way[1] + z * way[2]
     size = (w * w + along * along + 1e-18) ** 0.5
-    # half of the twist (w, along), on the shorter way
+    # half of the twist (w, along), the shorter way round
     share = w / (abs(w) + 1e-18) * along / size
     half = c.unit_quaternion((abs(w) / size + 1.0, share * way[0], share * way[1], share * way[2]))
     turned[..., forearm, :] = c.stacked(c.multiply(turn, half))
@@ -338,6 +338,6 @@ def _between(first: Array, second: Array, share: Array) -> Array:
 
 
 def _heading(turn: c.Quaternion) -> c.Quaternion:
-    """Return the part of a rotation about the vertical."""
+    """Return the part of a rotation that is about the vertical."""
     w, _, y, _ = c.unit_quaternion((turn[0], 0.0 * turn[0], turn[2], 0.0 * turn[0]))
     return w, 0.0 * w, y, 0.0 * w

@@ -1,8 +1,8 @@
-"""Conversion of motion of any skeleton to the standard skeleton.
+"""Conversion of motion on any skeleton to the standard skeleton.
 
 Joints keep their positions and orientations in the world; orientations are expressed in the axes of the standard rest
-pose. Joints that the file lacks do not move, with one exception: if it has a single joint for the wrist, the twist of
-forearm and hand goes to `wrist`, as in the CMU database, where elbows only bend.
+pose. Joints that the file lacks do not move, with one exception: if it has a single joint for the wrist, the twist
+of forearm and hand goes to `wrist`, as in the CMU database, where elbows only bend.
 """
 
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -22,7 +22,7 @@ from .displayed_joint_names import NAMINGS
 from .file_joints import match_joints
 from .file_rest_pose import align_rest
 
-_SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # thighs and upper arms, which all files have, give the body's size
+_SIZED = ("ltibia", "rtibia", "lradius", "rradius")  # all files have thighs and upper arms, which give the body's size
 _Y_UP_FROM_Z_UP = rot.from_rotation_vector(np.array([-0.5 * np.pi, 0.0, 0.0]))
 
 
@@ -84,7 +84,7 @@ def _reordered(source: SourceMotion) -> Motion:
 
 
 def _tips(offsets: Array, known: Mapping[str, Array]) -> Array:
-    """Return the ends of the bones: as known, or else at the child joint there."""
+    """Return the ends of the bones: those known, else the child joint there."""
     tips = _default().tips_m.copy()
     tips[0] = 0.0
     for joint, child in _bone_ends().items():
@@ -115,7 +115,7 @@ def _lies_along_z(source: SourceMotion, found: Mapping[str, int]) -> bool:
 
 
 def _path_of(source: SourceMotion, joint: int) -> tuple[Array, Array]:
-    """Return world positions (F, 3) and orientations (F, 4) of one joint of a file."""
+    """Return world positions (F, 3) and orientations (F, 4) of one joint in a file."""
     line = _line(source.parents, joint)
     world = source.rotations[:, line[0]]
     positions = source.translations_m[line[0]]
@@ -134,7 +134,7 @@ def _line(parents: IntArray, joint: int) -> list[int]:
 
 
 def _local_rotations(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
-    """Return local rotations (F, J, 4) of the joints found, without the root's."""
+    """Return local rotations (F, J, 4) of the joints found, except the root's."""
     local = rot.identity((source.frames, len(JOINT_NAMES)))
     names, anchors = tuple(found)[1:], _anchors(tuple(found))
     turned = source.rotations[:, [found[name] for name in names]]
@@ -160,7 +160,7 @@ def _turn_between(source: SourceMotion, upper: int, lower: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _anchors(found: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the nearest ancestor in the file of each joint but the root."""
+    """Return the nearest ancestor in the file for each joint except the root."""
     above = [[*_missing_between(name, found), name][0] for name in found[1:]]
     return tuple(JOINT_NAMES[_default().parents[JOINT_NAMES.index(name)]] for name in above)
 
@@ -179,9 +179,9 @@ def _move_twist_to_wrists(rotations: Array, skeleton: Skeleton, sides: Sequence[
 
 
 def _links(source: SourceMotion, found: Mapping[str, int], alignment: Mapping[str, Array]) -> Array:
-    """Return offsets (N, 3) of the joints found, without the root, from their ancestors found.
+    """Return offsets (N, 3) of the joints found, except the root, from their nearest ancestors found.
 
-    Where the file has further joints between them, the offsets are means over 200 frames.
+    If the file has further joints between them, the offsets are means over 200 frames.
     """
     names, anchors = tuple(found)[1:], _anchors(tuple(found))
     joints = [found[name] for name in names]
@@ -207,7 +207,7 @@ def _skeleton(found: Iterable[str], links: Array, tips: Mapping[str, Array]) -> 
     return _skeleton_of(tuple(found), links.tobytes(), known)
 
 
-@lru_cache(maxsize=64)  # clips of one data set share a few
+@lru_cache(maxsize=64)  # clips of one data set share a few skeletons
 def _skeleton_of(
     found: tuple[str, ...], links_m: bytes, known_tips: tuple[tuple[str, tuple[float, ...]], ...]
 ) -> Skeleton:

@@ -1,1 +1,1 @@
-"""Label and solve a stream of marker frames, live or recorded."""
+"""Sessions: labelling and solving of a stream of marker frames, live or recorded."""

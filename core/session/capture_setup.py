@@ -18,21 +18,21 @@ SessionMaker = Callable[[Subject, Database, CameraRig | None, SolveSettings], Se
 
 @dataclass(frozen=True)
 class CaptureSetup:
-    """Set-up of a capture; `TakeSetup` is its form in tables."""
+    """Set-up of a capture; `TakeSetup` is the same in table form."""
 
     rig: CameraRig | None  # None for markers without cameras
-    performers: tuple[Subject, ...]  # at least one, with the markers worn
+    performers: tuple[Subject, ...]  # at least one, each with the markers worn
     props: tuple[Prop, ...]
     database: Database
     settings: SolveSettings
 
     @staticmethod
     def from_tables(tables: TakeSetup, database: Database, settings: SolveSettings) -> "CaptureSetup":
-        """Return the set-up from a take's tables; TakeError for damaged tables."""
+        """Return the set-up from a take's tables; TakeError if they are damaged."""
         return CaptureSetup(tables.camera_rig(), tables.subjects(), tables.carried_props(), database, settings)
 
     def tables(self, capture: Mapping[str, Any], settings: Mapping[str, Any] | None = None) -> TakeSetup:
-        """Return the tables of a new take; solver settings default to the changed ones."""
+        """Return the tables of a new take; the solver settings are by default those that were changed."""
         given = self.settings.table() if settings is None else settings
         return TakeSetup.of(self.rig, self.performers, given, identity(self.database), capture, self.props)
 
@@ -40,7 +40,7 @@ class CaptureSetup:
         """Return a new session of all targets; raises the errors of `MultiTargetSession`.
 
         Args:
-            make: Maker of the session of a single performer (see `SessionCache`).
+            make: Creates the session of a single performer (see `SessionCache`).
         """
         one = make if len(self.performers) == 1 else Session
         sessions = [one(subject, self.database, self.rig, self.settings) for subject in self.performers]

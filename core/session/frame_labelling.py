@@ -1,4 +1,4 @@
-"""Labels of the marker frames of one capture."""
+"""Labelling of the marker frames of one capture."""
 
 from typing import NamedTuple
 
@@ -19,18 +19,18 @@ from ..solver.observation import Observation
 from ..solver.subject_model import SubjectModel
 from .label_check import Alternative, LabelCheck
 
-_EXAMPLES = 2048  # poses of the database for labels without history
-_EVERY = 2  # one example in so many labels points
+_EXAMPLES = 2048  # number of database poses for labels without history
+_EVERY = 2  # step between the examples that label points
 _SAME_M = 0.02  # distance up to which two points are the same
 _NOTHING_COST = 8.0  # cost of each point of a frame without labels
-_FIT_M, _UNFIT_M = 0.01, 0.03  # deviation of markers from the solved body that costs 0.5 each, and the largest counted
+_FIT_M, _UNFIT_M = 0.01, 0.03  # deviation of markers from the solved body that costs 0.5 each; largest counted
 
 
 class AlternativeLabels(NamedTuple):
     """Alternative labels of a solved frame."""
 
     observation: Observation
-    nearer: float  # they are right if the closest example's distance falls below this share
+    nearer: float  # they are accepted if the closest example's distance falls below this share
     adds: bool  # they only label points that had no label
     keeps_torso: bool  # the torso markers keep their points, so that the pose shows where the torso is
     labeller: Labeller  # follows these labels
@@ -39,10 +39,10 @@ class AlternativeLabels(NamedTuple):
 
 
 class BodyExamples:
-    """Markers of many poses, for labels without history.
+    """Markers of many poses, for labelling without history.
 
     Attributes:
-        start_poses_m: Markers (M, 3) of the T pose and of standing.
+        start_poses_m: Markers (M, 3) of the T pose and of a standing pose.
         markers_m: Markers (E, M, 3) of many poses with the root at rest.
         ups: Vertical (E, 3) of these poses in the root's frame.
     """
@@ -58,12 +58,12 @@ class BodyExamples:
 
 
 def rest_markers(model: SubjectModel, rotations: Array) -> Array:
-    """Return the markers (M, 3) of joint rotations (J, 4) with the root at the origin."""
+    """Return the markers (M, 3) for joint rotations (J, 4) with the root at the origin."""
     return marker_positions(model.skeleton, model.joints, model.offsets_m, rotations, np.zeros(3))
 
 
 class FrameLabeller:
-    """Labels the successive marker frames of one body.
+    """Labels successive marker frames of one body.
 
     Attributes:
         searched: The last frame needed a full label search.
@@ -83,16 +83,16 @@ class FrameLabeller:
         self._check = LabelCheck(self._initial, self._torso)
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
-        """Return the factor of a pose's confidence for its labels."""
+        """Return the factor by which the labels lower a pose's confidence."""
         return self._check.confidence(frame, observed_m)
 
     def find_alternative(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
     ) -> AlternativeLabels | None:
-        """Return alternative labels of a solved frame that it has made likely, if any.
+        """Return alternative labels of a solved frame if it has made some likely.
 
         Args:
-            busy: The frame was expensive already, so the search rests.
+            busy: The frame was already expensive, so the search rests.
         """
         alternative = self._check.step(frame, elapsed_s, pose, self._labeller.is_confident, busy)
         if alternative is None:  # a pose that has just become suspect confirms nothing
@@ -104,7 +104,7 @@ class FrameLabeller:
         away = np.linalg.norm(frame.points_m[:, None] - pose.observed_m[None], axis=-1)
         points, markers = np.nonzero(away < _SAME_M)
         labels[np.isin(labels, np.flatnonzero(is_confident))] = -1
-        # an unlabelled point keeps its current label, which it got since the search began
+        # an unlabelled point keeps its current label, which it got after the search began
         kept = is_confident[markers] | ((labels[points] < 0) & ~np.isin(markers, labels))
         labels[points[kept]] = markers[kept]
         is_same = labels[points] == markers
@@ -121,7 +121,7 @@ class FrameLabeller:
         )
 
     def refute_alternative(self, alternative: AlternativeLabels) -> None:
-        """Keep the current labels; the alternative does not fit the body."""
+        """Keep the current labels, because the alternative does not fit the body."""
         self._check.refute(alternative.alternative.renaming)
 
     def follow_alternative(self, alternative: AlternativeLabels) -> None:
@@ -130,7 +130,7 @@ class FrameLabeller:
         self.reset()
         self.labellings += 1
         self._labeller = alternative.labeller
-        if alternative.adds:  # the evidence for relabelling the others stays
+        if alternative.adds:  # the evidence for relabelling the others remains valid
             self._check = check
         self._check.begin(alternative.time_s)
 
@@ -139,7 +139,7 @@ class FrameLabeller:
         return self._labeller.expected(predicted_m, elapsed_s)
 
     def cost(self, frame: MarkerFrame, pose: PerformerPose) -> float:
-        """Return minus the log likelihood of the labels of a frame's pose."""
+        """Return the negative log likelihood of the labels of a frame's pose."""
         located = int(np.sum(np.isfinite(pose.observed_m[:, 0])))
         if located == 0:
             return _NOTHING_COST * min(len(frame.points_m), len(self._torso))
@@ -147,14 +147,14 @@ class FrameLabeller:
         return cost + 0.5 * located * (float(np.fmin(pose.marker_rms_m, _UNFIT_M)) / _FIT_M) ** 2
 
     def label_initially(self, points_m: Array) -> InitialLabels | None:
-        """Return labels of points (N, 3) without history, or None when they do not look like a body."""
+        """Return labels of points (N, 3) without history, or None if they do not look like a body."""
         return self._initial.label(points_m)
 
     def label(self, frame: MarkerFrame, predicted_m: Array | None, elapsed_s: float) -> Observation:
         """Return the labelled markers of the next frame.
 
         Args:
-            predicted_m: Markers (M, 3) of the last pose, None without history.
+            predicted_m: Markers (M, 3) of the last pose; None without history.
         """
         self.searched = predicted_m is None and not is_labelled(frame)
         if is_labelled(frame):
@@ -175,7 +175,7 @@ class FrameLabeller:
         return Observation(found.points_m, single, image_points, self._cameras)
 
     def _search_labels(self, frame: MarkerFrame, elapsed_s: float) -> IntArray:
-        """Return labels (N,) found without history, or -1 until then."""
+        """Return labels (N,) found without history; they are -1 until some are found."""
         if self._search is None:
             self._search = LabelSearch(self._initial, frame.points_m, Labeller(self._torso))
         else:
@@ -201,7 +201,7 @@ class FrameLabeller:
         return Observation(points, cameras, image_points, self._cameras)
 
     def _by_marker(self, points_m: Array, labels: IntArray) -> Array:
-        """Return the points (M, 3) by marker, NaN for hidden ones."""
+        """Return the points (M, 3) by marker, NaN where hidden."""
         result = np.full((len(self._torso), 3), np.nan)
         result[labels[labels >= 0]] = points_m[labels >= 0]
         return result

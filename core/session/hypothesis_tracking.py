@@ -1,8 +1,8 @@
-"""Labels of one camera's blobs by several hypotheses in parallel.
+"""Labelling of one camera's blobs with several hypotheses in parallel.
 
 Markers that reappear or cross in the image have several possible labels, and only the motion that follows decides
-(multiple hypothesis tracking, Reid 1979). Each hypothesis has its own state of the solver and its own likelihood. While
-the best one leaves blobs unexplained, database examples at the body's root and at the last certain root add hypotheses.
+(multiple hypothesis tracking, Reid 1979). Each hypothesis has its own solver state and its own likelihood. While the
+best one leaves blobs unexplained, database examples at the body's root and at the last certain root add hypotheses.
 """
 
 from collections.abc import Sequence
@@ -21,18 +21,18 @@ from ..solver.solution import Solution, SolverState
 from ..solver.subject_model import RootPose
 
 _MOST_HYPOTHESES = 5
-# costs are minus log likelihoods
+# costs are negative log likelihoods
 _UNLABELLED_COST = 6.0  # cost of an unlabelled blob
-_MOST_FRAME_COST = 60.0  # largest cost of one frame, so that no outlier decides
-_HOPELESS = 25.0  # cost above the best from which a hypothesis is dropped
+_MOST_FRAME_COST = 60.0  # largest cost of one frame, so that no outlier is decisive
+_HOPELESS = 25.0  # cost above the best at which a hypothesis is dropped
 _START_COST = 15.0  # cost of a hypothesis that starts from an example
 _SAME_M = 0.02  # distance of all markers below which two hypotheses are the same
 _SUSPECT = 0.6  # confidence below which labels are suspect; unlabelled blobs make them suspect, too
-_CERTAIN = 0.5  # confidence from which the root is certain
+_CERTAIN = 0.5  # confidence above which the root is certain
 _SUSPECT_FRAMES = 4  # successive frames with suspect labels after which hypotheses are added
-_SEARCH_S = 0.2  # wait between two such searches, and two for a performer who has not started
-_UNCERTAIN_S = 0.2  # age from which the last certain root is searched as well
-_STARTS = 2  # hypotheses added at each root
+_SEARCH_S = 0.2  # pause between two such searches, and between searches for a performer who has not started
+_UNCERTAIN_S = 0.2  # age above which the last certain root is searched as well
+_STARTS = 2  # number of hypotheses added at each root
 
 
 @dataclass
@@ -45,15 +45,15 @@ class Hypothesis:
     markers_m: Array  # (M, 3) of the last pose
     observation: Observation
     solution: Solution | None
-    cost: float = 0.0  # above that of the best hypothesis
+    cost: float = 0.0  # relative to the best hypothesis
 
 
 class HypothesisTracker:
-    """Labels and solves the successive frames of one camera.
+    """Labels and solves successive frames of one camera.
 
     Args:
         poses_m: Markers (M, 3) of the poses in which a performer may start, y up, facing +z.
-        examples_m: Markers (E, M, 3) of poses of the database with the root at rest.
+        examples_m: Markers (E, M, 3) of database poses with the root at rest.
     """
 
     def __init__(self, camera: Camera, solver: PoseSolver, poses_m: Sequence[Array], examples_m: FloatArray) -> None:
@@ -70,7 +70,7 @@ class HypothesisTracker:
         self._searched_s = -np.inf
 
     def step(self, frame: MarkerFrame, confidence: float) -> Hypothesis | None:
-        """Return the best hypothesis after the next frame, or None before a start pose.
+        """Return the best hypothesis after the next frame, or None before a start pose has been seen.
 
         Args:
             confidence: Confidence of the last pose.
@@ -87,7 +87,7 @@ class HypothesisTracker:
         return self._hypotheses[0] if self._hypotheses else None
 
     def _begin(self, frame: MarkerFrame, start: SingleViewStart, cost: float = 0.0) -> Hypothesis:
-        """Return the hypothesis that begins with labels found without history."""
+        """Return the hypothesis that starts with labels found without history."""
         observation = self._observation(start.labels, frame.single_points)
         state = replace(self._solver.initial_state, markers_m=start.markers_m)
         solution, state = self._solver.step(state, observation, frame.time_s)
@@ -155,7 +155,7 @@ class HypothesisTracker:
 
 
 def _prune(hypotheses: list[Hypothesis]) -> list[Hypothesis]:
-    """Return the likely hypotheses, best first, with costs above the best's."""
+    """Return the likely hypotheses, best first, with costs relative to the best."""
     hypotheses = sorted(hypotheses, key=lambda hypothesis: hypothesis.cost)
     least = hypotheses[0].cost
     result: list[Hypothesis] = []

@@ -12,14 +12,14 @@ from ..labelling.label_search import WORK, WORK_UNHURRIED, LabelSearch
 from ..labelling.labeller import Labeller
 from ..markers.marker_frame import MarkerFrame
 
-_FIRST_S, _RARE_S = 0.03, 1.0  # first and longest wait between checks; it doubles while the labels are certain
-_SUSPECT_S = 0.1  # longest wait for a suspect pose, and between two comparisons with the database
+_FIRST_S, _RARE_S = 0.03, 1.0  # first and longest pause between checks; it doubles while the labels are certain
+_SUSPECT_S = 0.1  # longest pause for a suspect pose, and between two comparisons with the database
 _SUSPECT = 0.5  # confidence per located marker below which a pose is suspect
 _STRAYS = 2  # number of unlabelled points, with as many hidden markers, that makes labels suspect
-_TORSO_MARKERS = 2  # fewest located torso markers of a pose that is not suspect
+_TORSO_MARKERS = 2  # fewest located torso markers for a pose that is not suspect
 _ENOUGH = 0.6  # share of the markers that must be located for a check
 _SAME_M = 0.02  # distance up to which two points are the same
-_UNCERTAIN = 0.3  # factor of the confidence while the labels are uncertain
+_UNCERTAIN = 0.3  # factor for the confidence while the labels are uncertain
 
 # gains are log likelihood ratios of alternative to current labels, nats
 _CERTAIN = -2.0  # best gain below which one check confirms the current labels
@@ -28,32 +28,32 @@ _CONFIRMATIONS = 3.0  # confirmation needed for the labels of a suspect pose; 1 
 _BETTER = 1.0  # best gain above which the labels are uncertain again
 _PLAUSIBLE = -4.0  # evidence needed to try alternative labels of a suspect pose
 _NEARER = 0.7  # these replace the labels if the closest example's distance falls below this share
-_LEAST = -10.0  # floor of the evidence for an alternative
-_PROVEN = 5.0  # evidence that replaces labels if no example gets farther; sufficient gain if more markers get labels
+_LEAST = -10.0  # lower bound on the evidence for an alternative
+_PROVEN = 5.0  # evidence that replaces labels if no example gets farther; gain needed if more markers get labels
 _DECISIVE = 8.0  # gain that replaces labels in any case
 _FOLLOWED = 10.0  # penalty for relabelling markers that were tracked confidently
-_INDEPENDENT_S = 0.3  # time after which a check of such labels is independent of the last one; sooner it counts less
-_GONE_S = 0.1  # time without a pose after which earlier checks do not count
+_INDEPENDENT_S = 0.3  # time after which a check of such labels is independent of the last one; earlier it counts less
+_GONE_S = 0.1  # time without a pose after which earlier checks no longer count
 
 Renaming: TypeAlias = tuple[int, ...]  # see `LabelCheck._renaming`
-_NEW = -2  # in a renaming: an unlabelled point gets the label
+_NEW = -2  # marks in a renaming that an unlabelled point gets the label
 
 
 class Alternative(NamedTuple):
-    """Alternative labels of the points of a search."""
+    """Alternative labels for the points of a search."""
 
     search: LabelSearch
     labels: IntArray  # (N,)
     renaming: Renaming
-    nearer: float  # they are right if the closest example's distance falls below this share
+    nearer: float  # they are accepted if the closest example's distance falls below this share
     contradicts: bool  # they relabel markers that were tracked confidently
 
 
 class LabelCheck:
-    """Decides how certain the labels of a tracked body are, and when others are likelier.
+    """Decides how certain the labels of a tracked body are, and when others are more likely.
 
     Args:
-        torso: (M,) Markers on the torso.
+        torso: Markers (M,) on the torso.
     """
 
     def __init__(self, initial: InitialLabeller, torso: Mask) -> None:
@@ -70,29 +70,29 @@ class LabelCheck:
         self._wait_s, self._checked_s, self._tried_s = _FIRST_S, -np.inf, -np.inf
 
     def begin(self, time_s: float, start: InitialLabels | None = None) -> None:
-        """Initialise the confidence of new labels; those of a search from its alternatives."""
+        """Initialise the confidence of new labels; if a search found them, from its alternatives."""
         self._checked_s, self._were_certain = time_s, False
         if start is not None:
             self._confirmed = _confirmation(max((start.cost - cost for _, cost in start.alternatives), default=-np.inf))
 
     @property
     def confirmed_markers(self) -> Mask:
-        """(M,) markers located since the last check, which therefore holds for them."""
+        """Markers (M,) located since the last check, which therefore applies to them."""
         return self._compared
 
     def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
-        """Return the factor of a pose's confidence for its labels."""
+        """Return the factor by which the labels lower a pose's confidence."""
         certain = self._is_certain(self._was_suspect) and _strays(frame, observed_m) < _STRAYS
         return 1.0 if certain else _UNCERTAIN
 
     def step(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_confident: Mask, busy: bool = False
     ) -> Alternative | None:
-        """Return alternative labels that this frame has made likely, if any.
+        """Return alternative labels if this frame has made some likely.
 
         Args:
-            is_confident: (M,) Markers that have been tracked confidently since the labels were certain.
-            busy: The frame was expensive already, so the search rests.
+            is_confident: Markers (M,) that have been tracked confidently since the labels were certain.
+            busy: The frame was already expensive, so the search rests.
         """
         self._compared = self._compared & np.isfinite(pose.observed_m[:, 0])
         if _GONE_S < pose.time_s - self._stepped_s < np.inf:
@@ -112,14 +112,14 @@ class LabelCheck:
         return self._judge(search, suspect, pose.time_s)
 
     def _is_suspect(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
-        """Return whether the pose or unlabelled points speak against the labels."""
+        """Return whether the pose or unlabelled points are evidence against the labels."""
         located = np.isfinite(pose.observed_m[:, 0])
         explained = pose.confidence / (self.confidence(frame, pose.observed_m) * max(np.mean(located), 1e-3))
         unseen = np.sum(located & self._torso) < _TORSO_MARKERS
         return bool(explained < _SUSPECT or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
 
     def _work(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> float:
-        """Return the work on a search in this frame, less while nothing speaks against the labels."""
+        """Return the amount of search work in this frame, less while there is no evidence against the labels."""
         is_certain = self._is_certain(suspect)
         self._were_certain |= is_certain
         likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0
@@ -146,7 +146,7 @@ class LabelCheck:
         return self._confirmed >= (_CONFIRMATIONS if suspect else 1.0)
 
     def _judge(self, search: LabelSearch, suspect: bool, time_s: float) -> Alternative | None:
-        """Return the likeliest alternative, if likely enough."""
+        """Return the likeliest alternative, if it is likely enough."""
         current = tuple(range(len(self._torso)))
         found = [(self._renaming(labels, search.points_m), labels, cost) for labels, cost in search.labellings()]
         others = {
@@ -186,7 +186,7 @@ class LabelCheck:
         return Alternative(search, labels, best, 1.0 if is_better else _NEARER, contradicts)
 
     def put_off(self, alternative: Renaming) -> None:
-        """Treat the current labels as uncertain: the alternative could not be tried yet."""
+        """Treat the current labels as uncertain, because the alternative could not be tried yet."""
         self._confirmed, self._tried_s = 0.0, -np.inf
         self._tried.discard(alternative)
 
@@ -218,7 +218,7 @@ class LabelCheck:
         self._contradicting = contradicting | (self._contradicting & (self._evidence.keys() - gains.keys()))
 
     def _renaming(self, labels: IntArray, points_m: Array) -> Renaming:
-        """Return which marker has each marker's alternative point now; -1 for no point, `_NEW` if it is unlabelled."""
+        """Return which marker now has each marker's alternative point; -1 for no point, `_NEW` if it is unlabelled."""
         other = np.full(self._current_m.shape, np.nan)
         other[labels[labels >= 0]] = points_m[labels >= 0]
         near = np.linalg.norm(other[:, None] - self._current_m[None], axis=-1) < _SAME_M
@@ -228,7 +228,7 @@ class LabelCheck:
         return tuple(np.where(hidden, np.arange(len(names)), names).tolist())
 
     def _only_adds(self, renaming: Renaming) -> bool:
-        """Return whether a renaming only labels further points."""
+        """Return whether a renaming only labels additional points."""
         located = np.isfinite(self._current_m[:, 0])
         return all(before == marker or (before < 0 and not located[marker]) for marker, before in enumerate(renaming))
 
@@ -247,5 +247,5 @@ def _confirmation(gain: float) -> float:
 
 
 def _strays(frame: MarkerFrame, observed_m: Array) -> int:
-    """Return the number of unlabelled points, at most that of hidden markers."""
+    """Return the number of unlabelled points, up to the number of hidden markers."""
     return min(len(frame.points_m), len(observed_m)) - int(np.sum(np.isfinite(observed_m[:, 0])))

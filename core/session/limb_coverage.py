@@ -1,4 +1,4 @@
-"""Coverage of the body by markers: how many each limb has, and which limbs no marker determines."""
+"""Marker coverage of the body: how many markers each limb has, and which limbs no marker determines."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -25,10 +25,10 @@ LIMBS = {
 
 @dataclass(frozen=True)
 class CoverageSettings:
-    """Settings of the coverage."""
+    """Settings for the coverage."""
 
-    samples: int = 50  # frames that are searched for unused markers
-    farthest_m: float = 0.5  # largest distance from the body at which an unused marker belongs to it
+    samples: int = 50  # frames that are checked for unused markers
+    farthest_m: float = 0.5  # largest distance from the body at which an unused marker may belong to it
 
 
 _S = CoverageSettings()
@@ -41,11 +41,11 @@ class LimbCoverage:
     Args:
         limb: One of `body_parts.PARTS`.
         markers: Its markers that were used and located at least once.
-        known: Those whose place a marker set knows.
-        placed: Those that the motion placed.
+        known: Those whose position a marker set gives.
+        placed: Those positioned from the motion.
         left_out: Markers of the take near it that were not used.
-        distance_m: Median distance of located and solved markers, NaN without any.
-        distance_95_m: Distance that 95 % of them are within.
+        distance_m: Median distance between located and solved markers, NaN if there are none.
+        distance_95_m: Distance that 95 % of them do not exceed.
     """
 
     limb: str
@@ -57,7 +57,7 @@ class LimbCoverage:
     distance_95_m: float
 
     def facts(self) -> dict[str, Any]:
-        """Return the row of the `solve` command's JSON object."""
+        """Return the row for the `solve` command's JSON object."""
         return {
             "limb": self.limb,
             "markers": self.markers,
@@ -70,7 +70,7 @@ class LimbCoverage:
 
 
 def parts_of(marker_set: MarkerSet) -> dict[str, list[int]]:
-    """Return the markers of each part of the body that carries some; those of the hips belong to the torso."""
+    """Return the markers of each part of the body that carries any; those of the hips belong to the torso."""
     joints = [JOINT_NAMES.index(marker.joint) for marker in marker_set.markers]
     joints = [PART_JOINTS["torso"][0] if joint == 0 else joint for joint in joints]
     parts = {part: [i for i, joint in enumerate(joints) if joint in own] for part, own in PART_JOINTS.items()}
@@ -81,7 +81,7 @@ def limb_coverage(marker_set: MarkerSet, distances_m: Array) -> tuple[LimbCovera
     """Return the coverage of the parts that carry markers.
 
     Args:
-        distances_m: Distances (F, M) of located and solved markers, NaN where one was not located.
+        distances_m: Distances (F, M) between located and solved markers, NaN where one was not located.
     """
     found = []
     for part, carried in parts_of(marker_set).items():
@@ -96,7 +96,7 @@ def limb_coverage(marker_set: MarkerSet, distances_m: Array) -> tuple[LimbCovera
 
 
 def with_left_out(limbs: Sequence[LimbCoverage], left_out: Mapping[str, int]) -> tuple[LimbCoverage, ...]:
-    """Return the coverage with the markers near each part that were not used."""
+    """Return the coverage completed with the unused markers near each part."""
     by_part = {limb.limb: limb for limb in limbs}
     nothing = LimbCoverage("", 0, 0, 0, 0, np.nan, np.nan)
     return tuple(
@@ -107,7 +107,7 @@ def with_left_out(limbs: Sequence[LimbCoverage], left_out: Mapping[str, int]) ->
 
 
 def near_limbs(motion: Motion, points_m: Array) -> dict[str, int]:
-    """Return how many markers (F, N, 3) are nearest to each part of a moving body; far ones are left out."""
+    """Return how many markers (F, N, 3) are nearest to each part of a moving body; distant ones are left out."""
     shown = evenly(motion.frames, _S.samples)
     if len(points_m) != motion.frames or points_m.shape[1] == 0:
         return {}
@@ -121,7 +121,7 @@ def near_limbs(motion: Motion, points_m: Array) -> dict[str, int]:
 
 
 def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence[str]) -> str:
-    """Return in words how many of the markers shown in a take were used, and which limbs none of them determines."""
+    """Return in words how many of a take's markers were used, and which limbs none of them determines."""
     used = [marker for marker in marker_set.markers if marker.name in shown]
     placed = sum(marker.placed for marker in used)
     counts = [(placed, "placed by the motion"), (len(shown) - len(used), "left out")]

@@ -1,6 +1,6 @@
-"""Session of several targets before the same cameras: performers and props.
+"""Session with several targets in view of the same cameras: performers and props.
 
-Each point has at most one target. Props come first, as their patterns are exact; performers share the rest.
+Each point belongs to at most one target. Props come first, because their patterns are exact; performers share the rest.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,14 +22,14 @@ from .two_way_solve import TwoWaySolver
 
 
 class MultiTargetSession:
-    """Session of performers and props.
+    """Session with performers and props.
 
     Args:
-        sessions: New sessions of the performers from left to right.
+        sessions: New sessions of the performers, from left to right.
 
     Raises:
         PropError: Two props have patterns that cannot be distinguished.
-        SettingsError: Several performers before one camera.
+        SettingsError: Several performers with only one camera.
     """
 
     def __init__(self, sessions: Sequence[Session], props: Sequence[Prop] = ()) -> None:
@@ -59,7 +59,7 @@ class MultiTargetSession:
         return sum(session.labeller.labellings for session in self._sessions)
 
     def label_cost(self, frame: MarkerFrame, pose: ScenePose) -> float:
-        """Return minus the log likelihood of the labels of a frame's pose."""
+        """Return the negative log likelihood of the labels of a frame's pose."""
         return sum(
             session.labeller.cost(frame, each) for session, each in zip(self._sessions, pose.performers, strict=True)
         )
@@ -83,7 +83,7 @@ class MultiTargetSession:
         return self._solve(shares, tuple(props), check_labels)
 
     def step_labelled(self, frame: MarkerFrame, known: ScenePose) -> ScenePose:
-        """Return the poses of the next frame, with the labels and props of known poses."""
+        """Return the poses of the next frame, using the labels and props of known poses."""
         frame = self._usable(frame)
         shares = [_labelled_share(frame, pose) for pose in known.performers]
         return self._solve(shares, known.props, check_labels=False)
@@ -123,7 +123,7 @@ class MultiTargetSession:
 
 
 def _labelled_share(frame: MarkerFrame, pose: PerformerPose) -> MarkerFrame:
-    """Return a frame with the labelled points and rays of a pose only."""
+    """Return a frame with only the labelled points and rays of a pose."""
     points, rays = np.flatnonzero(np.isfinite(pose.observed_m[:, 0])), np.flatnonzero(pose.single_cameras >= 0)
     return MarkerFrame(
         frame.number,

@@ -1,4 +1,4 @@
-"""Expected errors of the joints and parts of a body, and why they are large."""
+"""Expected errors of the joints and parts of a body, and reasons for large ones."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ..geometry.arrays import Array, Mask
 from ..solver.solution import Solution
 from ..solver.subject_model import SubjectModel
 
-# Expected errors of parts with deviations of 1 degree, 1 m from the closest example; 95 % of the errors are within
+# Expected errors of parts with standard deviations of 1 degree, 1 m from the closest example; 95 % of the errors are
 # twice that. Scales and powers were fitted to 64 CMU takes that the database lacked, alone or with their performers.
 _ERRORS_DEG = {"torso": 6.2, "head": 7.7, "arm": 6.7, "hand": 13.0, "leg": 9.1, "foot": 12.4}
 _SIGMA_POWER, _NEAREST_POWER, _NEAREST_M = 0.8, 0.3, 0.01
@@ -22,7 +22,7 @@ _JOINT_ERRORS_DEG = {
     "lclavicle": 6.7, "lhumerus": 11.6, "lradius": 7.8, "lwrist": 11.8, "lhand": 18.2, "lfingers": 13.0, "lthumb": 22.7,
     "lfemur": 9.8, "ltibia": 10.0, "lfoot": 10.9, "ltoes": 14.8,
 }  # fmt: skip
-_FAR_M = 0.03  # distance between solved and located marker that is reported
+_FAR_M = 0.03  # distance between solved and located marker above which it is reported
 
 
 class PartErrors:
@@ -31,7 +31,7 @@ class PartErrors:
     def __init__(self, subject: SubjectModel) -> None:
         carried = subject.skeleton.is_ancestor[subject.joints] & ~subject.torso[:, None]
         self._markers: list[Mask] = [carried[:, joints].any(axis=1) for joints in PART_JOINTS.values()]
-        # (P, J - 1) means over their joints
+        # averages over the parts' joints (P, J - 1)
         self._means = np.zeros((len(PARTS), len(subject.skeleton) - 1))
         for row, joints in zip(self._means, PART_JOINTS.values(), strict=True):
             row[np.array(joints) - 1] = 1.0 / len(joints)
@@ -39,12 +39,12 @@ class PartErrors:
         self._joint_scales = np.array([_JOINT_ERRORS_DEG[_unsided(name)] for name in JOINT_NAMES[1:]])
 
     def expected_deg(self, solution: Solution) -> Array:
-        """Return the expected errors (P,) of parts, empty for other methods than "best"."""
+        """Return the expected errors (P,) of parts, empty for methods other than "best"."""
         variances = _variances(solution)
         return self._scales * _expected(self._means @ variances, solution) if len(variances) else variances
 
     def expected_joints_deg(self, solution: Solution) -> Array:
-        """Return the expected errors (J - 1,) of joints, empty for other methods than "best"."""
+        """Return the expected errors (J - 1,) of joints, empty for methods other than "best"."""
         variances = _variances(solution)
         return self._joint_scales * _expected(variances, solution) if len(variances) else variances
 
@@ -76,13 +76,13 @@ def _variances(solution: Solution) -> Array:
 
 
 def _expected(variances: Array, solution: Solution) -> Array:
-    """Return expected errors for variances, before scaling."""
+    """Return the expected errors for variances, before scaling."""
     nearest = (solution.nearest_m + _NEAREST_M) ** _NEAREST_POWER
     return np.asarray(np.degrees(np.sqrt(variances)) ** _SIGMA_POWER * nearest)
 
 
 def _unsided(joint: str) -> str:
-    """Return the name of the joint on the left side."""
+    """Return the name of the corresponding joint on the left side."""
     return "l" + joint[1:] if joint[0] == "r" else joint
 
 

@@ -1,7 +1,7 @@
-"""Assignment of each frame's blobs to several performers before the same cameras.
+"""Assignment of each frame's blobs to several performers in view of the same cameras.
 
 One assignment over all tracked performers gives each blob (without images: each point) to the nearest expected marker.
-A performer's share is the frame without the others' blobs. Performers not yet tracked share the unassigned rest.
+A performer's share is the frame without the others' blobs. Performers not yet tracked share what is left.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from .frame_labelling import is_labelled
 from .session import Session
 
 _NOBODY = -1
-_PATIENCE_S = 1.0  # wait for all untracked performers before a body is assigned out of order
-_SEARCH_S = 0.1  # wait between two searches for several bodies, each as slow as solving some frames
-_UNLIKE = 1e3  # cost of a body that a performer's markers do not fit
-_ORDER_COST = 1.0  # cost of a place out of order, added to that of the labels
+_PATIENCE_S = 1.0  # longest wait for all untracked performers before a body is assigned out of order
+_SEARCH_S = 0.1  # pause between two searches for several bodies, each as slow as solving several frames
+_UNLIKE = 1e3  # cost of a body that does not fit a performer's markers
+_ORDER_COST = 1.0  # cost of a position out of order, added to that of the labels
 
 
 class PerformerAssignment:
     """Splits frames between performers.
 
     Args:
-        sessions: Sessions with the same cameras, in the order of the performers from left to right when first seen.
+        sessions: Sessions with the same cameras, in the performers' order from left to right when first seen.
     """
 
     def __init__(self, sessions: Sequence[Session]) -> None:
@@ -39,7 +39,7 @@ class PerformerAssignment:
         self._searched_s = -np.inf
 
     def split_frame(self, frame: MarkerFrame) -> list[MarkerFrame]:
-        """Return each performer's share of a frame; a source's labels belong to the first."""
+        """Return each performer's share of a frame; labels given by the source belong to the first performer."""
         if is_labelled(frame):
             return [frame] + [_nothing(frame)] * (len(self._sessions) - 1)
         owners = self._owners(frame)
@@ -83,7 +83,7 @@ class PerformerAssignment:
         return without_points(frame, others[0])
 
     def _propose_bodies(self, frame: MarkerFrame, waiting: Sequence[int]) -> list[MarkerFrame]:
-        """Return the share of each untracked performer: one body, or none while that is unclear."""
+        """Return the share of each untracked performer: one body, or nothing while this is unclear."""
         if self._waiting_since_s is None:
             self._waiting_since_s = frame.time_s
         if frame.time_s - self._searched_s < _SEARCH_S:
@@ -99,7 +99,7 @@ class PerformerAssignment:
             owners[bodies[column]] = row
         known = {row for row, _ in given}
         return [
-            # points near no body may be a limb of any
+            # points that are near no body may be any performer's limb
             self._without(frame, (owners != row) & (owners != _NOBODY)) if row in known else _nothing(frame)
             for row in range(len(waiting))
         ]
@@ -124,7 +124,7 @@ class PerformerAssignment:
     def _assign_bodies(
         self, frame: MarkerFrame, waiting: Sequence[int], bodies: Sequence[IntArray]
     ) -> list[tuple[int, int]]:
-        """Return pairs of performer and body, by fit of the markers, then by order."""
+        """Return pairs of performer and body, matched by their markers, then by order."""
         costs = np.zeros((len(waiting), len(bodies)))
         for row, index in enumerate(waiting):
             for column, body in enumerate(bodies):
@@ -134,7 +134,7 @@ class PerformerAssignment:
         return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if costs[r, c] < _UNLIKE]
 
     def _without(self, frame: MarkerFrame, taken: Mask) -> MarkerFrame:
-        """Return the frame without some of its points, and without their blobs."""
+        """Return the frame without some of its points and their blobs."""
         if not self._has_images(frame):
             return without_points(frame, taken)
         kept = [set(column[column >= 0].tolist()) for column in frame.point_blobs[~taken].T]

@@ -1,6 +1,6 @@
 """Filters of solved poses for display and keyframes: smoothing and foot lock.
 
-Takes keep the poses as they were solved.
+Takes store the poses as they were solved.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ class FilterSettings:
 
     @staticmethod
     def of_table(table: Table) -> "FilterSettings":
-        """Return the settings of a JSON object; SettingsError for wrong ones."""
+        """Return the settings from a JSON object; SettingsError if they are invalid."""
         return _SCHEMA.read(table, "filter")
 
     def table(self) -> dict[str, Any]:
@@ -41,10 +41,10 @@ class PoseFilter:
     """Filters the poses of a capture one after another.
 
     Args:
-        floor_m: Height of the floor in the world of the poses, None where unknown.
+        floor_m: Height of the floor in the world of the poses; None if unknown.
 
     Raises:
-        SettingsError: There is no such mode for the feet.
+        SettingsError: The mode for the feet is unknown.
     """
 
     def __init__(self, skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings) -> None:
@@ -53,13 +53,13 @@ class PoseFilter:
         self._props: list[PoseSmoother] = []
 
     def set_settings(self, settings: FilterSettings) -> None:
-        """Change the settings; errors as at construction."""
+        """Change the settings; errors are those of the constructor."""
         for performer in self._performers:
             performer.set_settings(settings)
         self._settings = settings
 
     def step(self, pose: ScenePose) -> ScenePose:
-        """Return the next pose filtered; the same object when all filters are off."""
+        """Return the next pose filtered; the same object if all filters are off."""
         if self._settings == FilterSettings():
             return pose
         performers = tuple(
@@ -68,7 +68,7 @@ class PoseFilter:
         return replace(pose, performers=performers, props=self._smooth_props(pose))
 
     def _smooth_props(self, pose: ScenePose) -> tuple[PropPose, ...]:
-        """Return the props smoothed like the bodies: a held prop stays in the hand."""
+        """Return the props, smoothed like the bodies, so that a held prop stays in the hand."""
         if len(self._props) != len(pose.props):
             self._props = [PoseSmoother(self._settings.smoothing_s) for _ in pose.props]
         smoothed = []
@@ -97,7 +97,7 @@ class _PerformerFilter:
         self._mode = settings.feet
 
     def step(self, pose: PerformerPose) -> PerformerPose:
-        if pose.time_s != self._time_s:  # a refused frame repeats the last pose
+        if pose.time_s != self._time_s:  # a rejected frame repeats the last pose
             self._time_s = pose.time_s
             rotations, root = self._smoother.step(pose.time_s, pose.rotations, pose.root_position_m)
             self._shown = self._feet.step(pose.time_s, rotations, root), root
@@ -108,6 +108,6 @@ class _PerformerFilter:
 def filter_poses(
     poses: Sequence[ScenePose], skeletons: Sequence[Skeleton], floor_m: float | None, settings: FilterSettings
 ) -> list[ScenePose]:
-    """Return the poses of a take filtered; arguments and errors as of `PoseFilter`."""
+    """Return the poses of a take filtered; arguments and errors are those of `PoseFilter`."""
     pose_filter = PoseFilter(skeletons, floor_m, settings)
     return [pose_filter.step(pose) for pose in poses]

@@ -14,13 +14,13 @@ from ..geometry.arrays import Array
 from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
 from ..markers.marker_noise import MarkerNoise
 
-# Chosen on eleven takes of people that the database lacks: jitter by 3 mm of noise against accuracy without noise.
+# Chosen on eleven takes of people not in the database: jitter with 3 mm of noise against accuracy without noise.
 _TURNING = MotionModels(
     changes=(0.3e-3, 5e-3), least_sigma=0.1e-3, jump=0.15, first_speed=10.0, first_acceleration=100.0
 )  # rad
 _MOVING = MotionModels(changes=(0.1e-3, 1e-3), least_sigma=0.1e-3, jump=0.05, first_speed=2.0, first_acceleration=20.0)
-# A pose's noise lasts for some frames, so differences between frames show only this share of it. Pelvis and legs count
-# in full: filtered more, feet slide where they land.
+# A pose's noise lasts for several frames, so differences between frames show only this share of it. Pelvis and legs
+# count in full: if they are filtered more, feet slide when they land.
 _SEEN_SHARES = np.full(len(JOINT_NAMES) + 1, 0.3)
 _SEEN_SHARES[0] = 1.0
 for _part in ("left leg", "right leg", "left foot", "right foot"):
@@ -29,7 +29,7 @@ _SEEN_SHARES[-1] = 0.5  # root position
 _UNKNOWN = 1e-3  # noise (rad or m) assumed in the first frames
 _MOST = np.append(np.full(len(JOINT_NAMES), 0.05), 0.01)  # largest noise, rad and m
 _PAUSE_S = 0.25  # time without a pose after which the filter restarts
-_SLOW_RAD = 0.035  # rotation per frame that a joint may always have
+_SLOW_RAD = 0.035  # rotation per frame that a joint is always allowed
 
 
 class PoseNoiseFilter:
@@ -43,13 +43,13 @@ class PoseNoiseFilter:
     def _start_over(self) -> None:
         joints = len(JOINT_NAMES)
         self._follower, self._noise = MultipleModelFilter((_TURNING, joints), (_MOVING, 1)), MarkerNoise()
-        # unwrapped rotation vectors: sums of the rotations from frame to frame
+        # unwrapped rotation vectors: sums of the rotations between frames
         self._turned_rad = np.zeros((joints, 3))
 
     def step(self, time_s: float, rotations: Array, root_position_m: Array) -> tuple[Array, Array]:
         """Return filtered rotations (J, 4) and root position (3,); a pause restarts the filter.
 
-        No joint turns further in a frame than without the filter.
+        No joint turns further in a frame than it would without the filter.
         """
         most_rad = np.full(len(rotations), np.inf)
         if 0.0 < time_s - self._time_s < _PAUSE_S:

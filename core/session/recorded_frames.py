@@ -1,7 +1,7 @@
-"""Labels of recorded takes, corrected by later frames.
+"""Labels of recorded takes, corrected with the help of later frames.
 
-Live, a body gets alternative labels only from the frame on in which they are proven. In a recorded take they also hold
-before it: the session tracks the body backwards in time, as far as its labels explain the markers better than the live
+Live, a body gets alternative labels only once they are proven. In a recorded take they also apply earlier: the session
+tracks the body backwards in time as long as these labels explain the markers better than the live
 ones. The frames with new labels are then solved again.
 """
 
@@ -16,16 +16,16 @@ from ..geometry.arrays import Array, Mask, runs
 from ..markers.marker_frame import MarkerFrame
 from .multi_target_session import MultiTargetSession
 
-_LEAD = 10  # frames with known labels before the body is tracked backwards, or forwards
+_LEAD = 10  # frames with known labels before the body is tracked backwards or forwards
 _LABELLED = 5  # number of these, the last ones, that keep their labels when it is tracked backwards
-_FOLLOWED = 30  # frames solved again after those with new labels
+_FOLLOWED = 30  # number of frames solved again after those with new labels
 _AGREEING = 5  # successive frames with the same labels that end the backward tracking
 _SAME_M = 0.005  # distance up to which two points are the same
 _NEAR_M = 0.05  # largest movement of a marker in a frame
 # evidence and costs are log likelihood ratios, nats
-_ALIKE_S = 0.05  # time over which frames count as one piece of evidence
+_ALIKE_S = 0.05  # period in which frames count as one piece of evidence
 _EXCHANGE_COST = 4.0  # cost of each point that belongs to another marker in the next frame
-_CLEAR = 1.0  # evidence needed for the later labels
+_CLEAR = 1.0  # evidence needed to use the later labels
 _HOPELESS = 30.0  # loss of evidence that ends the backward tracking
 
 
@@ -40,9 +40,9 @@ def relabel(
 
     Args:
         poses: Live poses of the frames.
-        begun: Ascending frames from which labels are new.
+        begun: Ascending frames from which on labels are new.
         session: Session that solved them; it is reset.
-        progress: Called with the share done.
+        progress: Called with the fraction done.
     """
     result, changed = list(poses), np.zeros(len(frames), dtype=bool)
     confidence = np.array([[performer.confidence for performer in pose.performers] for pose in poses])
@@ -117,7 +117,7 @@ def _mirrored(frame: MarkerFrame) -> MarkerFrame:
 
 
 def _agree(pose: ScenePose, other: ScenePose) -> bool:
-    """Return whether most points have the same label and none another one."""
+    """Return whether most points have the same label and none has a different one."""
     return all(map(_labels_agree, pose.performers, other.performers))
 
 

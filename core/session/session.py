@@ -1,4 +1,4 @@
-"""Session of one subject: from marker frames to poses, live and from takes."""
+"""Session of one subject: turns marker frames into poses, live or from takes."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ class Session:
     """Labels and solves the frames of one subject; single-camera markers need `rig`.
 
     Args:
-        smooth: Remove the jitter that marker noise leaves in poses; disabled when bones are fitted to them.
+        smooth: Remove the jitter that marker noise leaves in poses; disable it to fit bones to the poses.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Session:
         self.restart()
 
     def step(self, frame: MarkerFrame, check_labels: bool = True) -> PerformerPose:
-        """Return the next frame's pose; the last one for a frame with an impossible time.
+        """Return the next frame's pose; for a frame with an impossible time, the last pose again.
 
         Args:
             check_labels: Compare the labels of a tracked body with alternatives.
@@ -103,18 +103,18 @@ class Session:
         return self._state.markers_m is not None
 
     def expected_markers(self, time_s: float) -> tuple[Array, Array] | None:
-        """Return expected markers (M, 3) and uncertainty (M,), metres, or None if untracked."""
+        """Return expected markers (M, 3) and uncertainty (M,), metres, or None if the body is not tracked."""
         if self._state.markers_m is None:
             return None
         return self.labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
 
     def restart(self) -> None:
-        """Let the next frame be labelled and solved like the first."""
+        """Forget labels and pose, so that the next frame is treated like the first."""
         self.labeller.reset()
         self._forget()
 
     def _forget(self) -> None:
-        """Let the next frame be solved like the first."""
+        """Forget the pose, so that the next frame is solved like the first."""
         self._state = self.solver.initial_state
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
@@ -125,7 +125,7 @@ class Session:
         return time_s - self._last.time_s if self._last else 0.0
 
     def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
-        """Label and solve a frame by the last pose."""
+        """Label and solve a frame starting from the last pose."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
         smoothed = observation.smoothed(*self._smoother.step(frame.time_s, observation.points_m))
         # at most one expensive search per frame
@@ -137,7 +137,7 @@ class Session:
     def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
         """Return the re-initialised pose if it is much nearer to the database.
 
-        A wrong pose persists, because examples are searched near the continued motion.
+        A wrong pose persists, because examples are searched for near the continued motion.
         """
         settings, state = self._quality.settings, self.solver.forget_poses(self._state)
         limit_m = settings.promising * solution.nearest_m
@@ -163,7 +163,7 @@ class Session:
         limit_m, fresh = alternative.nearer * solution.nearest_m, self.solver.initial_state
         if alternative.keeps_torso:
             fresh = self.solver.begin_at_torso(solution)
-            if limit_m < np.inf and not alternative.adds:  # its history alone may keep the current pose from an example
+            if limit_m < np.inf and not alternative.adds:  # the pose's history may keep it from an example
                 limit_m = min(limit_m, alternative.nearer * self.solver.closest_m(fresh, observation))
         if (
             alternative.adds
@@ -176,7 +176,7 @@ class Session:
         )
         if found is None:
             return
-        # by the markers that both have, as more of them fit worse
+        # compared on the markers that both have, because a larger number fits worse
         seen = alternative.observation.located & np.isfinite(pose.observed_m[:, 0])
         away_m = np.linalg.norm(found.markers_m[seen] - alternative.observation.points_m[seen], axis=1)
         if np.any(seen) and np.sqrt(np.mean(away_m**2)) > pose.marker_rms_m + _WORSE_M:
@@ -188,7 +188,7 @@ class Session:
         self._state = state
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> tuple[Observation, Solution | None]:
-        """Label and solve a frame of one camera by the best of several hypotheses."""
+        """Label and solve a frame of one camera with the best of several hypotheses."""
         best = tracker.step(frame, self._last.confidence if self._last else 0.0)
         if best is None:
             return Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan)), None
@@ -196,7 +196,7 @@ class Session:
         return best.observation, best.solution
 
     def _solved_pose(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
-        # with one camera the distances from the rays count
+        # with one camera, distances from the rays count
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
         hidden = [text for text, seen in zip(self.subject.marker_set.texts, fit.located, strict=True) if not seen]
@@ -233,7 +233,7 @@ class Session:
     def _last_pose(
         self, frame: MarkerFrame, time_s: float, note: NoteKind, observation: Observation | None = None
     ) -> PerformerPose:
-        """Return the last pose, or the T pose at the origin, for a frame that gives none."""
+        """Return the last pose, or the T pose at the origin, for a frame without a pose."""
         seen = observation or Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan))
         return _kept_pose(self._last or _first_pose(self._model), frame, time_s, note, seen)
 
@@ -241,7 +241,7 @@ class Session:
 def _kept_pose(
     pose: PerformerPose, frame: MarkerFrame, time_s: float, note: NoteKind, seen: Observation
 ) -> PerformerPose:
-    """Return a pose kept for a frame that gives none."""
+    """Return a repeated pose for a frame without one."""
     return replace(
         pose,
         number=frame.number,

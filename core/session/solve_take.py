@@ -25,8 +25,8 @@ from .session import Session
 from .solved_take import SolvedTake
 from .steady_motion import motion_of, pose_clock, steady_motion
 
-_LIVE_SHARE = 0.7  # share of the progress of `solve_frames` that the live labels take
-_LABELS_SHARE = 0.25  # share of the whole progress that labels take before the solution in both directions
+_LIVE_SHARE = 0.7  # share of the progress of `solve_frames` for the live labels
+_LABELS_SHARE = 0.25  # share of the whole progress for labels, before the solution in both directions
 _REPORT_EVERY = 30  # frames between two reports of progress
 
 
@@ -39,7 +39,7 @@ def solve_take(
     sessions: SessionMaker = Session,
     causal: bool = False,
 ) -> SolvedTake:
-    """Solve a labelled take, also with its markers seen by single cameras.
+    """Solve a labelled take, including markers seen by single cameras.
 
     Args:
         causal: Solve each pose from earlier frames only, as live, instead of in both directions (`two_way_solve`).
@@ -55,10 +55,10 @@ def solve_take(
 def fill_take(
     take: MarkerTake, subject: Subject, database: Database, noise_hz: float | None, progress: Progress
 ) -> tuple[MarkerTake, SolvedTake]:
-    """Return a labelled take with its gaps filled by the body, and the solved body.
+    """Return a labelled take with its gaps filled by means of the body, and the solved body.
 
     Args:
-        noise_hz: Cut-off to which measured markers are low-passed with the help of the body; None for no filter.
+        noise_hz: Cut-off for filtering measured markers with the help of the body; None for no filter.
     """
 
     def solved_body(seen: MarkerTake) -> tuple[SolvedTake, Motion]:
@@ -125,8 +125,8 @@ def solve_frames(
 ) -> SolvedTake:
     """Return the poses of frames, without motions.
 
-    Labels that the session finds or replaces also hold before that moment, as far as they explain the markers better;
-    if `causal`, from then on only, as live.
+    Labels that the session finds or replaces also apply before that moment, as long as they explain the markers better;
+    if `causal`, they apply from that moment only, as live.
     """
     poses: list[ScenePose] = []
     seconds, begun = [], []

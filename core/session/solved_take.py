@@ -1,4 +1,4 @@
-"""A solved take: its poses and motions, and the files that it becomes."""
+"""A solved take: its poses and motions, and writing of its files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -38,19 +38,19 @@ class SolvedTake:
     """Poses and motions of a take.
 
     Args:
-        poses: Poses of all performers and props, one for each frame.
-        motions: Motion of each performer at a steady rate, the first one first.
+        poses: Poses of all performers and props, one per frame.
+        motions: Motion of each performer at a steady rate.
         seconds: Computing time of each frame (F,), without the second pass of a solve in both directions.
-        relabelled: Frames (F,) whose labels were proven by later frames.
-        clock: Times of the poses that the motions show, and the motions' steady rate; None for poses alone.
-        is_finished: The motions are smoothed or foot-locked, so the poses alone do not give them.
+        relabelled: Frames (F,) whose labels were corrected by later frames.
+        clock: Times of the poses in the motions, and the motions' steady rate; None for poses alone.
+        is_finished: The motions are smoothed or foot-locked, so they differ from the poses.
         setup: Cameras, performers, props, database and settings of this solve; None for poses alone.
         frames: Marker frames, each with the time at which it arrived, s.
         recording: Recorded take that was solved again; None for a marker take.
         report: Warnings and figures of this solve, by their names in the `solve` command's JSON object.
-        findings: Reasons against the first performer's motion found in the take's markers.
-        faults: Stretches with labels that are still wrong, of the first performer.
-        corrected: Stretches whose wrong labels were put right, or left out, before the solve.
+        findings: Problems of the first performer's motion found in the take's markers.
+        faults: Stretches of the first performer in which labels are still wrong.
+        corrected: Stretches whose wrong labels were corrected or removed before the solve.
         unused_m: Markers (F, N, 3) of a marker take that were not used.
     """
 
@@ -71,12 +71,12 @@ class SolvedTake:
 
     @property
     def motion(self) -> Motion:
-        """Motion of the only, or the first, performer."""
+        """Motion of the only or first performer."""
         return self.motions[0]
 
     @cached_property
     def verdict(self) -> TakeVerdict:
-        """Verdict on the only, or the first, performer's motion."""
+        """Verdict on the motion of the only or first performer."""
         return self.verdict_of(0)
 
     def verdict_of(self, performer: int) -> TakeVerdict:
@@ -97,14 +97,14 @@ class SolvedTake:
         return replace(found, limbs=with_left_out(found.limbs, near_limbs(body, self.unused_m)))
 
     def verdict_facts(self) -> dict[str, Any]:
-        """Return the verdict's entries of the `solve` command's JSON object, with all stretches in doubt."""
+        """Return the verdict's entries for the `solve` command's JSON object, with all doubtful stretches."""
         facts = self.verdict.facts()
         for stretch in (*self.corrected, *doubtful_stretches(self.poses_of())):
             facts["doubtful"].append(asdict(stretch) | {"reason": stretch.reason or "confidence is low"})
         return facts
 
     def motions_at(self, rate_hz: float | None) -> tuple[Motion, ...]:
-        """Return the motions at another rate, laid out by the times of the poses; None for the take's own."""
+        """Return the motions at another rate, resampled by the times of the poses; None keeps the take's rate."""
         if rate_hz is None or self.setup is None or self.clock is None or self.is_finished:
             return tuple(motion if rate_hz is None else resampled(motion, rate_hz) for motion in self.motions)
         poses, clock = self.recorded_poses(), self.clock.at(rate_hz)
@@ -134,7 +134,7 @@ class SolvedTake:
         }
 
     def joint_errors_deg(self) -> dict[str, float]:
-        """Return the mean expected error of each joint but the root, {} if unknown.
+        """Return the mean expected error of each joint except the root, {} if unknown.
 
         The errors are the first performer's; 95 % of the actual errors are within twice the expected.
         """
@@ -149,19 +149,19 @@ class SolvedTake:
         rate_hz: float | None = None,
         capture: Mapping[str, Any] | None = None,
     ) -> None:
-        """Write the motion, or the whole take; the ending of the file's name chooses.
+        """Write the motion or the whole take, depending on the file name's ending.
 
-        Motions of further performers and poses of props are written beside the motion, see `motion_paths`.
+        Motions of further performers and poses of props are written next to the motion, see `motion_paths`.
 
         Args:
             path: Motion (`.bvh`, `.angles.csv`, `.vrma`) or recorded take (`.perftake`); an existing file is replaced.
             units: Unit of lengths in BVH files, "m" or "cm".
             naming: Names of the joints in BVH and CSV files, one of `NAMINGS`.
-            rate_hz: Frames per second of the motion; None for the take's own.
-            capture: Origin of the markers, kept in a recorded take that is made of a marker take.
+            rate_hz: Frames per second of the motion; None for the take's own rate.
+            capture: Origin of the markers, stored in a recorded take made from a marker take.
 
         Raises:
-            FormatError: Nothing with this ending can be written, or the path cannot be, or is the take itself.
+            FormatError: The ending is not supported, the path cannot be written, or it is the take itself.
         """
         if is_recorded(path):
             self._save_take(path, capture or {})
@@ -173,7 +173,7 @@ class SolvedTake:
             write_prop_csv(self.recorded_poses(), index, prop.name, out)
 
     def motion_paths(self, path: Path | str) -> list[Path]:
-        """Return the motion file of each performer: `path`, then files named after the further performers."""
+        """Return the motion file of each performer: `path`, then files named after the other performers."""
         first = Path(path)
         ending = next((ending for ending in MOTION_ENDINGS if first.name.lower().endswith(ending)), first.suffix)
         stem = first.name[: len(first.name) - len(ending)]
@@ -182,7 +182,7 @@ class SolvedTake:
         return [first, *(first.with_name(f"{stem}.{_plain(name)}{ending}") for name in unlike)]
 
     def _save_take(self, path: Path | str, capture: Mapping[str, Any]) -> None:
-        """Write a recorded take; of one that was solved again the notes and events are kept."""
+        """Write a recorded take; one that was solved again keeps its notes and events."""
         if self.setup is None:
             raise FormatError("cannot be written: the markers of these poses are unknown", where=str(path))
         take, stamps_s = self.recording, [stamp_s for stamp_s, _ in self.frames]
@@ -210,5 +210,5 @@ class SolvedTake:
 
 
 def _plain(name: str) -> str:
-    """Return a name with nothing but letters, digits, - and _."""
+    """Return a name reduced to letters, digits, - and _."""
     return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)

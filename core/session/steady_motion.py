@@ -1,4 +1,4 @@
-"""Motions at a steady rate from poses, by their times."""
+"""Motions at a steady rate from poses and their times."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ def pose_clock(
     """Return the clock of poses.
 
     Args:
-        stated_fps: Rate of the file that the markers are from; None without one.
+        stated_fps: Rate stated in the markers' file; None if there is none.
 
     Raises:
         TakeError: There are no two poses with different times, and no rate is stated.
@@ -31,12 +31,12 @@ def pose_clock(
 
 
 def steady_motion(poses: Sequence[PerformerPose], subject: Subject, name: str, clock: Clock) -> Motion:
-    """Return poses at the steady rate of their clock, interpolated by their times."""
+    """Return poses resampled at the steady rate of their clock."""
     return clock.motion(name, subject.skeleton, *_arrays(poses))
 
 
 def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
-    """Return a motion with one frame for each pose, whatever its time: for steady poses, or comparison by frames."""
+    """Return a motion with one frame per pose, ignoring times: for steady poses, or to compare frame by frame."""
     return Motion(name, fps, subject.skeleton, *_arrays(poses))
 
 

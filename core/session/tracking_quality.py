@@ -1,4 +1,4 @@
-"""Quality of tracking: confidence, and signs of lost or mislabelled bodies."""
+"""Quality of tracking: confidence, and detection of lost or mislabelled bodies."""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,18 +15,18 @@ from ..system.backoff import Backoff
 
 @dataclass(frozen=True)
 class TrackingSettings:
-    """Thresholds of tracking."""
+    """Thresholds for tracking."""
 
-    explained_m: float = 0.03  # distance of solved from observed markers at which confidence has fallen to 1/e
-    familiar_m: float = 0.15  # distance to the closest example at which confidence has fallen to 1/e
-    wrong_m: float = 0.10  # distance of solved from observed markers above which labels or pose are wrong
+    explained_m: float = 0.03  # distance between solved and observed markers at which the confidence has fallen to 1/e
+    familiar_m: float = 0.15  # distance to the closest example at which the confidence has fallen to 1/e
+    wrong_m: float = 0.10  # distance between solved and observed markers above which labels or pose are wrong
     lasting: tuple[float, float] = (3.5, 8.0)  # added to both distances, in RMS lengths of the source's lasting errors
-    wrong_for_s: float = 0.5  # duration of wrong markers after which labelling restarts
-    lost_for_s: float = 1.0  # duration with fewer torso markers after which labelling restarts
+    wrong_for_s: float = 0.5  # time with wrong markers after which labelling restarts
+    lost_for_s: float = 1.0  # time with too few torso markers after which labelling restarts
     torso_markers: int = 2  # fewest torso markers of a tracked body
-    first_check_s: float = 0.1  # wait before the first check of a suspect pose; further waits double
-    rare_check_s: float = 1.0  # longest wait
-    sufficient: float = 0.75  # share of located markers needed for a check, as fewer fit some example
+    first_check_s: float = 0.1  # pause before the first check of a suspect pose; it doubles for further checks
+    rare_check_s: float = 1.0  # longest pause
+    sufficient: float = 0.75  # share of located markers needed for a check; fewer fit some example by chance
     promising: float = 0.6  # share of the distance to the closest example below which a re-initialised pose is solved
     nearer: float = 0.5  # share of the same distance below which it replaces the pose
 
@@ -49,7 +49,7 @@ class Fit:
     """Agreement of a solution with its observation."""
 
     located: Mask  # (M,) located markers
-    rms_m: float  # RMS distance between located and solved markers; NaN when none was located
+    rms_m: float  # RMS distance between located and solved markers; NaN if none was located
     confidence: float  # 0 (guessed) to 1 (all markers seen and explained, motion like the database)
 
 
@@ -66,13 +66,13 @@ def assess_fit(observation: Observation, solution: Solution, settings: TrackingS
 
 
 class _Lapse:
-    """Time since a condition last held."""
+    """Stopwatch for the time since a condition last held."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
 
     def update(self, now_s: float, holds: bool) -> float:
-        """Return for how long the condition has not held; it counts as held at first."""
+        """Return for how long the condition has not held; initially it counts as held."""
         if holds or self._since_s is None:
             self._since_s = now_s
         return now_s - self._since_s
@@ -106,9 +106,9 @@ class TrackingQuality:
         return unseen_s > settings.lost_for_s or wrong_s > settings.wrong_for_s
 
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
-        """Return whether to compare the pose with a re-initialised one now.
+        """Return whether it is time to compare the pose with a re-initialised one.
 
-        This is due for a pose far from the database with most markers located, ever more rarely.
+        This is due, at growing intervals, for a pose far from the database with most markers located.
         """
         check = self._pose_check
         if solution is None or not solution.nearest_m > self.settings.familiar_m:

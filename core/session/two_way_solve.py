@@ -1,9 +1,9 @@
-"""Poses of recorded takes, solved in both directions.
+"""Solving of recorded takes in both directions of time.
 
 Live, a pose depends on earlier frames only. A recorded take is also solved backwards, with the database's motion
-reversed in time. The two solutions have different errors, so they are averaged, each part of the body weighted by its
-expected errors, and low-passed: this is the trajectory of what no marker shows. The pose is then fitted once more to
-the smoothed markers, whose gaps that trajectory fills, and the remaining jitter is low-passed.
+reversed in time. The two solutions have different errors, so they are averaged, with each part of the body weighted by
+its expected errors, and low-pass filtered: this gives the trajectory of whatever no marker shows. The pose is then
+fitted again to the smoothed markers, with gaps filled by that trajectory, and the remaining jitter is filtered out.
 """
 
 import math
@@ -35,16 +35,16 @@ from ..solver.subject_model import RootPose
 from .part_errors import PartErrors
 
 _SHORTEST = 12  # shortest stretch that is solved again, frames
-_PAUSE_S = 0.25  # time without a pose after which another motion begins
-_CUT_M_S = 9.0  # median speed of the markers at which another motion begins: bodies are slower
-_WEIGHT_POWER = 4.0  # a trajectory's weight falls with this power of its expected error
-_WEIGHT_S = 0.25  # standard deviation of the time over which these errors are averaged
-_UNKNOWN_DEG = 90.0  # expected error of parts with unknown error
-_SMOOTH_HZ = 8.0  # cut-off for the trajectory of what no marker shows
+_PAUSE_S = 0.25  # time without a pose after which a new motion begins
+_CUT_M_S = 9.0  # median speed of the markers above which a new motion begins: bodies are slower
+_WEIGHT_POWER = 4.0  # power of its expected error by which a trajectory's weight falls
+_WEIGHT_S = 0.25  # standard deviation of the time window in which these errors are averaged
+_UNKNOWN_DEG = 90.0  # assumed for parts with an unknown error
+_SMOOTH_HZ = 8.0  # cut-off for the trajectory of whatever no marker shows
 _CALM_SHARE = 0.27  # highest cut-off for the fitted poses, which follow remaining marker noise, share of the frame rate
 _REPORT_EVERY = 30  # frames between two reports of progress
-_TOGETHER = 128  # frames of which priors, or fits, are computed at once
-_TORSO = list(PARTS).index("torso")  # part of the root
+_TOGETHER = 128  # frames for which priors or fits are computed at once
+_TORSO = list(PARTS).index("torso")  # part that contains the root
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class TwoWaySolver:
 
     Args:
         solver: Solver of the live poses, with the method "best".
-        cameras: Cameras that the poses' `single_cameras` refer to.
+        cameras: Cameras to which the poses' `single_cameras` refer.
     """
 
     def __init__(self, solver: PoseSolver, cameras: tuple[Camera, ...]) -> None:
@@ -71,7 +71,7 @@ class TwoWaySolver:
         self._source = noise_of(solver.subject.subject.marker_set.points)
 
     def solve(self, poses: Sequence[PerformerPose], progress: Callable[[float], None]) -> list[PerformerPose]:
-        """Return the poses of a performer solved again; those that are not solved stay."""
+        """Return a performer's poses solved again; those not solved again are unchanged."""
         result = list(poses)
         for start, stop in _stretches(poses):
             share, done = (stop - start) / len(poses), start / len(poses)
@@ -86,7 +86,7 @@ class TwoWaySolver:
         return self._calm(self._fitted(poses, trajectory, clock, observations), clock)
 
     def _observation(self, pose: PerformerPose) -> Observation:
-        """Return the markers of a pose, none if they do not fit the body."""
+        """Return the markers of a pose, or none if they do not fit the body."""
         if _has_note(pose, NoteKind.HELD):
             return Observation.of_points(np.full(pose.observed_m.shape, np.nan))
         return Observation(pose.observed_m, pose.single_cameras, pose.single_points, self._cameras)
@@ -138,7 +138,7 @@ class TwoWaySolver:
         return [replace(pose, rotations=turns, root_position_m=root_m) for pose, turns, root_m in shown]
 
     def _low_passed(self, rotations: Array, root_positions_m: Array, clock: Clock, cutoff_hz: float) -> Motion:
-        """Return poses low-passed by their times, frame by frame; unchanged if there are no higher frequencies."""
+        """Return poses low-pass filtered by their times, frame by frame; unchanged if there is nothing to remove."""
         poses = rotations, root_positions_m
         if clock.fps > 2.0 * cutoff_hz:
             poses = smooth_poses(clock, *poses, cutoff_hz)
@@ -154,7 +154,7 @@ def _is_solved(pose: PerformerPose) -> bool:
 
 
 def _root_mean(squares: Array, unknown: float) -> float:
-    """Return the root of the mean of finite squares, or `unknown` without any."""
+    """Return the RMS of finite values, or `unknown` if there are none."""
     known = squares[np.isfinite(squares)]
     return math.sqrt(float(np.add.reduce(known)) / len(known)) if len(known) else unknown
 
@@ -182,7 +182,7 @@ def _stretches(poses: Sequence[PerformerPose]) -> list[tuple[int, int]]:
 
 
 def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
-    """Return poses in which those before the first solved one repeat it instead of a T pose."""
+    """Return the poses with those before the first solved one replaced by it, instead of a T pose."""
     first = next((index for index, pose in enumerate(poses) if _is_solved(pose)), 0)
     started = list(poses)
     for index in range(first):
@@ -192,7 +192,7 @@ def _started(poses: Sequence[PerformerPose]) -> list[PerformerPose]:
 
 
 def _begins(before: PerformerPose, pose: PerformerPose) -> bool:
-    """Return whether another motion begins, after a pause or a cut."""
+    """Return whether a new motion begins, after a pause or a cut."""
     passed_s = pose.time_s - before.time_s
     moved_m = np.linalg.norm(pose.observed_m - before.observed_m, axis=1)
     moved_m = moved_m[np.isfinite(moved_m)]

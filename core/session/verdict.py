@@ -28,20 +28,20 @@ class VerdictSettings:
     """Limits of a good motion besides `PostureSettings`, met by all CMU and Bandai takes, crawls and cartwheels."""
 
     unsolved: float = 0.2  # largest share of frames without a solved pose
-    wrong_m: float = 0.1  # median distance of markers from the body over the take, above which no body was found
+    wrong_m: float = 0.1  # median distance of markers from the body over the take above which no body was found
     limb_m: float = 0.08  # the same for the markers of one limb: a hand's width
-    stretch_m: float = 0.12  # median distance of a limb's markers in one frame, from which the frame is doubtful
+    stretch_m: float = 0.12  # median distance of a limb's markers in one frame above which the frame is doubtful
     stretch_s: float = 0.2  # shortest doubtful stretch
     bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest of the body suggests, or its inverse
     hover_m: float = 0.3  # height of the lower foot's joint above the floor
-    hover_share: float = 0.1  # smallest share of the take with a foot below that height
+    hover_share: float = 0.1  # smallest share of frames with a foot below that height
     sink_m: float = 0.15  # depth of the lower foot below the floor in most frames
     duration_s: float = 0.02  # largest difference from the source's duration
     duration_share: float = 0.01  # the same as a share of the duration
 
 
 class ReasonKind(Enum):
-    """Checks that a solved take can fail, the gravest first."""
+    """Checks that a solved take can fail, most serious first."""
 
     UNSOLVED = auto()
     MARKERS = auto()  # no body fits the markers
@@ -50,12 +50,12 @@ class ReasonKind(Enum):
     FLOOR = auto()
     LIMB = auto()  # a limb is away from its markers
     DURATION = auto()
-    STRETCH = auto()  # part of the take is in doubt
+    STRETCH = auto()  # part of the take is doubtful
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Reason against a motion, with a sentence for people."""
+    """Problem of a motion, with a sentence for people."""
 
     kind: ReasonKind
     text: str
@@ -66,9 +66,9 @@ class TakeVerdict:
     """Verdict on one performer's motion.
 
     Args:
-        reasons: Why the motion is not good, the gravest first; empty for a good one.
+        reasons: Why the motion is not good, most serious first; empty for a good one.
         limbs: Coverage of the parts that carry markers, or should.
-        stretches: Where the motion is in doubt, in time order.
+        stretches: Where the motion is doubtful, in order of time.
     """
 
     reasons: tuple[Reason, ...]
@@ -91,7 +91,7 @@ class TakeVerdict:
         return self.reasons[0].text if self.reasons else GOOD
 
     def facts(self) -> dict[str, Any]:
-        """Return the verdict as the `solve` command's JSON object shows it."""
+        """Return the verdict as shown in the `solve` command's JSON object."""
         return {
             "verdict": self.text,
             "limbs": [limb.facts() for limb in self.limbs],
@@ -116,12 +116,12 @@ def judge(
 
     Args:
         motion: Solved motion, y up.
-        poses: Solved poses that the motion was made of, with markers as they were used.
-        marker_set: Markers that were used; None where they are unknown.
-        duration_s: Time from the first to the last frame of the source that the motion shows.
+        poses: Solved poses from which the motion was made, with the markers that were used.
+        marker_set: Markers that were used; None if unknown.
+        duration_s: Time between the first and the last frame of the source that the motion shows.
         has_floor: Whether y = 0 is the floor.
-        reasons: Findings about the markers from before the solve.
-        stretches: Stretches found before the solve where labels are still wrong.
+        reasons: Findings about the markers made before the solve.
+        stretches: Stretches where labels are still wrong, found before the solve.
     """
     distances_m = _marker_distances(poses)
     parts = parts_of(marker_set) if marker_set is not None else {}
@@ -136,12 +136,12 @@ def judge(
 
 
 def is_unsolved(poses: Sequence[PerformerPose]) -> Mask:
-    """Return a mask (F,) of frames that only repeat the last pose, or wait in the T pose."""
+    """Return a mask (F,) of frames that only repeat the last pose, or are still the initial T pose."""
     return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
 
 
 def _marker_distances(poses: Sequence[PerformerPose]) -> Array:
-    """Return the distances (F, M) of located and solved markers, NaN where one was not located."""
+    """Return the distances (F, M) between located and solved markers, NaN where one was not located."""
     apart = np.array([pose.observed_m for pose in poses]) - np.array([pose.markers_m for pose in poses])
     return np.asarray(np.linalg.norm(apart, axis=-1))
 
@@ -170,7 +170,7 @@ def _stretch_text(stretch: DoubtfulStretch) -> str:
 
 
 def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbCoverage]) -> list[Reason]:
-    """Return what is wrong with the fit of the body to the markers."""
+    """Return the problems with the fit of the body to the markers."""
     unsolved = float(np.mean(is_unsolved(poses)))
     if unsolved == 1.0:
         return [Reason(ReasonKind.UNSOLVED, "no frame shows the markers of the torso")]
@@ -188,7 +188,7 @@ def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequ
 
 
 def _size_reasons(skeleton: Skeleton) -> list[Reason]:
-    """Return what is implausible about the lengths of the bones."""
+    """Return the problems with the lengths of the bones."""
     scale, usual = girth_scale(skeleton), default_skeleton()
     height_m = stature_m(skeleton)
     if not HUMAN.shortest_m <= height_m <= HUMAN.tallest_m:
@@ -204,7 +204,7 @@ def _size_reasons(skeleton: Skeleton) -> list[Reason]:
 
 
 def _posture_reasons(motion: Motion, has_floor: bool) -> list[Reason]:
-    """Return what is wrong with the way the body stands in the world."""
+    """Return the problems with the body's stance in the world."""
     posture = posture_of(motion)
     if posture.is_never_upright:
         text = "upside down" if posture.is_upside_down else "lying down"

@@ -1,4 +1,4 @@
-"""Walk test: verdict on a short capture in one sentence, with the best advice."""
+"""Walk test: a one-sentence verdict on a short capture, with the most useful advice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from ..body.scene_pose import PerformerPose
 from ..geometry.arrays import Array
 from ..markers.marker_noise import marker_noise
 
-SHORTEST_S = 5.0  # enough for steps of both legs and swings of both arms
-# Limits from which a figure needs improvement. The simulated studio has 0, 60, 0.05, 0.0001, 0.001, 0.92.
+SHORTEST_S = 5.0  # enough for steps with both legs and swings of both arms
+# Limits above which a figure needs improvement. The simulated studio reaches 0, 60, 0.05, 0.0001, 0.001, 0.92.
 _LOST, _FPS, _HIDDEN, _NOISE_M, _RMS_M, _CONFIDENCE = 0.05, 25.0, 0.25, 0.003, 0.03, 0.7
 _HIDDEN_ON_AVERAGE = 0.1
-_POOR = 2.0  # multiple of a limit at which the verdict is poor
+_POOR = 2.0  # multiple of a limit above which the verdict is poor
 
 
 @dataclass(frozen=True)
@@ -21,19 +21,19 @@ class WalkFigures:
     """Figures of a walk."""
 
     lost: float  # share of the frames that did not arrive
-    fps: float  # frames per second that did
-    hidden: Array  # (M,) share of the frames in which no camera saw the marker
+    fps: float  # rate of the frames that arrived, frames per second
+    hidden: Array  # (M,) share of frames in which no camera saw the marker
     noise_m: float  # noise of a marker's position
-    rms_m: float  # distance of located markers from the solved body
-    confidence: float  # median of the poses'
-    error_deg: float  # expected error of a joint; NaN where the method does not estimate it
+    rms_m: float  # distance between located markers and the solved body
+    confidence: float  # median over the poses
+    error_deg: float  # expected error of a joint; NaN if the method does not estimate it
 
 
 def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | None:
-    """Return the figures of successive poses, or None if they are too few.
+    """Return the figures for successive poses, or None if there are too few.
 
     Args:
-        lost: Number of frames that did not arrive among them.
+        lost: Number of frames between these that did not arrive.
     """
     times_s = np.array([pose.time_s for pose in poses])
     if len(poses) < 2 or times_s[-1] - times_s[0] < SHORTEST_S:
@@ -54,7 +54,7 @@ def walk_figures(poses: Sequence[PerformerPose], lost: int) -> WalkFigures | Non
 
 
 def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
-    """Return a sentence that says how good captures will be, with the best advice."""
+    """Return a sentence that says how good captures will be, with the most useful advice."""
     severity, advice = max(_problems(figures, marker_texts))
     unfamiliarity = (1.0 - figures.confidence) / (1.0 - _CONFIDENCE)
     if severity < 1.0 <= unfamiliarity:  # all markers are seen well, so the motion is the cause
@@ -67,7 +67,7 @@ def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
 
 
 def _problems(figures: WalkFigures, marker_texts: Sequence[str]) -> list[tuple[float, str]]:
-    """Return each figure relative to its limit, with the advice on it."""
+    """Return each figure relative to its limit, with the corresponding advice."""
     worst = int(np.argmax(figures.hidden))
     most, usual = float(figures.hidden[worst]), float(figures.hidden.mean())
     noise_m, rms_m = figures.noise_m, 1.0 if np.isnan(figures.rms_m) else figures.rms_m

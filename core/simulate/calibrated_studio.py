@@ -1,4 +1,4 @@
-"""Calibration of the simulated cameras as a user calibrates real ones, floor included."""
+"""Calibration of the simulated cameras in the way a user calibrates real ones, including the floor."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from .studio.simulated_source import SimulatedSource
 
 
 def views_of_board(renderer: Renderer, board: Board, count: int) -> dict[str, dict[str, BoardView]]:
-    """Return each camera's views of a board in `count` positions, by the number of the position."""
+    """Return each camera's views of a board in `count` positions, by position number."""
     views: dict[str, dict[str, BoardView]] = {camera.name: {} for camera in renderer.rig.cameras}
     for picture in board_pictures(renderer, board, count):
         for seen, image in zip(views.values(), picture.images, strict=True):
@@ -33,7 +33,7 @@ def calibrate_studio(source: SimulatedSource) -> CalibrationResult:
 
 
 def studio_on_floor(rig: CameraRig, source: SimulatedSource) -> CameraRig:
-    """Return the cameras with the world on the floor, from one picture of the board for each.
+    """Return the cameras with the world on the floor, from one picture of the board per camera.
 
     Raises:
         CaptureError: A camera does not show the board.

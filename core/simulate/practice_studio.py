@@ -1,4 +1,4 @@
-"""Simulated studios with one fault or none, to practise on and to test the setup check.
+"""Simulated studios with one fault or none, for practice and for testing the setup check.
 
 Each has a random performer, light, exposure and marker set.
 """
@@ -23,14 +23,14 @@ from .studio.discs import draw_disc
 from .studio.simulated_source import SimulatedSource, open_simulated
 
 Generator = np.random.Generator
-Change = Callable[[int, Image], Image]  # changes a camera's image; the number is the camera's
+Change = Callable[[int, Image], Image]  # changes a camera's image; the number identifies the camera
 
 FPS, SECONDS, EMPTY_FRAMES = 30.0, 6.0, 6
 
 
 @dataclass(frozen=True)
 class Studio:
-    """Pictures of a studio, and the calibration that its user has.
+    """Pictures of a studio, and its user's calibration.
 
     Args:
         empty: Images of the empty room, by moment.
@@ -46,7 +46,7 @@ class Studio:
 
 
 def studio_with(fault: Fault | None, rng: Generator) -> Studio:
-    """Return a random studio with a fault of cameras, light or markers, or with none."""
+    """Return a random studio with one fault of cameras, light or markers, or without faults."""
     return _FAULTS[fault](rng) if fault else _studio(rng)
 
 
@@ -59,7 +59,7 @@ def board_views(rng: Generator, small: bool) -> tuple[Board, dict[str, list[Boar
 
 
 def _source(rng: Generator, **settings: float) -> SimulatedSource:
-    """Return a random studio without faults but for some settings."""
+    """Return a random studio without faults except for the given settings."""
     studio = {
         "marker_radius_m": rng.uniform(0.010, 0.015),
         "marker_brightness": rng.uniform(170.0, 255.0),
@@ -159,7 +159,7 @@ def _exchanged(rng: Generator) -> Studio:
 
 
 def _flipped(rng: Generator) -> Studio:
-    """Mirror the images of some cameras, or turn them by half a turn."""
+    """Mirror the images of some cameras, or turn them upside down."""
     code, cameras = int(rng.choice((1, -1))), _some_cameras(rng)
 
     def change(number: int, image: Image) -> Image:
@@ -169,7 +169,7 @@ def _flipped(rng: Generator) -> Studio:
 
 
 def _bumped(rng: Generator) -> Studio:
-    """Turn a camera by 1 to 3 degrees about any axis after its calibration."""
+    """Turn a camera by 1 to 3 degrees about a random axis after its calibration."""
     studio, index, axis = _studio(rng), int(rng.integers(2)), rng.normal(size=3)
     turn = np.radians(rng.uniform(1.0, 3.0)) * axis / np.linalg.norm(axis)
     cameras = list(studio.rig.cameras)

@@ -1,6 +1,6 @@
-"""Pictures and videos without Blender: a shaded figure, detections on images.
+"""Pictures and videos made without Blender: a shaded figure, and detections drawn on images.
 
-Images are uint8 BGR and are drawn into in place; poses are those of `forward_kinematics` in a world with the floor at
+Images are uint8 BGR and are changed in place; poses are those of `forward_kinematics` in a world with the floor at
 y = 0.
 """
 
@@ -26,13 +26,13 @@ from .studio.studio_settings import TABLES
 
 @dataclass(frozen=True)
 class PreviewStyle:
-    """Look of pictures; colours are BGR."""
+    """Look of the pictures; colours are BGR."""
 
     shadow: tuple[float, float] = (-0.42, -0.40)  # shift of a shadow in x and z per metre of height
     ring: tuple[float, float, float] = (90.0, 230.0, 120.0)  # colour of the rings around detections
     line: tuple[float, float, float] = (92.0, 86.0, 80.0)  # colour of the floor's lines
     gap_px: int = 4  # between pictures
-    gap_level: int = 24  # grey level there
+    gap_level: int = 24  # grey level of the gaps
 
 
 _STYLE = PreviewStyle()
@@ -40,7 +40,7 @@ _STYLE = PreviewStyle()
 
 @dataclass(frozen=True)
 class CharacterStyle:
-    """Colours of a character's trunk, head, left and right; its opacity (0 to 1)."""
+    """Colours of a character's trunk, head, left and right sides; its opacity (0 to 1)."""
 
     colours: Mapping[str, Colour]
     opacity: float = 1.0
@@ -52,7 +52,7 @@ TRUTH = CharacterStyle(dict.fromkeys(SOLVED.colours, (120.0, 200.0, 120.0)), 0.3
 
 
 class CharacterPainter:
-    """Draws the body of one skeleton as one camera sees it."""
+    """Draws the body of one skeleton as seen by one camera."""
 
     def __init__(self, camera: Camera, skeleton: Skeleton, style: CharacterStyle = SOLVED) -> None:
         self.camera = camera
@@ -91,7 +91,7 @@ def preview_camera(root_positions_m: ArrayLike, size: tuple[int, int] = (640, 48
 
 
 def floor_image(camera: Camera) -> Image:
-    """Return an empty stage: a backdrop, and the floor's lines every half metre."""
+    """Return an empty stage: a backdrop, and lines on the floor every half metre."""
     width, height = camera.image_size
     level = np.linspace(0.0, 1.0, height)[:, None, None]
     shade = (1.0 - level) * np.array([74.0, 66.0, 60.0]) + level * np.array([124.0, 116.0, 110.0])
@@ -125,7 +125,7 @@ def draw_caption(image: Image, text: str, detail: str = "") -> None:
 
 
 def side_by_side(*images: Image) -> Image:
-    """Return images side by side at the height of the first, with thin gaps."""
+    """Return images side by side, scaled to the height of the first, with thin gaps."""
     height = images[0].shape[0]
     row: list[Image] = []
     for image in images:
@@ -137,7 +137,7 @@ def side_by_side(*images: Image) -> Image:
 
 
 def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int = 4, width: int = 1600) -> None:
-    """Write pictures in rows as one image file (PNG or JPEG), `width` pixels wide.
+    """Write pictures in rows to one image file (PNG or JPEG), `width` pixels wide.
 
     Raises:
         CaptureError: There are no pictures, or the file cannot be written.
@@ -156,7 +156,7 @@ def write_contact_sheet(path: str | Path, frames: Sequence[Image], columns: int 
 
 
 def _part(joint: str) -> str:
-    """Return the part of `CharacterStyle.colours` that a joint belongs to."""
+    """Return the part of `CharacterStyle.colours` to which a joint belongs."""
     if joint in ("head", "upperneck", "lowerneck"):
         return "head"
     if joint in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle"):
@@ -169,7 +169,7 @@ def _draw_shadow(image: Image, camera: Camera, cones: RoundCones) -> None:
     a, b = (ends[:, [0, 2]] + np.maximum(ends[:, 1:2], 0.0) * _STYLE.shadow for ends in (cones.starts, cones.ends))
     flat = outlines(a, b, cones.start_radii, cones.end_radii)
     polygons = camera.project(np.insert(flat, 1, 0.0, axis=-1))
-    polygons = polygons[np.isfinite(polygons).all(axis=(1, 2))]  # those before the camera
+    polygons = polygons[np.isfinite(polygons).all(axis=(1, 2))]  # without those behind the camera
     mask = np.zeros(image.shape[:2], dtype=np.uint8)
     for polygon in np.rint(np.clip(polygons, -4000.0, 4000.0)).astype(np.int32):
         cv2.fillConvexPoly(mask, polygon, (150.0,))
@@ -178,6 +178,6 @@ def _draw_shadow(image: Image, camera: Camera, cones: RoundCones) -> None:
 
 
 def _write(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[float, float, float]) -> None:
-    """Write text with a dark rim, so that it can be read on any background."""
+    """Write text with a dark rim, so that it is legible on any background."""
     cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, (20.0, 20.0, 20.0), 3, cv2.LINE_AA)
     cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)

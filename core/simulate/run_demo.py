@@ -1,6 +1,6 @@
 """Demo: simulated performer, cameras, calibration, tracking, solving and report.
 
-The truth only serves to measure the result.
+The truth is only used to measure the result.
 """
 
 import time
@@ -55,7 +55,7 @@ from .studio.video import write_video
 
 MARKER_SET = "boxing"
 _VIDEO_EVERY = 2  # the video shows every second frame
-_POSES_BEFORE = ("hanging", "motorcycle")  # calibration poses that the performance does not begin with
+_POSES_BEFORE = ("hanging", "motorcycle")  # calibration poses with which the performance does not begin
 _FIGURES = (
     "deg_per_joint",
     "deg_per_angle",
@@ -74,8 +74,8 @@ class Recording:
     """Marker frames of the performance.
 
     Args:
-        pictures: Images of the left camera that the preview shows, by frame.
-        seconds: Time that tracking took.
+        pictures: Images of the left camera for the preview, by frame.
+        seconds: Time spent on tracking.
     """
 
     source: SimulatedSource
@@ -86,7 +86,7 @@ class Recording:
 
 
 def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
-    """Run the whole chain and write its results into the folder `out`.
+    """Run the whole process and write its results to the folder `out`.
 
     Returns:
         The report: figures, timings and the files written.
@@ -128,7 +128,7 @@ def run_demo(out: Path, seconds: float, progress: Progress) -> dict[str, Any]:
 
 
 def embedded_database(path: Path, progress: Progress) -> Database:
-    """Build the database of the embedded motion, in about a second, and return it."""
+    """Build the database of the embedded motion, which takes about a second, and return it."""
     progress(0.0, "building the embedded motion database")
     build_database([MOTION], path)
     return open_database(path)
@@ -206,7 +206,7 @@ def _write(
 
 
 def _previews(recording: Recording, subject: Subject, truth: Motion, poses: list[PerformerPose]) -> Iterator[Image]:
-    """Yield the left camera's images with detections, beside the solved character."""
+    """Yield the left camera's images with detections, next to the solved character."""
     camera = preview_camera(np.array([pose.root_position_m for pose in poses]))
     stage = floor_image(camera)
     solved_painter = CharacterPainter(camera, subject.skeleton)

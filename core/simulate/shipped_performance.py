@@ -1,7 +1,7 @@
 """Shipped performances of the simulated performer.
 
-Each file in assets/performances holds a T pose and one behaviour, made by tools/motion_synthesis. None of them is in
-the embedded motion database, which holds motion like theirs only.
+Each file in assets/performances contains a T pose and one behaviour, made by tools/motion_synthesis. None of them is in
+the embedded motion database, which only contains similar motion.
 """
 
 from dataclasses import replace
@@ -18,7 +18,7 @@ from ..system.assets import PERFORMANCES
 
 DEMO = "demo"
 BEHAVIOURS = ("walking", "running", "hopping", "jumping", "boxing", "kendo")
-T_POSE_S = 2.0  # at the start of each performance
+T_POSE_S = 2.0  # duration of the T pose at the start of each performance
 RADIANS_A_STEP = np.pi / 32767  # rotation vectors are stored as 16-bit integers: 0.005 degrees
 METRES_A_STEP = 1e-4
 _LEAST_S = 5.0
@@ -29,10 +29,10 @@ def load_performance(behaviour: str) -> tuple[Motion, int]:
     """Return a shipped performance and its first frame after the T pose.
 
     Args:
-        behaviour: "demo", or one of `BEHAVIOURS` or its beginning ("walk").
+        behaviour: "demo", or one of `BEHAVIOURS` or the beginning of one ("walk").
 
     Raises:
-        SettingsError: No behaviour, or several, begin like this.
+        SettingsError: No behaviour begins like this, or several do.
     """
     fitting = [name for name in (DEMO, *BEHAVIOURS) if name.startswith(behaviour)]
     if len(fitting) != 1:
@@ -54,15 +54,15 @@ def performance(
     skeleton: Skeleton | None = None,
     mirrored: bool = False,
 ) -> Motion:
-    """Return T pose and behaviour in a given length and size.
+    """Return T pose and behaviour with a given duration and body.
 
     Args:
-        seconds: Length, for which the behaviour is cut or repeated; None leaves it.
+        seconds: Duration to which the behaviour is cut or extended by repetition; None keeps it.
         skeleton: Body with the standard skeleton's joints; None for the file's.
         mirrored: Swap left and right.
 
     Raises:
-        SettingsError: The behaviour is unknown, or length or frame rate are out of range.
+        SettingsError: The behaviour is unknown, or duration or frame rate are out of range.
     """
     if not LEAST_FPS <= fps <= MOST_FPS:
         raise SettingsError(f"frame rate {fps:g} is out of range", advice=f"use {LEAST_FPS:g} to {MOST_FPS:g}")
@@ -88,7 +88,7 @@ def performance(
 
 
 def with_return(motion: Motion) -> Motion:
-    """Return the motion with a smooth way back to its first pose within 1.5 s, so that it can repeat."""
+    """Return the motion with a smooth transition back to its first pose within 1.5 s, so that it can be repeated."""
     last, first = ((motion.rotations[frame], motion.root_positions_m[frame]) for frame in (-1, 0))
     back, way = eased_between(last, first, max(round(1.5 * motion.fps), 1))
     return replace(
@@ -99,7 +99,7 @@ def with_return(motion: Motion) -> Motion:
 
 
 def _lasting(motion: Motion, start: int, seconds: float) -> Motion:
-    """Return the motion cut, or repeated from frame `start` on, to last `seconds`."""
+    """Return the motion cut, or repeated from frame `start` on, to a duration of `seconds`."""
     frames = round(seconds * motion.fps) + 1
     if frames > motion.frames:
         again = with_return(sliced(motion, start, motion.frames))

@@ -1,4 +1,4 @@
-"""Marker takes made from motion."""
+"""Marker takes simulated from motion."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..markers.subject import Subject
 def simulate_markers(
     motion: Motion, markers: MarkerSet | Subject, noise_mm: float = 0.0, dropout: float = 0.0, seed: int = 0
 ) -> tuple[MarkerTake, Motion]:
-    """Return the marker take of an ideal system with noise and gaps, and the motion.
+    """Return the marker take of an ideal system with added noise and gaps, and the motion.
 
     Args:
         motion: Motion of a skeleton with the joints that carry the markers.
@@ -44,7 +44,7 @@ def simulate_markers(
 
 
 def _gaps(generator: np.random.Generator, frames: int, markers: int, dropout: float, fps: float) -> Mask:
-    """Return a mask (F, M) of missing markers, from a two-state chain with a share of `dropout`."""
+    """Return a mask (F, M) of missing markers from a two-state Markov chain; the missing share is `dropout`."""
     come_back = 1.0 / max(0.15 * fps, 1.0)
     get_lost = min(come_back * dropout / (1.0 - dropout), 1.0)
     missing = np.zeros((frames, markers), dtype=bool)

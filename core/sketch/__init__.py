@@ -1,1 +1,1 @@
-"""Sketches: a motion roughed out by a few keyframed controls."""
+"""Sketches: motion roughed out with a few keyframed controls."""

@@ -1,8 +1,8 @@
-"""Motion between the keys, drawn from the chosen windows of the database.
+"""Motion between the keys, composed of the chosen windows of the database.
 
-Each window's motion is corrected by its neighbours: a ridge regression over near windows gives the change of poses with
-the controls' positions. All windows decide when a keyed foot stands, each weighted by the distance of its foot from the
-keys, as one window alone often steps at another moment. Windows are then blended where stretches meet.
+Each window's motion is corrected with its neighbours: a ridge regression over near windows relates the change of poses
+to the controls' positions. All windows decide when a keyed foot stands, each weighted by the distance of its foot from
+the keys, because a single window often steps at another time. Windows are then blended where stretches meet.
 """
 
 from collections.abc import Sequence
@@ -21,14 +21,14 @@ from .retrieval import Samples, Stretch, Windows, shown_at
 class BaseMotionSettings:
     """Settings of the regression, and of the weights by which windows decide when a foot stands."""
 
-    closest: int = 32  # windows of the regression
+    closest: int = 32  # number of windows in the regression
     sigma_m: float = 0.05  # standard deviation at a control
-    farthest: float = 4.0  # largest distance that the regression is trusted for, in these
+    farthest: float = 4.0  # largest distance for which the regression is trusted, in standard deviations
     frames: int = 5  # frames of a window at which bodies are compared
     foot_sigma_m: float = 0.06  # standard deviation at a foot's keys
-    root_weight: float = 0.6  # weights of the root and
-    other_foot_weight: float = 0.4  # of the other foot, the foot's own being 1
-    height_scale: float = 3.0  # weight of heights, which show better whether a foot stands
+    root_weight: float = 0.6  # weight of the root and
+    other_foot_weight: float = 0.4  # of the other foot, relative to the foot itself
+    height_scale: float = 3.0  # weight of heights, which show more reliably whether a foot stands
 
 
 SETTINGS = BaseMotionSettings()
@@ -36,14 +36,14 @@ SETTINGS = BaseMotionSettings()
 
 @dataclass(frozen=True)
 class BaseMotion:
-    """Motion drawn from the database.
+    """Motion composed from the database.
 
     Args:
         poses: Rotation vectors (F, 28, 3).
         root_rotations: Quaternions (F, 4).
         root_positions_m: Positions (F, 3).
         standing: Shares (F, 2) of examples in which the left and the right toes stand.
-        drawn_from: Names of the clips, in order of time.
+        drawn_from: Names of the clips used, in order of time.
     """
 
     poses: Array
@@ -82,7 +82,7 @@ def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> Base
     """Return the motion of all stretches at times (F,), blended where they meet.
 
     Args:
-        parts: Stretches in order, each with its motion at the times that it shows.
+        parts: Stretches in order, each with its motion at the times that it covers.
     """
     count = len(times_s)
     poses = np.zeros((count, *parts[0][1].poses.shape[1:]))
@@ -102,7 +102,7 @@ def blended(parts: Sequence[tuple[Stretch, BaseMotion]], times_s: Array) -> Base
 
 
 def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
-    """Return the weights (T,) of a window: they fall beyond its joins, but not to zero."""
+    """Return the weights (T,) of a window, which fall beyond its joins, but not to zero."""
     f, fade_s = np.ones(len(times_s)), 2.0 * RETRIEVAL.context_s
     if stretch.first_s > 1e-9:
         f = np.minimum(f, (times_s - stretch.before_s) / fade_s)
@@ -115,11 +115,11 @@ def _weights(stretch: Stretch, times_s: Array, end_s: float) -> Array:
 def corrected(
     library: MotionLibrary, near: Samples, stretch: Stretch, windows: Windows, index: int, times_s: Array
 ) -> BaseMotion:
-    """Return the motion of a window, changed as its neighbours change to meet the controls.
+    """Return the motion of a window, changed as its neighbours suggest so that it meets the controls.
 
     Args:
         near: Samples in the time of the stretch and its context.
-        times_s: Times (T,) that the stretch shows.
+        times_s: Times (T,) that the stretch covers.
     """
     relative_s = times_s - stretch.first_s
     own = windows.picked(np.array([index]))
@@ -176,7 +176,7 @@ def _foot_weights(library: MotionLibrary, near: Samples, stretch: Stretch, windo
     weights /= weights.sum()
     shown = shown_at(library, windows, near.times_s[used] - stretch.first_s, near.columns[used])
     across, along, heights_m = np.split(shown, 3, axis=1)
-    # each window is turned and moved once more, to where the foot fits best
+    # each window is turned and moved again, to where the foot fits best
     points, goals = across + 1j * along, near.planar[used]
     points, goals = points - (points @ weights)[:, None], goals - weights @ goals
     off_m2 = (
@@ -188,7 +188,7 @@ def _foot_weights(library: MotionLibrary, near: Samples, stretch: Stretch, windo
 
 
 def _ridge(inputs: Array, outputs: Array, weights: Array, goal: Array) -> Array:
-    """Return outputs at a goal by weighted ridge regression, clipped to those of the examples."""
+    """Return outputs at a goal by weighted ridge regression, clipped to the range of the examples."""
     middle, mean = weights @ inputs, weights @ outputs
     roots = np.sqrt(weights)[:, None]
     x, y = roots * (inputs - middle), roots * (outputs - mean)

@@ -1,8 +1,8 @@
-"""Targets of a body's joints in every frame: keys are met, standing feet are held.
+"""Targets for a body's joints in every frame: they meet the keys and hold standing feet.
 
 A joint's target is its position in the database's motion plus a displacement. At a key the displacement leads to the
 key; while a foot stands it keeps the toes in place; in between it changes smoothly. Before its first key and after its
-last a control keeps the displacement of that key, but loosely, as keys of other controls bind there.
+last one a control keeps that key's displacement, but loosely, because keys of other controls are binding there.
 """
 
 from dataclasses import dataclass
@@ -31,13 +31,13 @@ class TargetSettings:
     free_sigma_m: float = 0.03  # joint that neither a key nor a contact holds
     standing_sigmas_m: tuple[float, float] = (0.004, 0.002)  # ankle and toes of a standing foot between its keys
     stepping_sigma_m: float = 0.006  # stepping foot between its keys
-    grip_s: float = 0.03  # sigma of the smoothing of a foot's hold: a sudden one shakes the body
-    steadied_s: float = 0.02  # sigma of the smoothing of the examples' share that stands
+    grip_s: float = 0.03  # sigma for smoothing a foot's hold, as a sudden one would shake the body
+    steadied_s: float = 0.02  # sigma for smoothing the share of examples that stand
     loosened_s: float = 0.3  # time in which a control becomes loose before its first key and after its last
-    turned_m: tuple[float, float] = (0.25, 0.5)  # controls' distances at which the root begins to turn, turns fully
-    limbs_m: float = 0.15  # way to the targets that is left to the limbs when the root is moved
-    bent_m: float = 0.15  # distance of a key from the motion at which the motion hardly shapes the way to the next key
-    lowest_hips_m: float = 0.2  # a crouch; lower hips mean feet that stand below the floor
+    turned_m: tuple[float, float] = (0.25, 0.5)  # distances of controls at which the root begins to turn, turns fully
+    limbs_m: float = 0.15  # distance to the targets that is left to the limbs when the root is moved
+    bent_m: float = 0.15  # distance of a key from the motion at which the motion hardly affects the way to the next
+    lowest_hips_m: float = 0.2  # a crouch; with lower hips, feet would stand below the floor
 
 
 SETTINGS = TargetSettings()
@@ -84,7 +84,7 @@ def targets_of(
         keyed_in[(controls[name].frames - frames[0]).astype(np.int64), column] = True
     reach = Reach(skeleton, joints)
     points[:, : len(controls)] = reach.yielding(points[:, : len(controls)], keyed_in)
-    # a foot without keys goes with the hips, but stays on the floor where they sink to a crouch
+    # a foot without keys follows the hips, but stays on the floor when they sink to a crouch
     carried = points[:, 0] - base_m[:, 0] if "root" in controls else np.zeros((len(frames), 3))
     on_floor = "root" in controls and bool(points[:, 0, 1].min() > SETTINGS.lowest_hips_m)
     standing = gaussian_filter1d(standing, SETTINGS.steadied_s * sketch.fps, axis=0, mode="nearest")
@@ -121,7 +121,7 @@ def targets_of(
 def carried_root(
     targets: Targets, controls: int, base_m: Array, rotations: Array, root_m: Array
 ) -> tuple[Array, Array]:
-    """Return the root rotations (F, 4) and positions (F, 3) of the database's motion, moved to far targets.
+    """Return root rotations (F, 4) and positions (F, 3) of the database's motion, moved towards distant targets.
 
     Args:
         controls: Number of keyed targets.
@@ -149,17 +149,17 @@ def carried_root(
 
 
 def _control_targets(control: Control, frames: Array, base_m: Array, follow: float) -> Array:
-    """Return targets (F, 3) of a control in the frames (F,) of the sketch.
+    """Return targets (F, 3) for a control in the frames (F,) of the sketch.
 
     Args:
         base_m: Positions (F, 3) of the joint in the database's motion.
-        follow: 0 keeps the database's motion between keys, 1 follows the curve; its square is the curve's share.
+        follow: 0 keeps the database's motion between keys, 1 follows the curve; its square is the curve's weight.
     """
     keyed, positions_m = control.distinct_keys()
     binds = np.array([1.0, 0.0 if control.height_is_free else 1.0, 1.0])
     away_m = binds * (positions_m - base_m[(keyed - frames[0]).astype(np.int64)])
     bent = base_m + curve_positions(keyed, away_m, frames)
-    # motion far from the keys does not tell the way between them: it may stand up between two crouches
+    # motion far from the keys does not show the path between them: it may stand up between two crouches
     kept = np.interp(frames, keyed, 1.0 / (1.0 + (np.sum(away_m**2, axis=1) / SETTINGS.bent_m**2) ** 2))[:, None]
     between = (frames >= keyed[0]) & (frames <= keyed[-1])
     share = 1.0 - (1.0 - follow**2) * kept

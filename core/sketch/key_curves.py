@@ -32,7 +32,7 @@ def key_slopes(times: Array, values: Array) -> Array:
     before, after = 1.0 / spans[:-1], 1.0 / spans[1:]
     bends = 3.0 * (secants[:-1] * before + secants[1:] * after)
     slopes = np.zeros(len(times))
-    for _ in range(50):  # each sweep at least halves the error, as a key weighs twice its neighbours
+    for _ in range(50):  # each sweep at least halves the error, because a key weighs twice as much as its neighbours
         smooth = (bends - before * slopes[:-2] - after * slopes[2:]) / (2.0 * (before + after))
         slopes[1:-1] = np.clip(smooth, lowest, highest)
     return slopes

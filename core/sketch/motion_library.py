@@ -1,6 +1,6 @@
-"""Motion of a database on the body of a character, ready to be searched.
+"""Motion of a database on a character's body, prepared for the search.
 
-Positions on the floor are complex numbers z + i x, so a yaw about the vertical is a product with exp(i yaw).
+Positions on the floor are complex numbers z + i x, so a rotation about the vertical is a product with exp(i yaw).
 """
 
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ TOES = ("ltoes", "rtoes")
 
 @dataclass(frozen=True)
 class LibrarySettings:
-    """Settings of windows and of contacts in the database's motion."""
+    """Settings for windows and contacts in the database's motion."""
 
-    search_fps: float = 30.0  # rate of the frames at which a window may begin
-    lowest_percent: float = 5.0  # percentile of a clip's heights that is its floor: single frames are noise
+    search_fps: float = 30.0  # rate of the frames at which a window may start
+    lowest_percent: float = 5.0  # percentile of a clip's heights that counts as floor: single frames are noisy
     low_m: float = 0.05  # largest height of a standing foot above that floor; of still toes above their lowest nearby
     standing_m_s: float = 0.35  # largest speed of a standing foot
     still_m_s: float = 0.25  # largest speed of still toes
@@ -50,11 +50,11 @@ class MotionLibrary:
 
     Args:
         skeleton: Standard skeleton of the character; root positions are scaled to its legs.
-        joints: Joints to place besides `BODY`.
-        behaviours: Patterns of behaviours or names of the clips to draw from; empty for all.
+        joints: Joints to locate in addition to `BODY`.
+        behaviours: Patterns for behaviours or clip names to draw from; empty for all.
 
     Raises:
-        SettingsError: No clip has such a behaviour.
+        SettingsError: No clip matches such a behaviour.
         DatabaseError: The database is damaged.
     """
 
@@ -72,7 +72,7 @@ class MotionLibrary:
         self._floors_m = np.zeros(len(database.clips))
         reference = database.reference_pose_of(skeleton)
         local_m = markers_at_rest(skeleton, indices, np.zeros((len(indices), 3)), reference, database.poses)
-        # joint by joint in memory, the order of the search
+        # stored joint by joint, in the order of the search
         self.planar: Planar = np.empty(local_m.shape[:2], dtype=np.complex64, order="F")
         self.heights_m: FloatArray = np.empty(local_m.shape[:2], dtype=np.float32, order="F")
         for first in range(0, database.frames, SETTINGS.chunk):
@@ -98,7 +98,7 @@ class MotionLibrary:
             self.heights_m[part] -= self._floors_m[index]
 
     def _contacts(self) -> tuple[Mask, Mask]:
-        """Return masks (F, 2) of the frames in which the left and the right toes stand, and are still."""
+        """Return masks (F, 2) of the frames in which the left and the right toes stand and are still."""
         toes = [self.columns[name] for name in TOES]
         result, still = np.zeros((2, self.database.frames, 2), dtype=np.bool_)
         size, second = 2 * round(SETTINGS.steady_s * self.fps / 2) + 1, 2 * round(self.fps) + 1
@@ -117,11 +117,11 @@ class MotionLibrary:
         return result, still
 
     def clip_of(self, frame: float) -> Clip:
-        """Return the clip of a frame."""
+        """Return the clip that contains a frame."""
         return self.database.clips[int(self.database.clip_of_frame[int(frame)])]
 
     def starts(self, first: int, last: int) -> IntArray:
-        """Return the frames of windows within single clips.
+        """Return the frames at which windows lie within a single clip.
 
         Args:
             first: First frame of a window, relative to the returned frame.
@@ -136,7 +136,7 @@ class MotionLibrary:
         return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
     def root_positions_m(self, frames: IntArray) -> Array:
-        """Return root positions (N, 3) of the character in frames (N,)."""
+        """Return the character's root positions (N, 3) in frames (N,)."""
         clips = self.database.clip_of_frame[frames]
         positions = self._scales[clips][:, None] * np.asarray(self.database.root_positions_m[frames], dtype=np.float64)
         positions[:, 1] -= self._floors_m[clips]
@@ -146,7 +146,7 @@ class MotionLibrary:
         """Return poses (N, 28, 3), root rotations (N, 4) and root positions (N, 3).
 
         Args:
-            frames: Fractional frames (N,), none after the last of its clip.
+            frames: Fractional frames (N,), none after the last frame of its clip.
         """
         before = np.floor(frames + 1e-9).astype(np.int64)
         after = np.minimum(before + 1, self.database.frames - 1)
@@ -163,7 +163,7 @@ class MotionLibrary:
 
 
 def standing_toes_m(skeleton: Skeleton) -> float:
-    """Return the usual height of the toes' joints of a standing body, metres."""
+    """Return the usual height of the toe joints of a standing body, metres."""
     return 0.024 * _leg_m(skeleton) / 0.8
 
 

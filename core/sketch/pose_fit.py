@@ -1,4 +1,4 @@
-"""Fit of poses to joint targets near the database's motion, with the solver's own fit to markers."""
+"""Fit of poses to joint targets near the database's motion, using the solver's fit to markers."""
 
 from dataclasses import dataclass
 
@@ -27,19 +27,19 @@ _LIMBS = [
 class PoseFitSettings:
     """Settings of the fit."""
 
-    steps: int = 20  # most Gauss-Newton steps of one round
-    rounds: int = 3  # a frame with a tight target farther than `near_m` is fitted again from its result
+    steps: int = 20  # most Gauss-Newton steps in one round
+    rounds: int = 3  # a frame with a tight target farther away than `near_m` is fitted again from its result
     near_m: float = 0.01
     tight_m: float = 0.002  # standard deviation below which a target is tight
-    straight_rad: float = 0.02  # a step in which no joint turns more is the last one
+    straight_rad: float = 0.02  # a step in which no joint turns more than this is the last
     marker_sigma_m: float = 0.0005
-    change_share: float = 0.1  # share of the database's covariance in the covariance of a pose about its motion
-    change_rad: float = 0.02  # standard deviation of each angle besides
-    root_sigma: tuple[float, float] = (0.05, 0.015)  # m, rad; about the database's motion
-    limit_percentiles: tuple[float, float] = (0.5, 99.5)  # joint limits among the database's angles,
+    change_share: float = 0.1  # share of the database's covariance in a pose's covariance about its motion
+    change_rad: float = 0.02  # additional standard deviation of each angle
+    root_sigma: tuple[float, float] = (0.05, 0.015)  # m, rad; relative to the database's motion
+    limit_percentiles: tuple[float, float] = (0.5, 99.5)  # joint limits as percentiles of the database's angles,
     limit_margin_rad: float = 0.05  # widened by this
-    most_beyond_rad: float = 0.35  # farthest that a joint may go beyond its limits
-    samples: int = 4000  # database frames that covariance and limits are estimated from
+    most_beyond_rad: float = 0.35  # largest angle of a joint beyond its limits
+    samples: int = 4000  # database frames used to estimate covariance and limits
 
 
 class PoseFit:
@@ -65,12 +65,12 @@ class PoseFit:
         poses = np.asarray(database.poses[frames], dtype=np.float64).reshape(len(frames), -1)
         self._covariance = settings.change_share * np.atleast_2d(np.cov(poses.T, ddof=0))
         self._covariance[np.diag_indices_from(self._covariance)] += settings.change_rad**2
-        # a limb without a target stays as the database moves it: feet keyed wide apart, as in no clip, raised the arms
+        # a limb without a target moves as in the database: feet keyed wider apart than in any clip raised the arms
         for own in (np.repeat(np.isin(skeleton.names[1:], limb), 3) for limb in _LIMBS if not set(limb) & set(joints)):
             self._covariance[np.ix_(own, ~own)] = self._covariance[np.ix_(~own, own)] = 0.0
         low, high = np.percentile(poses, settings.limit_percentiles, axis=0)
         low, high = low - settings.limit_margin_rad, high + settings.limit_margin_rad
-        # everybody can stretch out arms and legs, also where the database's motion never does
+        # everyone can stretch arms and legs, even where the database's motion never does
         straight = pose_from_rotations(np.tile(rot.identity(), (len(skeleton), 1)), reference).ravel()
         hinges = np.isin(np.repeat(skeleton.names[1:], 3), _HINGES)
         self._limits = np.array(
@@ -89,7 +89,7 @@ class PoseFit:
         """
         settings = self._settings
         flat, rotations, places = poses.reshape(len(poses), -1), roots.rotation.copy(), roots.position_m.copy()
-        # angles that the database's motion itself has violate no limit
+        # angles in the database's own motion never violate a limit
         limits = np.stack((np.minimum(self._limits[0], flat), np.maximum(self._limits[1], flat)), axis=1)
         flat, left = flat.copy(), np.arange(len(flat))
         for number in range(settings.rounds + 1):
@@ -111,7 +111,7 @@ class PoseFit:
                 pose, root, _ = fit_to_markers(
                     expectation, self._model, settings.marker_sigma_m, settings.steps, settings.straight_rad
                 )
-                # impossible targets pull with any force: no joint goes far beyond its limits all the same
+                # impossible targets pull without limit, so clip: no joint may go far beyond its limits
                 flat[at] = np.clip(
                     pose, limits[at, 0] - settings.most_beyond_rad, limits[at, 1] + settings.most_beyond_rad
                 )

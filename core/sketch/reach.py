@@ -12,7 +12,7 @@ class Reach:
 
     Args:
         joints: Names (M) of the joints, the most binding first.
-        straightest: Share of its bones' total length that a limb reaches; none is quite straight.
+        straightest: Share of its bones' total length that a limb reaches; limbs are never quite straight.
     """
 
     def __init__(self, skeleton: Skeleton, joints: tuple[str, ...], straightest: float = 0.998) -> None:
@@ -32,7 +32,7 @@ class Reach:
         return float(self._reach_m[self._joints.index(joint), self._joints.index(other)])
 
     def yielding(self, points_m: Array, keyed: Mask) -> Array:
-        """Return controls (F, C, 3) that give way, between their own keys, to keys of others.
+        """Return controls (F, C, 3) that give way to keys of other controls between their own keys.
 
         Args:
             keyed: Frames (F, C) in which each control has a key.

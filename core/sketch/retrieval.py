@@ -1,8 +1,8 @@
 """Search for database motion that explains the keys of a sketch.
 
-The time between keys is cut into stretches. For each stretch, all windows of the database are turned and moved on the
-floor to where they fit the controls best (in closed form, on points of the plane). Dynamic programming then chooses one
-window for each stretch: near the keys, roughly near the curves between them, and each continuing the previous one.
+The time between keys is divided into stretches. For each stretch, all windows of the database are turned and moved on
+the floor to where they fit the controls best (in closed form, on points of the plane). Dynamic programming then chooses
+one window per stretch: near the keys, roughly near the curves between them, and continuing the previous window.
 """
 
 from collections.abc import Sequence
@@ -29,22 +29,22 @@ class RetrievalSettings:
     """Settings of the search; a key has weight 1."""
 
     rates: tuple[float, ...] = (1.0, 0.87, 1.15)  # speeds at which a window may be played
-    context_s: float = 0.2  # time beyond a stretch that is compared too, and blended with the neighbours
+    context_s: float = 0.2  # time beyond a stretch that is also compared, and blended with the neighbours
     stretch_s: tuple[float, float] = (0.2, 0.55)  # shortest and longest stretch
-    curve_step_s: float = 0.12  # time between two samples of a curve
+    curve_step_s: float = 0.12  # interval between two samples of a curve
     curve_weights: tuple[float, float] = (0.01, 0.15)  # weight of a sample without and with full `follow`
-    foot_curve: float = 0.1  # share of that weight for feet: they stand and step, where a curve glides
-    outside_weight: float = 0.001  # weight of a sample beyond a control's keys: decides only where nothing else does
-    candidates: int = 48  # windows of a stretch that dynamic programming chooses from
-    neighbours: int = 160  # windows of a stretch that are kept
-    apart_s: float = 0.1  # least time between the starts of two windows of one clip
+    foot_curve: float = 0.1  # share of that weight for feet, because they stand and step where a curve glides
+    outside_weight: float = 0.001  # weight of a sample outside a control's keys: it only decides if nothing else does
+    candidates: int = 48  # windows per stretch from which dynamic programming chooses
+    neighbours: int = 160  # windows per stretch that are kept
+    apart_s: float = 0.1  # shortest interval between the starts of two windows from one clip
     join_weight: float = 0.5  # weight of the change where windows join (m2)
-    velocity_s: float = 0.15  # weight of a change of velocity in it
-    same_m: float = 0.002  # samples that moved less (m or s) are the same,
-    most_same_m: float = 0.01  # and those of small weight up to this
-    forwards_weight: float = 0.3  # cost of going backwards (sideways half) if no control shows the heading, m2 per m2
+    velocity_s: float = 0.15  # weight of a change of velocity in this
+    same_m: float = 0.002  # samples that moved less (m or s) count as unchanged,
+    most_same_m: float = 0.01  # and those with a small weight up to this
+    forwards_weight: float = 0.3  # cost of moving backwards (sideways half) if no control shows the heading, m2 per m2
     hanging_weight: float = 0.02  # cost of hands without a control above their hanging height, m2 per m2
-    taken_s: float = 0.5  # least time between the starts of one explanation and the next
+    taken_s: float = 0.5  # shortest interval between the starts of one explanation and the next
 
 
 SETTINGS = RetrievalSettings()
@@ -52,7 +52,7 @@ SETTINGS = RetrievalSettings()
 
 @dataclass(frozen=True)
 class Samples:
-    """Keys and samples of curves that windows are compared with.
+    """Keys and curve samples that windows are compared with.
 
     Args:
         times_s: Times (N,) since the sketch's first frame.
@@ -69,7 +69,7 @@ class Samples:
     weights: Array
 
     def same(self, other: "Samples") -> bool:
-        """Tell whether no sample has moved, apart from tolerances that are larger for small weights."""
+        """Return whether no sample has moved, within tolerances that are larger for small weights."""
         if len(self.times_s) != len(other.times_s) or not np.array_equal(self.columns, other.columns):
             return False
         changes = [np.abs(one - two) for one, two in zip(vars(self).values(), vars(other).values(), strict=True)]
@@ -103,7 +103,7 @@ class Windows:
     """Windows of the database placed at a stretch, nearest first.
 
     Args:
-        starts: Database frames (K,) at the stretch's first moment.
+        starts: Database frames (K,) at the stretch's start.
         rates: Database seconds (K,) per second.
         turns: Yaws (K,) as exp(i yaw).
         shifts: Shifts (K,) on the floor, metres.
@@ -117,7 +117,7 @@ class Windows:
     costs: Array
 
     def picked(self, which: IntArray) -> "Windows":
-        """Return the windows of some indices."""
+        """Return the windows with some indices."""
         return Windows(*(values[which] for values in vars(self).values()))
 
 
@@ -169,7 +169,7 @@ def stretches_of(sketch: Sketch) -> list[Stretch]:
 
 
 def nearest_windows(library: MotionLibrary, near: Samples, stretch: Stretch) -> Windows:
-    """Return the windows nearest to the controls, well apart from each other.
+    """Return the windows nearest to the controls, spaced apart from each other.
 
     Args:
         near: Samples in the time of the stretch and its context.
@@ -248,7 +248,7 @@ def choose_windows(
     """Return the index of the chosen window of each stretch (Viterbi 1967).
 
     Args:
-        variation: Number of better explanations to leave out; each excludes the motion that it drew from.
+        variation: Number of better explanations to skip; each excludes the motion that it used.
     """
     allowed = [np.ones(len(windows.starts), dtype=np.bool_) for windows in candidates]
     chosen = _best_path(library, stretches, candidates, allowed)
@@ -287,14 +287,14 @@ def _changes(library: MotionLibrary, before: tuple[Windows, Stretch], after: tup
 
 
 def _state(library: MotionLibrary, windows: Windows, time_s: float) -> Array:
-    """Return positions of the body's joints and their change (K, 6 B)."""
+    """Return the positions of the body's joints and their changes (K, 6 B)."""
     columns, step_s = [library.columns[name] for name in BODY], min(2.0 / library.fps, 0.5 * SETTINGS.context_s)
     now, then = (shown_at(library, windows, np.full(len(BODY), at_s), columns) for at_s in (time_s, time_s + step_s))
     return np.concatenate((now, SETTINGS.velocity_s * (then - now) / step_s), axis=1)
 
 
 def shown_at(library: MotionLibrary, windows: Windows, times_s: Array, columns: Sequence[int] | IntArray) -> Array:
-    """Return positions (K, 3 N) of joints (N,) that windows show at times (N,), metres."""
+    """Return positions (K, 3 N) of joints (N,) that windows have at times (N,), metres."""
     frames = windows.starts[:, None] + np.round(times_s * windows.rates[:, None] * library.fps).astype(np.int64)
     planar = windows.turns[:, None] * library.planar[frames, columns] + windows.shifts[:, None]
     return np.concatenate((planar.real, planar.imag, library.heights_m[frames, columns]), axis=1)

@@ -33,11 +33,11 @@ _ADVICE = "columns must be control,frame,x,y,z in metres, and a comment line mus
 class SketchLimits:
     """Limits of sketches."""
 
-    most_frames: int = 20_000  # from the first key to the last
+    most_frames: int = 20_000  # frames between the first and the last key
     farthest_m: float = 1000.0
     latest_frame: float = 1e9
-    upright: float = 0.7  # least cosine of the angle between vertical and feet to hips of an upright body
-    ankle_m: float = 0.08  # height of a standing foot's joint
+    upright: float = 0.7  # smallest cosine between the vertical and the line from feet to hips of an upright body
+    ankle_m: float = 0.08  # height of a standing foot's ankle
 
 
 LIMITS = SketchLimits()
@@ -59,7 +59,7 @@ class Control:
     )
 
     def distinct_keys(self) -> tuple[Array, Array]:
-        """Return frames (K,) and positions (K, 3); keys of one frame are averaged."""
+        """Return frames (K,) and positions (K, 3); keys in the same frame are averaged."""
         frames, key = np.unique(self.frames, return_inverse=True)
         sums = np.zeros((len(frames), 3))
         np.add.at(sums, key, self.positions_m)
@@ -68,8 +68,8 @@ class Control:
     def curve(self, at: Array) -> Array:
         """Return positions (F, 3) at frames (F,) on the curve through the keys.
 
-        The curve passes through the mean of keys in one frame. A drawn curve is bent to keys that lie off it, such as
-        one that is being dragged.
+        The curve passes through the mean of keys in the same frame. A drawn curve is bent towards keys that lie off it,
+        such as one that is being dragged.
         """
         keyed, positions_m = self.distinct_keys()
         if self.drawn_m is None:
@@ -112,7 +112,7 @@ def upright_from(sketch: Sketch) -> Array | None:
 
 
 def tilted(sketch: Sketch, rotation: Array) -> Sketch:
-    """Return the sketch turned by a quaternion (4,) and put on the floor."""
+    """Return the sketch rotated by a quaternion (4,) and placed on the floor."""
     turned = [rot.rotate(rotation, control.positions_m) for control in sketch.controls]
     down = np.array([0.0, min(points[:, 1].min() for points in turned) - LIMITS.ankle_m, 0.0])
     controls = []
@@ -123,10 +123,10 @@ def tilted(sketch: Sketch, rotation: Array) -> Sketch:
 
 
 def read_sketch(path: Path | str) -> Sketch:
-    """Return the sketch of a CSV file; see the module for its layout.
+    """Return the sketch from a CSV file; its layout is described in the module.
 
     Raises:
-        FormatError: The file is not a sketch, or damaged; names file and line.
+        FormatError: The file is not a sketch, or is damaged; names file and line.
     """
     where = str(path)
     text = decode_text(read_bytes(path), where, "sketch")
@@ -156,7 +156,7 @@ def read_sketch(path: Path | str) -> Sketch:
 
 
 def _key(line: str, where: str) -> tuple[str, list[float]]:
-    """Return a row's joint, and its frame and position in one list."""
+    """Return a row's joint, and its frame and position as one list."""
     try:
         cells = next(csv.reader([line]))
     except csv.Error as error:

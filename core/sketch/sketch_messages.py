@@ -24,12 +24,12 @@ class SolvedSketch:
 
     Args:
         number: Number of the answered request.
-        whole: False for the first picture of an edit, a single frame.
+        whole: False for the first picture after an edit, which is a single frame.
         rotations: Parent-from-joint quaternions (F, J, 4) relative to rest; (0, J, 4) after an error.
         root_positions_m: Root positions (F, 3).
-        unmet: Joint, frame, distance in metres and reason of each key that is not met.
+        unmet: Joint, frame, distance in metres and reason for each key that is not met.
         drawn_from: Names of the clips used.
-        error: Reason why there is no solution, "" if there is one.
+        error: Reason why there is no solution; "" if there is one.
     """
 
     number: int
@@ -42,7 +42,7 @@ class SolvedSketch:
 
 
 def sketch_from(table: Mapping[str, Any]) -> Sketch:
-    """Return the sketch of `table_of(sketch)`; SettingsError if it is damaged."""
+    """Return the sketch from `table_of(sketch)`; SettingsError if it is damaged."""
     with reading("sketch", SettingsError, "add the controls again"):
         sketch = _SKETCH.read(table, "sketch")
         for control in sketch.controls:
@@ -53,12 +53,12 @@ def sketch_from(table: Mapping[str, Any]) -> Sketch:
 
 
 def settings_from(table: Mapping[str, Any]) -> SketchSettings:
-    """Return the settings of `table_of(settings)`; SettingsError if they are damaged."""
+    """Return the settings from `table_of(settings)`; SettingsError if they are damaged."""
     return _SETTINGS.read(table, "sketch")
 
 
 def motion_table(motion: Motion, number: int) -> dict[str, Any]:
-    """Return the message with a first picture; arrays as float32 in base 64."""
+    """Return the message with a first picture; arrays are float32 in base 64."""
     return {
         "number": number,
         "whole": False,
@@ -78,7 +78,7 @@ def solution_table(solution: SketchSolution, number: int) -> dict[str, Any]:
 
 
 def solution_from(table: Mapping[str, Any]) -> SolvedSketch:
-    """Return the solution of `solution_table`, or of {"number", "error"}."""
+    """Return the solution from `solution_table`, or from {"number", "error"}."""
     frames = int(table.get("frames", 0))
     rotations = unpacked(table.get("rotations", ""))
     return SolvedSketch(

@@ -1,8 +1,8 @@
 """Solver of sketches: a whole body from a few keyframed controls.
 
-Keys bind. Between them the database's motion is kept as far as they allow: `retrieval` finds it, `base_motion` blends
-it, `joint_targets` bends it to the keys and holds standing feet, and each frame's pose is fitted to its targets with
-the database's motion as prior. Joints without a control are free.
+Keys are binding. Between them the database's motion is kept as far as they allow: `retrieval` finds it, `base_motion`
+blends it, `joint_targets` bends it to the keys and holds standing feet, and each frame's pose is fitted to its targets
+with the database's motion as prior. Joints without a control are free.
 """
 
 from dataclasses import dataclass, field
@@ -31,9 +31,9 @@ from .sketch_file import Control, Sketch, tilted, upright_from
 class SolverLimits:
     """Limits of the solver."""
 
-    met_m: float = 0.005  # a key this near is met
-    far_m: float = 0.2  # distance of the controls from the database's motion at which a lying body is tried upright
-    together: int = 32  # frames fitted between two moments at which an edit can end the work
+    met_m: float = 0.005  # distance up to which a key is met
+    far_m: float = 0.2  # distance of the controls from the database's motion above which a lying body is tried upright
+    together: int = 32  # frames fitted between two points at which an edit can interrupt the work
     unchanged: float = 1e-4  # m, rad; frames whose inputs change less are not solved again
 
 
@@ -101,7 +101,7 @@ class _Searched:
 
 @dataclass(frozen=True)
 class _FitInputs:
-    """Inputs of the fit for all frames F, and for joints M.
+    """Inputs of the fit for F frames and M joints.
 
     Args:
         joints: Names (M).
@@ -113,7 +113,7 @@ class _FitInputs:
     arrays: tuple[Array, ...]
 
     def unchanged(self, other: "_FitInputs") -> Mask:
-        """Return a mask (F,) of the frames with the same inputs."""
+        """Return a mask (F,) of the frames with unchanged inputs."""
         frames = len(self.arrays[0])
         if other.joints != self.joints or len(other.arrays[0]) != frames:
             return np.zeros(frames, dtype=np.bool_)
@@ -124,7 +124,7 @@ class _FitInputs:
 
 @dataclass(frozen=True)
 class _Solved:
-    """The database's motion, and inputs and results (poses, root rotations and positions) of the fit."""
+    """The database's motion, with inputs and results (poses, root rotations and positions) of the fit."""
 
     base: BaseMotion
     inputs: _FitInputs
@@ -132,10 +132,10 @@ class _Solved:
 
 
 class SketchSolver:
-    """Solves sketches of one character, again and again while keys move.
+    """Solves sketches of one character repeatedly while keys move.
 
-    It keeps the database's motion on the character, and the parts of the last solution that a moved key leaves
-    unchanged.
+    It keeps the database's motion on the character, and the parts of the last solution that a moved key does not
+    affect.
     """
 
     def __init__(self, skeleton: Skeleton, database: Database) -> None:
@@ -152,7 +152,7 @@ class SketchSolver:
         """Return the whole solution of a sketch.
 
         Raises:
-            SettingsError: No clip has the wanted behaviour.
+            SettingsError: No clip has the requested behaviour.
             DatabaseError: No clip is long enough.
         """
         settings = settings or SketchSettings()
@@ -160,7 +160,7 @@ class SketchSolver:
         base, off_m2 = self._drawn(sketch, settings, library, progress)
         tilt = upright_from(sketch)
         if off_m2 > LIMITS.far_m**2 and tilt is not None:
-            # the database has nothing like it: a lying body may move like a standing one
+            # the database has nothing similar: a lying body may move like a standing one
             upright, off_upright_m2 = self._drawn(tilted(sketch, tilt), settings, library, progress, is_tilted=True)
             if off_upright_m2 < 0.5 * off_m2:
                 base = upright.turned(rot.conjugate(tilt))
@@ -170,7 +170,7 @@ class SketchSolver:
         return SketchSolution(motion, unmet, base.drawn_from, distances)
 
     def preview(self, sketch: Sketch, settings: SketchSettings, frame: float) -> Motion | None:
-        """Return a first picture of a moved key: one frame of the last motion, bent to it.
+        """Return a first picture for a moved key: one frame of the last motion, bent to the key.
 
         The result is None unless the last solution has the same controls and number of frames.
         """
@@ -189,7 +189,7 @@ class SketchSolver:
         progress: Progress,
         is_tilted: bool = False,
     ) -> tuple[BaseMotion, float]:
-        """Return the database's motion for a sketch, and its mean squared distance from it, m2."""
+        """Return the database's motion for a sketch, and its mean squared distance from the sketch, m2."""
         samples, stretches = samples_of(sketch, library, settings.follow), stretches_of(sketch)
         searched = []
         for number, stretch in enumerate(stretches):
@@ -239,7 +239,7 @@ class SketchSolver:
             arrays = tuple(array.copy() for array in inputs.arrays)
             pairs = zip((*arrays, *results), (*last.inputs.arrays, *last.results), strict=True)
             for now, then in pairs:
-                now[same] = then[same]  # the inputs too: small changes must not add up
+                now[same] = then[same]  # keep the inputs too: small changes must not add up unnoticed
             inputs = _FitInputs(inputs.joints, arrays)
         changed = np.flatnonzero(~same)
         for first in range(0, len(changed), LIMITS.together):

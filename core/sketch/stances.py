@@ -1,9 +1,9 @@
-"""When and where the feet of a sketch stand.
+"""Stances: when and where the feet of a sketch stand.
 
-A foot stands between two keys that one position of the toes explains, and its ankle turns about the toes. Between other
-keys it steps: no longer than the way needs, and when fewest of the database's examples stand. Otherwise it stands
-whenever enough of them do. Between keys more than a stride apart, and without keys, it steps when the database's motion
-does.
+A foot stands between two keys if one position of the toes explains both and its ankle turns about the toes. Between
+other keys it steps: for no longer than the distance needs, and when fewest of the database's examples stand. Otherwise
+it stands whenever enough of them do. Between keys more than a stride apart, and without keys, it steps when the
+database's motion does.
 """
 
 from dataclasses import dataclass
@@ -19,33 +19,33 @@ from .key_curves import curve_positions
 
 @dataclass(frozen=True)
 class StanceSettings:
-    """Settings of the stances."""
+    """Settings for the stances."""
 
-    stands: float = 0.5  # least share of the examples that stand, for a foot to stand
-    may_stand: float = 0.3  # least share between keys: of the largest share there for a step, of all for one stance
-    most_stand: float = 0.7  # share from which the wanted toes of one stance may differ more
-    stayed_m: float = 0.04  # keys that are nearer and
-    stayed_m_s: float = 0.1  # whose distance is covered more slowly are one stance
+    stands: float = 0.5  # smallest share of the examples that must stand for a foot to stand
+    may_stand: float = 0.3  # smallest share between keys: of the largest share there for a step, of all for one stance
+    most_stand: float = 0.7  # share above which the desired toes of one stance may differ more
+    stayed_m: float = 0.04  # keys that are closer together and
+    stayed_m_s: float = 0.1  # whose distance is covered more slowly than this form one stance
     ankles_m: float = 0.1  # largest horizontal distance of the ankles in one stance on the toes
-    length_m: float = 0.015  # largest error of the foot's length in it
-    toes_m: tuple[float, float] = (0.03, 0.05)  # largest distance of the wanted toes in it: usually, where most stand
+    length_m: float = 0.015  # largest error of the foot's length in a stance
+    toes_m: tuple[float, float] = (0.03, 0.05)  # largest distance of the desired toes in it: usual, if most stand
     step_m_s: float = 2.0  # mean speed of a step
     shortest_step_s: float = 0.07
     longest_step: float = 0.35  # share of the time between two keys, unless examples step for longer
     fastest_m_s: float = 5.0  # speed from one stance to the next
     stride_m: float = 0.6  # keys farther apart than this distance and
-    stride_s: float = 1.2  # time have several steps between them
-    slow_m_s: float = 0.5  # a foot that stands between those steps is slower
+    stride_s: float = 1.2  # this time have several steps between them
+    slow_m_s: float = 0.5  # a foot that stands between those steps is slower than this
     shortest_contact_s: float = 0.05  # shorter contacts do not count,
-    contact_s: float = 0.13  # and longer ones last this long at least
-    moving_s: float = 0.01  # share of examples that counts as much as a metre per frame, when a step is placed
+    contact_s: float = 0.13  # and longer ones last at least this long
+    moving_s: float = 0.01  # share of examples that counts as much as a metre per frame when a step is placed
     clear_m: float = 0.025  # height of a stepping foot above the floor,
     lifted_s: float = 0.1  # reached this long after leaving it
-    lifted_m_s: float = 1.0  # at this speed; it is lower at lower speeds
-    floor_m: float = 0.12  # a foot at a more different height stands on something else
-    steepest: float = 0.95  # highest ankle whose toes are turned onto the floor, in foot lengths
-    least_ahead: float = 0.3  # least horizontal distance of those toes from the ankle, in foot lengths
-    pull: float = 0.3  # weight of the toes' wanted position, the foot's length having weight 1
+    lifted_m_s: float = 1.0  # at this speed; the foot stays lower at lower speeds
+    floor_m: float = 0.12  # height difference above which a foot stands on something other than the floor
+    steepest: float = 0.95  # largest height of an ankle whose toes are turned onto the floor, in foot lengths
+    least_ahead: float = 0.3  # smallest horizontal distance of those toes from the ankle, in foot lengths
+    pull: float = 0.3  # weight of the toes' desired position, relative to the foot's length
 
 
 SETTINGS = StanceSettings()
@@ -60,7 +60,7 @@ class Foot:
         toes_m: Toe positions (F, 3) in the database's motion.
         displacement_m: Displacements (F, 3) that lead to the keys, without contacts.
         keyed: Frames (K,) with a key, ascending.
-        by_toes: The keys are those of the toes, not of the ankle.
+        by_toes: Whether the keys are for the toes instead of the ankle.
     """
 
     ankle_m: Array
@@ -100,13 +100,13 @@ class HeldFoot:
 
 
 def held_foot(foot: Foot, share: Array, floor_m: float | None, fps: float) -> HeldFoot:
-    """Return a foot that stays in place while it stands, and is lifted while it steps.
+    """Return a foot that stays in place while it stands and is lifted while it steps.
 
     Args:
         share: Shares (F,) of the database's examples in which it stands.
-        floor_m: Height of toes that stand on the floor, applied to those near it; None leaves them.
+        floor_m: Height of toes that stand on the floor, applied to those near it; None leaves them unchanged.
     """
-    added, places = np.zeros((len(share), 6)), np.full_like(foot.toes_m, np.nan)  # added to the wanted ankle and toes
+    added, places = np.zeros((len(share), 6)), np.full_like(foot.toes_m, np.nan)  # added to the desired ankle and toes
     known = np.zeros(len(share), dtype=np.bool_)
     known[foot.keyed] = True
     for first, stop in stances_of(foot, share, fps):
@@ -115,7 +115,7 @@ def held_foot(foot: Foot, share: Array, floor_m: float | None, fps: float) -> He
         added[inside] = np.hstack((ankles - foot.wanted_ankle_m[inside], places[inside] - foot.wanted_toes_m[inside]))
         known[inside] = True
     if known.any():
-        # what contacts add fades between them
+        # what contacts add fades out between them
         added = curve_positions(np.flatnonzero(known).astype(np.float64), added[known], np.arange(float(len(share))))
     ankle_m, toes_m = foot.wanted_ankle_m + added[:, :3], foot.wanted_toes_m + added[:, 3:]
     up_m = lift_of(toes_m, places, foot.keyed, fps)[:, None] * np.array([0.0, 1.0, 0.0])
@@ -152,10 +152,10 @@ def _standing(foot: Foot, inside: IntArray, floor_m: float | None) -> tuple[Arra
 
 
 def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
-    """Return the position (3,) of toes that is a foot's length from all ankles (K, 3).
+    """Return the position (3,) of toes that is a foot's length away from all ankles (K, 3).
 
     Args:
-        toes_m: Wanted positions (K, 3); their mean attracts the result.
+        toes_m: Desired positions (K, 3); their mean attracts the result.
         lengths_m: Lengths (K,) of the foot.
     """
     middle = toes_m.mean(axis=0)
@@ -170,7 +170,7 @@ def toes_place(ankles_m: Array, toes_m: Array, lengths_m: Array) -> Array:
 
 
 def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
-    """Return wanted toes (K, 3) in frames of a stance, turned onto a near floor."""
+    """Return desired toes (K, 3) in frames of a stance, turned onto a floor nearby."""
     toes, ankles, lengths_m = foot.wanted_toes_m[own], foot.wanted_ankle_m[own], foot.length_m[own]
     way, low_m = toes - ankles, foot.toes_m[inside, 1].min()
     down_m, ahead_m = low_m - ankles[:, 1], np.hypot(way[:, 0], way[:, 2])
@@ -182,7 +182,7 @@ def _toes_on_floor(foot: Foot, own: IntArray, inside: IntArray) -> Array:
 
 
 def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
-    """Return [first, stop) of each time that a foot stands in one place.
+    """Return (first, stop) of each period in which a foot stands in one place.
 
     Args:
         share: Shares (F,) of the database's examples in which it stands.
@@ -213,7 +213,7 @@ def stances_of(foot: Foot, share: Array, fps: float) -> list[tuple[int, int]]:
 
 
 def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array, fps: float) -> list[tuple[int, int]]:
-    """Return stances, shortened where the next position is too far for the time between."""
+    """Return stances, shortened if the next position is too far away for the time between."""
     result, least = [list(each) for each in found], round(SETTINGS.contact_s * fps)
     places = [toes_m[first:stop].mean(axis=0) for first, stop in found]
     for (before, after), (place, then) in zip(pairwise(result), pairwise(places), strict=True):
@@ -230,7 +230,7 @@ def _with_time_to_step(found: list[tuple[int, int]], toes_m: Array, share: Array
 
 
 def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]:
-    """Return a stance of at least so many frames, extended where more examples stand."""
+    """Return a stance with at least this many frames, extended where more examples stand."""
     while stop - first < least:
         before = share[first - 1] if first > 0 else -1.0
         after = share[stop] if stop < len(share) else -1.0
@@ -241,7 +241,7 @@ def _widened(share: Array, first: int, stop: int, least: int) -> tuple[int, int]
 
 
 def _rests(foot: Foot, first: int, last: int, share: float, fps: float) -> bool:
-    """Tell whether a foot may stand in one place between two keys.
+    """Return whether a foot may stand in one place between two keys.
 
     Args:
         share: Mean share of the examples that stand there.
@@ -260,18 +260,18 @@ def _rests(foot: Foot, first: int, last: int, share: float, fps: float) -> bool:
 
 
 def _step(share: Array, speeds_m: Array, shortest: int, least: float) -> tuple[int, int]:
-    """Return [begin, stop) of a step where fewest examples stand.
+    """Return (begin, stop) of a step where fewest examples stand.
 
     Args:
         share: Shares (N,) from one key to the next.
-        speeds_m: Ways (N,) of the toes per frame.
+        speeds_m: Distances (N,) that the toes move per frame.
         shortest: Fewest frames of the step.
-        least: Share up to which it goes on.
+        least: Largest share at which the step continues.
     """
     if len(share) < 4:
         return 1, max(1, len(share) - 1)
     ones = np.ones(min(shortest, len(share) - 2))
-    counts = np.convolve(share - SETTINGS.moving_s * speeds_m, ones, mode="valid")[1:-1]  # both keys stay
+    counts = np.convolve(share - SETTINGS.moving_s * speeds_m, ones, mode="valid")[1:-1]  # both keys are kept
     begin = 1 + int(np.argmin(counts)) if len(counts) else 1
     stop = begin + len(ones)
     while begin > 0 and share[begin - 1] <= least:
@@ -282,11 +282,11 @@ def _step(share: Array, speeds_m: Array, shortest: int, least: float) -> tuple[i
 
 
 def lift_of(toes_m: Array, places_m: Array, keyed: IntArray, fps: float) -> Array:
-    """Return heights (F,) by which to lift toes (F, 3) over the floor while they step.
+    """Return heights (F,) by which to lift toes (F, 3) above the floor while they step.
 
     Args:
-        places_m: Positions (F, 3) of standing toes, which show the floor, else NaN.
-        keyed: Frames (K,) that are left as they are.
+        places_m: Positions (F, 3) of standing toes, which show the floor; NaN elsewhere.
+        keyed: Frames (K,) that are not changed.
     """
     fixed = np.isfinite(places_m[:, 0])
     if not fixed.any():

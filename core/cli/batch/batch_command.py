@@ -1,4 +1,4 @@
-"""`perfanim batch`: many takes, solved, retargeted and rated."""
+"""`perfanim batch`: track, solve, retarget and rate many takes."""
 
 import argparse
 import os
@@ -119,9 +119,9 @@ def _task_runner(args: argparse.Namespace) -> DoTasks:
 
 
 def _check(plan: Plan) -> None:
-    """Raise for bad options and unusable files, before any work.
+    """Raise for bad options and unusable files, before any work starts.
 
-    The takes themselves are not read: a bad one does not hold up the others.
+    The takes themselves are not read: one bad take does not hold up the others.
     """
     lines: set[str] = set()
     files: set[tuple[str, str]] = set()
@@ -155,7 +155,7 @@ def _check_options(take: TakePlan) -> None:
 
 
 def _summary(result: BatchResult, out: str) -> PartialResult:
-    """Return the summary, for people as a table."""
+    """Return the summary, with a table for people."""
     place = Path(out)
     rows = []
     for record in result.records:

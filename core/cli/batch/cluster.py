@@ -1,4 +1,4 @@
-"""Tasks done by the machines of a Dask cluster, each take one task."""
+"""Batch tasks on the machines of a Dask cluster, one task per take."""
 
 from collections.abc import Callable, Generator, Sequence
 
@@ -12,9 +12,9 @@ def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task])
     """Yield the records of tasks as they finish.
 
     Args:
-        address: of the scheduler, e.g. tcp://host:8786. Its workers have this package, and all files at the same paths.
-        serve: does one task, JSON in and out; found by its name on the workers.
-        tasks: in the order in which they are begun.
+        address: Address of the scheduler, e.g. tcp://host:8786. All workers need this package and the same file paths.
+        serve: Function that does one task, JSON in and out; found by its name on the workers.
+        tasks: Tasks in the order in which they are started.
 
     Raises:
         SettingsError: Dask is not installed, or no scheduler answers.
@@ -32,7 +32,7 @@ def on_cluster(address: str, serve: Callable[[str], str], tasks: Sequence[Task])
             "no Dask scheduler answers there", where=address, advice="start one with `dask scheduler`"
         ) from error
     with client:
-        # priority keeps the order; a take is no pure function: it writes files
+        # priority keeps the order; a take is not a pure function: it writes files
         futures = {
             client.submit(serve, task.text(), pure=False, priority=-number): task for number, task in enumerate(tasks)
         }

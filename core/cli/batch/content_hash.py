@@ -17,19 +17,19 @@ _BLOCK = 1 << 20
 
 
 class ContentDigests:
-    """SHA-256 of files, each read once."""
+    """SHA-256 digests of files; each file is read once."""
 
     def __init__(self) -> None:
         self._known: dict[Path, str] = {}
 
     def of_file(self, path: Path) -> str:
-        """Return the digest of a file's bytes, "" when it cannot be read."""
+        """Return the digest of a file's bytes, or "" if it cannot be read."""
         if path not in self._known:
             self._known[path] = file_digest(path)
         return self._known[path]
 
     def of_source(self, source: str) -> list[list[str]]:
-        """Return names and digests of the files of a file, a folder or a pattern."""
+        """Return names and digests of the files that a file, a folder or a pattern names."""
         path = Path(source)
         if is_file(path):
             return [["", self.of_file(path)]]
@@ -39,7 +39,7 @@ class ContentDigests:
 
 
 def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes, "" when it cannot be read."""
+    """Return the SHA-256 of a file's bytes, or "" if it cannot be read."""
     digest = hashlib.sha256()
     try:
         with open_foreign(path) as stream:
@@ -51,11 +51,11 @@ def file_digest(path: Path) -> str:
 
 
 def take_digest(take: TakePlan, contents: ContentDigests) -> str:
-    """Return the hash of all that a take's outputs depend on.
+    """Return the hash of everything that a take's outputs depend on.
 
-    Its content, the files it is solved with, its settings, and this program.
+    This is the take's content, the files used to solve it, its settings, and the version of this program.
 
-    Where the files lie does not count, nor do the other takes of the batch.
+    The location of the files and the other takes of the batch do not matter.
     """
     facts: dict[str, Any] = {
         "software": __version__,
@@ -83,7 +83,7 @@ def _content(key: str, value: Any, contents: ContentDigests) -> Any:
 
 
 def _recorded_database(path: str) -> str:
-    """Return the database that a recorded take was solved with, "" if unknown."""
+    """Return the database that a recorded take was solved with, or "" if unknown."""
     try:
         return str(read_take_file(path).setup.database.get("path", ""))
     except PerfanimError:

@@ -1,4 +1,4 @@
-"""The takes of a batch on one page, in one file, the bad ones first."""
+"""HTML report of a batch: all takes on one page, in one file, bad takes first."""
 
 import base64
 from collections.abc import Sequence
@@ -22,12 +22,12 @@ _COLUMNS = (
     ("longest_gap_s", "longest gap, s", "{:.2f}"),
     ("foot_skate_cm_s", "foot skate, cm/s", "{:.0f}"),
 )
-_MOST_BYTES = 4 << 20  # of a picture
+_MOST_BYTES = 4 << 20  # largest size of a picture
 _STYLE = "\n" + BATCH_STYLE.read_text(encoding="utf-8")
 
 
 def page_text(records: Sequence[Record], out: Path) -> str:
-    """Return the page (HTML, nothing outside of it but links to the motions)."""
+    """Return the page (HTML); it refers to nothing outside except the motion files."""
     counted = ", ".join(f"{sum(r.status == status for r in records)} {status}" for status in _ORDER)
     heads = "".join(f"<th>{title}</th>" for _, title, _ in _COLUMNS)
     ordered = sorted(records, key=lambda record: (_ORDER.index(record.status), record.name))
@@ -69,6 +69,6 @@ def _picture(record: Record, out: Path) -> str:
         return ""
     try:
         data = base64.b64encode(read_bytes(out / record.outputs["picture"], _MOST_BYTES)).decode()
-    except FormatError:  # another program has changed it since: the page goes without
+    except FormatError:  # another program has changed the picture: the page goes without it
         return ""
     return f'<img loading="lazy" alt="poses of {escape(record.name, quote=True)}" src="data:image/jpeg;base64,{data}">'

@@ -1,7 +1,8 @@
 """Plan of a batch: its takes, and the steps for each.
 
-A plan is TOML: settings of all takes at its top level, and `[[take]]` tables with the settings of the takes they name.
-Keys are the long options of `perfanim track`, `solve` and `retarget`, with _ for -; paths are relative to the plan.
+A plan is a TOML file: settings for all takes at its top level, and `[[take]]` tables with settings for the takes they
+name. Keys are the long options of `perfanim track`, `solve` and `retarget` with _ for -; paths are relative to the
+plan.
 """
 
 import glob
@@ -23,7 +24,7 @@ from ...system.schema import About, Schema, Table
 
 Value = str | float | bool | list[str]
 
-REPORT = "report"  # folder of records and pictures below that of the results
+REPORT = "report"  # folder of records and pictures, inside the folder of results
 SUMMARY = "summary.csv"
 MOST_RECORD_BYTES = 1 << 20
 
@@ -37,7 +38,7 @@ _Switch: TypeAlias = bool | None
 
 
 class Holds(Enum):
-    """Paths that a setting holds."""
+    """Paths that a setting contains."""
 
     FILE = "a file"
     NAME_OR_FILE = "a name or a file"
@@ -45,7 +46,7 @@ class Holds(Enum):
     CAMERAS = "sources, each NAME=SOURCE"
 
 
-# command -> settings that are options of it; "label": options of track by which it labels the markers of videos
+# command -> settings that are its options; "label": options of track that label the markers of videos
 _COMMANDS = {
     "track": "cameras left right camera background fps floor no_time_offset marker_set",
     "label": "database subject skeleton",
@@ -72,7 +73,7 @@ def _rate(about: str, unit: str = "frames per second") -> About:
 
 @dataclass(frozen=True)
 class TakeOptions:
-    """Settings of takes; None leaves a command its default."""
+    """Settings of takes; None means the command's default."""
 
     cameras: Annotated[_Text, _text("calibration of the videos, or of recorded takes")] = None
     left: Annotated[_Text, _text("video, folder or pattern of images of the left camera")] = None
@@ -107,7 +108,7 @@ class TakeOptions:
 
 @dataclass(frozen=True)
 class _TakeRow:
-    """Takes of a plan's table, beside their settings."""
+    """Which takes a plan's table names, in addition to their settings."""
 
     take: Annotated[str, About("file, folder or pattern; left out for videos")] = ""
     name: Annotated[str, About("name of the results; by default the file's")] = ""
@@ -115,7 +116,7 @@ class _TakeRow:
 
 @dataclass(frozen=True)
 class _PlanFile:
-    """A plan, beside its shared settings."""
+    """Contents of a plan, in addition to the shared settings."""
 
     take: Annotated[tuple[Table, ...], About("the takes")]
     out: Annotated[str, About("folder of the results")] = ""
@@ -145,7 +146,7 @@ SETTINGS = Schema(
     "see TOML files in the manual",
     closed=True,
 )
-_BODIES = ("subject", "skeleton")  # a take's own of either takes the place of both that all takes share
+_BODIES = ("subject", "skeleton")  # if a take sets either of these, neither shared setting applies to it
 _PATTERN = "*?["
 _MOST_FILES = 50_000  # that are looked at: a whole disk, named by mistake, soon ends in an error
 _FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
@@ -153,13 +154,13 @@ _FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
 
 @dataclass(frozen=True)
 class TakePlan:
-    """Plan of one take; plain values, to go to other processes as JSON.
+    """Plan of one take, in plain values that can be passed to other processes as JSON.
 
     Args:
         source: The take as the plan names it.
-        take: File that is solved; "" when it is tracked from the videos of the options.
-        options: Values of `TakeOptions` that are set, paths absolute.
-        digest: Hash of all that its outputs depend on (see `take_digest`); "" until it is computed.
+        take: File that is solved; "" if it is tracked from the videos in the options.
+        options: Values of `TakeOptions` that are set, with absolute paths.
+        digest: Hash of everything its outputs depend on (see `take_digest`); "" until it is computed.
     """
 
     name: str
@@ -170,11 +171,11 @@ class TakePlan:
 
     @property
     def is_tracked(self) -> bool:
-        """Whether it begins with videos."""
+        """Whether the take starts from videos."""
         return not self.take
 
     def options_of(self, command: str) -> list[str]:
-        """Return the command line options that the take's settings give a command."""
+        """Return the command line options for a command according to the take's settings."""
         line: list[str] = []
         for key, value in self.options.items():
             if value is False or not self._is_option(key, command):
@@ -193,9 +194,9 @@ class TakePlan:
         is_from_cameras = self.is_tracked or is_recorded(self.take)
         if key == "cameras" and not self.is_tracked:
             return command == "solve" and is_recorded(self.take)
-        if key in ("up", "names") and is_from_cameras:  # such takes have y up, and the set's names
+        if key in ("up", "names") and is_from_cameras:  # such takes have y up and the marker set's names
             return False
-        if key == "use" and is_recorded(self.take):  # for marker takes
+        if key == "use" and is_recorded(self.take):  # for marker takes only
             return False
         if key == "blender" and "to" not in self.options:
             return False
@@ -204,7 +205,7 @@ class TakePlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """The takes of a batch, sorted by name, and its folder for results ("" for none)."""
+    """The takes of a batch, sorted by name, and its folder for results ("" if not set)."""
 
     takes: tuple[TakePlan, ...]
     out: str = ""
@@ -214,10 +215,10 @@ def read_plan(path: Path | str, given: Mapping[str, Value]) -> Plan:
     """Return the plan of a TOML file.
 
     Args:
-        given: options with priority over its shared ones; paths relative to the current folder.
+        given: Options that override the plan's shared ones; paths are relative to the working folder.
 
     Raises:
-        FormatError: it cannot be read. SettingsError: its keys or values are wrong.
+        FormatError: The plan cannot be read. SettingsError: Its keys or values are wrong.
     """
     where = str(path)
     tables = read_toml(path)
@@ -241,7 +242,7 @@ def plan_of(sources: Sequence[str], given: Mapping[str, Value]) -> Plan:
 
 
 def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str) -> list[tuple[str, TakePlan]]:
-    """Return the takes of one table, and the name that it gives, "" when none."""
+    """Return the takes of one table, and the name that it gives, or ""."""
     found = TAKE.read(row, where)
     take, name = found.take, found.name
     own = {key: value for key, value in row.items() if key not in ("take", "name")}
@@ -255,7 +256,7 @@ def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str
         return [(name, TakePlan("", label, path, options)) for label, path in takes]
     images = [key for key in ("left", "camera") if own.get(key)]
     if not images:
-        raise SettingsError("has neither take nor left", where=where, advice="name a marker take, or videos")
+        raise SettingsError("names neither a take nor videos", where=where, advice="name one of them")
     if "cameras" not in options:
         raise SettingsError("has videos without cameras", where=where, advice="name their calibration")
     first = own[images[0]]
@@ -264,7 +265,7 @@ def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str
 
 
 def _merge(shared: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
-    """Return a take's settings: its own have priority over the shared ones."""
+    """Return a take's settings: its own override the shared ones."""
     left = {key: value for key, value in shared.items() if key not in _BODIES or not set(_BODIES) & set(own)}
     return {**left, **own}
 
@@ -298,12 +299,12 @@ def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
     """Return label and path of each take of a file, folder or pattern."""
     path = Path(_absolute(text, folder))
     if is_folder(path):
-        # names first: whether it is a file is asked of takes only
+        # names first: only for takes is it checked whether they are files
         files = (Path(place, name) for place, _, names in os.walk(path) for name in names)
         found = [file for file in _within_limit(files, where, text) if _is_take(file.name.lower()) and is_file(file)]
         found = _without_results(found)
     elif is_file(path) or not set(text) & set(_PATTERN):
-        found = [path]  # a missing file is a bad take; the others are done
+        found = [path]  # a missing file counts as a bad take; the others are still done
     else:
         names = glob.iglob(str(path), recursive=True)  # noqa: PTH207 - a whole path
         found = _without_results([Path(name) for name in _within_limit(names, where, text)])
@@ -313,13 +314,13 @@ def _find_takes(text: str, folder: Path, where: str) -> list[tuple[str, str]]:
 
 
 def _without_results(files: Sequence[Path]) -> list[Path]:
-    """Return the files that no batch has written: results may lie among or below the takes."""
+    """Return the files that were not written by a batch: results may lie among or below the takes."""
     results = {folder: _results_in(folder) for folder in {file.parent for file in files}}
     return [file for file in files if file.name not in results[file.parent]]
 
 
 def _results_in(folder: Path) -> set[str]:
-    """Return the names of the files in a folder that belong to the records of a batch."""
+    """Return the names of the files in a folder that the records of a batch list."""
     found = set[str]()
     for record in (folder / REPORT).glob("*.json"):
         with suppress(PerfanimError, ValueError, AttributeError, KeyError, TypeError):  # it may be any file
@@ -328,7 +329,7 @@ def _results_in(folder: Path) -> set[str]:
 
 
 def _within_limit(files: Iterable[Any], where: str, text: str) -> Iterator[Any]:
-    """Yield files up to the most that a folder of takes may hold."""
+    """Yield files, up to the largest number that a folder of takes may contain."""
     for count, file in enumerate(files):
         if count == _MOST_FILES:
             raise SettingsError(
@@ -346,9 +347,9 @@ def _label(path: Path, folder: Path) -> str:
 
 
 def _name_takes(found: Sequence[tuple[str, TakePlan]]) -> tuple[TakePlan, ...]:
-    """Return takes under different names, sorted; the order given does not matter.
+    """Return takes with unique names, sorted; the given order does not matter.
 
-    A take is named after its file; takes with one file name get their folders, and then their endings, too.
+    A take is named after its file; if file names are the same, folders and then endings are added.
     """
     chosen = [name or _stem(take.source) for name, take in found]
     for wider in (_with_folders, _whole):

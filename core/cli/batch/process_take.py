@@ -1,4 +1,4 @@
-"""One take of a batch, from its file or videos to its outputs and record."""
+"""Processing of one take of a batch, from its file or videos to its outputs and record."""
 
 import os
 import shutil
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def run_task(task: Task, commands: "CommandLine") -> Record:
-    """Do one take: write all of its outputs and its record, or none."""
+    """Process one take: write all of its outputs and its record, or none."""
     take, out, work = task.take, Path(task.out), Path(task.work) / task.take.name
     try:
         work.mkdir(parents=True)
@@ -31,7 +31,7 @@ def run_task(task: Task, commands: "CommandLine") -> Record:
             _move_outputs(record, work, out)
     except OSError as error:
         return unwritten_record(take, error)
-    except Exception as error:  # the last resort: the other takes go on
+    except Exception as error:  # last resort, so that the other takes continue
         return failed_record(take, f"failed unexpectedly: {type(error).__name__}: {error}")
     finally:
         shutil.rmtree(work, ignore_errors=True)
@@ -50,11 +50,11 @@ class TakePipeline:
         self._doubts: list[str] = []
 
     def run(self) -> Record:
-        """Return the record of the steps; the folder has the files of its outputs."""
+        """Return the record of the steps; the folder then contains the output files."""
         try:
             solved = self._solve()
         except PerfanimError as error:
-            # a file that cannot be written is no fault of the take
+            # failing to write a file is not the take's fault
             return self._record(BAD, [self._reason(error)], is_kept=not error.where.startswith(str(self._work)))
         figures = quality_figures(solved)
         self._keep("picture", f"{self._take.name}.jpg", lambda path: write_strip(solved, path))
@@ -141,12 +141,12 @@ class TakePipeline:
 
     def _reason(self, error: PerfanimError) -> str:
         text = " ".join(str(error).split())
-        # the record names the take
+        # the record itself names the take
         is_own = error.where in (self._take.take, self._take.name)
         return self._plain(text.removeprefix(f"{error.where}: ") if is_own else text)
 
     def _plain(self, text: str) -> str:
-        """Return a message without the folders of this machine."""
+        """Return a message without this machine's folder names."""
         known = {str(self._work) + os.sep: "", self._take.take: self._take.source}
         for place, name in known.items():
             text = text.replace(place, name) if place else text
@@ -154,9 +154,9 @@ class TakePipeline:
 
 
 def _move_outputs(record: Record, work: Path, out: Path) -> None:
-    """Move the outputs to their places, and the record last.
+    """Move the outputs to their final paths, the record last.
 
-    A take with a record is whole.
+    If there is a record, the take is complete.
     """
     (out / REPORT).mkdir(parents=True, exist_ok=True)
     for file in record.outputs.values():

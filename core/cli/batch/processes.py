@@ -1,4 +1,4 @@
-"""Tasks of a batch in several processes at once."""
+"""Batch tasks in several processes at once."""
 
 import queue
 import threading
@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Sequence
 from ...system.json_process import JsonProcess
 from .take_record import Record, Task, failed_record
 
-# sums of several threads differ in their last bits, and the results of a batch must not
+# sums over several threads differ in their last bits, but the results of a batch must not
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
@@ -16,13 +16,13 @@ def in_processes(serve: Callable[[], None], jobs: int, tasks: Sequence[Task]) ->
     """Yield the records of tasks as they finish.
 
     Args:
-        serve: function at the top level of a module that does tasks: a line of JSON each on standard
-            input, a line of JSON each as answer.
-        jobs: processes; one that dies is replaced, and its take is bad.
+        serve: Function at the top level of a module that does tasks: one line of JSON per task on standard
+            input, one line of JSON per answer.
+        jobs: Number of processes; one that dies is replaced, and its take counts as bad.
     """
     open_tasks, records = _OpenTasks(tasks), queue.SimpleQueue[Record]()
     workers = [_Worker(serve) for _ in range(min(jobs, len(tasks)))]
-    # a thread for each process hands it one take after another
+    # one thread per process hands it one take after another
     threads = [threading.Thread(target=_keep_busy, args=(worker, open_tasks, records)) for worker in workers]
     for thread in threads:
         thread.start()
@@ -46,7 +46,7 @@ def _keep_busy(worker: "_Worker", open_tasks: "_OpenTasks", records: queue.Simpl
 
 
 class _OpenTasks:
-    """Tasks not begun, by performer: a process prepares its performer once."""
+    """Tasks that have not started, grouped by performer: a process prepares each performer once."""
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self._lock = threading.Lock()
@@ -56,13 +56,13 @@ class _OpenTasks:
             self._left.setdefault(_performer(task), deque()).append(task)
 
     def next_after(self, last: Task | None) -> Task | None:
-        """Return a task for the process that did `last`, None when none is left."""
+        """Return a task for the process that last did `last`, or None if none is left."""
         with self._lock:
             if not self._left:
                 return None
             performer = _performer(last) if last is not None else None
             if performer not in self._left:
-                # one that no process has begun, else the one with most tasks left
+                # a performer that no process has started, else the one with most tasks left
                 performer = max(self._left, key=lambda each: (each not in self._begun, len(self._left[each])))
             self._begun.add(performer)
             task = self._left[performer].popleft()
@@ -80,7 +80,7 @@ def _performer(task: Task) -> tuple[str, ...]:
 
 
 class _Worker:
-    """Does one task after another in a process; when it dies, another takes its place."""
+    """Process that does one task after another; if it dies, it is replaced."""
 
     def __init__(self, serve: Callable[[], None]) -> None:
         self._serve = serve
@@ -104,7 +104,7 @@ class _Worker:
                 self._process.kill()
 
     def close(self) -> None:
-        """End the process when nobody waits for it."""
+        """End the process when it is no longer needed."""
         with self._lock:
             process, self._process = self._process, None
         if process is not None:

@@ -1,4 +1,4 @@
-"""Quality of a solved take where the truth is unknown."""
+"""Quality of a solved take when the truth is unknown."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from ...session.verdict import is_unsolved
 if TYPE_CHECKING:
     from ...session.solved_take import SolvedTake
 
-_DIGITS = 4  # of figures in files: their last bits may differ from machine to machine
+_DIGITS = 4  # significant digits of figures in files: the last bits may differ between machines
 _TOES = ("ltoes", "rtoes")
-_FLOOR_PERCENTILE = 2.0  # of a toe's heights: a toe stands at most times, and a few frames may lie too low
+_FLOOR_PERCENTILE = 2.0  # percentile of a toe's heights that counts as floor: a few frames may be too low
 _NEAR_FLOOR_M = 0.025
 
 
 @dataclass(frozen=True)
 class Limit:
-    """From where on a figure is doubtful, and how that is said."""
+    """Thresholds above which figures are doubtful, and their descriptions."""
 
     figure: str
     most: float
@@ -40,16 +40,16 @@ LEAST_CONFIDENCE = 0.5
 
 
 def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
-    """Return the figures of a solved take; None where one is unknown.
+    """Return the figures of a solved take; unknown ones are None.
 
     Returns:
-        Figures by name.
+        Figures by name:
 
         - frames, fps, duration_s.
         - marker_rms_mm: RMS distance of located and solved markers over the take; marker_median_mm: the median of the
           frames' RMS distances; marker_worst_mm: the largest.
-        - confidence: mean over the frames; confidence_low: that which 95 % of the frames reach.
-        - hidden: share of the markers that no camera shows; longest_gap_s: the longest time that one is hidden.
+        - confidence: mean over the frames; confidence_low: value that 95 % of the frames reach.
+        - hidden: share of marker positions that no camera shows; longest_gap_s: longest time that a marker is hidden.
         - unsolved: share of the frames without a pose of their own.
     """
     poses, motion = solved.poses_of(), solved.motion
@@ -75,7 +75,7 @@ def quality_figures(solved: "SolvedTake") -> dict[str, float | int | None]:
 
 
 def _longest_s(poses: Sequence[PerformerPose], hidden: Mask) -> float:
-    """Return the longest time that a marker of a mask (F, M) is hidden, from the frame before to that after it."""
+    """Return the longest time that a marker of a mask (F, M) is hidden, from the last visible frame to the next."""
     times_s = [pose.time_s for pose in poses]
     edges_s = [times_s[0], *times_s, times_s[-1]]
     return max((edges_s[stop + 1] - edges_s[start] for marker in hidden.T for start, stop in runs(marker)), default=0.0)
@@ -84,9 +84,9 @@ def _longest_s(poses: Sequence[PerformerPose], hidden: Mask) -> float:
 def foot_skate_cm_s(motion: Motion) -> float:
     """Return how fast the toes slide over the floor, cm/s.
 
-    Each toe's floor is the height it does not go below. A toe less than 2.5 cm above it counts with its horizontal
-    speed v as v (2 - 2^(h / H)), so fully on the floor and not at all at H (Zhang et al. 2018, Mode-Adaptive Neural
-    Networks, section 8); NaN when none ever is.
+    Each toe's floor is the height that it stays above. A toe less than 2.5 cm above it counts with its horizontal
+    speed v as v (2 - 2^(h / H)): fully on the floor and not at all at H (Zhang et al. 2018, Mode-Adaptive Neural
+    Networks, section 8). NaN if no toe is ever that low.
     """
     toes = [motion.skeleton.names.index(name) for name in _TOES if name in motion.skeleton.names]
     if not toes or motion.frames < 2:
@@ -102,7 +102,7 @@ def foot_skate_cm_s(motion: Motion) -> float:
 
 
 def why_doubtful(figures: dict[str, float | int | None]) -> list[str]:
-    """Return the reasons to look at a solved take, besides its verdict."""
+    """Return the reasons to look at a solved take, other than its verdict."""
     reasons = []
     for limit in LIMITS:
         value = figures[limit.figure]

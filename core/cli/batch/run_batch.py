@@ -1,4 +1,4 @@
-"""A batch from its plan to its summary."""
+"""Run of a batch, from its plan to its summary."""
 
 import os
 import shutil
@@ -28,8 +28,8 @@ class BatchResult:
     """Result of a batch.
 
     Args:
-        records: of its takes, sorted by name.
-        finished_before: names of those that an earlier run had done.
+        records: Records of its takes, sorted by name.
+        finished_before: Names of the takes that an earlier run had finished.
     """
 
     records: tuple[Record, ...]
@@ -38,13 +38,13 @@ class BatchResult:
 
 
 def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress: Progress) -> BatchResult:
-    """Do the takes that are not done yet, and summarise all.
+    """Process the takes that are not finished yet, and summarise all of them.
 
-    The folder's content afterwards depends on the takes alone, not on their order, the processes, or interruptions.
+    The folder's final content depends on the takes only, not on their order, the processes, or interruptions.
 
     Args:
-        takes: with names that differ.
-        do_tasks: does takes and yields their records in any order (see `in_processes`, `on_cluster`).
+        takes: Takes with unique names.
+        do_tasks: Processes takes and yields their records in any order (see `in_processes`, `on_cluster`).
 
     Raises:
         FormatError: the folder cannot be written. SettingsError: another batch is writing to this folder.
@@ -65,7 +65,7 @@ def run_batch(takes: Sequence[TakePlan], out: Path, do_tasks: DoTasks, progress:
             try:
                 remove_old(take, out)
                 left.append(take)
-            except OSError as error:  # the other takes go on
+            except OSError as error:  # the other takes continue
                 done[take.name] = unwritten_record(take, error)
         if left:
             _do(left, out, work, do_tasks, done, progress)
@@ -93,14 +93,14 @@ def _do(
             bad += record.status == BAD
             solved += weights[record.name] * (record.status != BAD)
             line = f"{len(done)} of {count} takes, {bad} bad"
-            if solved:  # an empty file says nothing about the time for the others
+            if solved:  # an empty file says nothing about the time that others take
                 left_s = (time.monotonic() - started) * (total - finished) / solved
                 line += f", {_duration(left_s)} left"
             progress(finished / total, line)
 
 
 def _weight(take: TakePlan) -> int:
-    """Return the expected work of a take: the bytes of its files."""
+    """Return the expected work for a take: the size of its files in bytes."""
     sources = [take.take] if take.take else [str(take.options.get(key, "")) for key in ("left", "right")]
     return 1 + sum(Path(source).stat().st_size for source in sources if source and is_file(source))
 
@@ -113,7 +113,7 @@ def _duration(seconds: float) -> str:
 
 @contextmanager
 def _workplace(out: Path) -> Iterator[Path]:
-    """Yield a new folder below `out` for unfinished files; remove it in the end."""
+    """Yield a new folder below `out` for unfinished files and remove it at the end."""
     with writing(out):
         (out / REPORT).mkdir(parents=True, exist_ok=True)
         handle = os.open(out / REPORT / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
@@ -122,7 +122,7 @@ def _workplace(out: Path) -> Iterator[Path]:
             raise SettingsError(
                 "another batch is writing there", where=str(out), advice="wait for it, or choose another folder"
             )
-        for old in out.glob(f"{_UNFINISHED}*"):  # of a run that was ended by force
+        for old in out.glob(f"{_UNFINISHED}*"):  # left by a run that was killed
             shutil.rmtree(old, ignore_errors=True)
         clean_folder(out)
         work = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=out)).absolute()

@@ -13,7 +13,7 @@ from .take_record import BAD, DOUBTFUL, GOOD, Record
 
 _FIGURES = ("frames", "marker_rms_mm", "confidence", "hidden", "longest_gap_s", "foot_skate_cm_s")
 _HEADS = ("frames", "error mm", "confid.", "hidden", "gap s", "skate cm/s")
-_LONGEST = 36  # letters of a name in the table that people read
+_LONGEST = 36  # longest name in the table for people, letters
 
 
 def write_summary(records: Sequence[Record], out: Path, work: Path) -> Path:

@@ -1,6 +1,6 @@
 """Records of a batch's takes, and tasks for its processes.
 
-Nothing here solves or draws, so the process that hands out takes loads fast.
+This module neither solves nor draws, so the process that distributes the takes starts fast.
 """
 
 import errno
@@ -21,12 +21,12 @@ from .plan import ALSO, MOST_RECORD_BYTES, REPORT, SAVED_AS, TakePlan
 GOOD, DOUBTFUL, BAD = "good", "doubtful", "bad"
 
 _ENDINGS = ("bvh", "take.npz", *ALSO, *SAVED_AS)
-_TEMPORARY = ".{}.angles.12345678.csv"  # the longest name that a file of a take has, while it is written
+_TEMPORARY = ".{}.angles.12345678.csv"  # the longest name that a take's file has while it is written
 
 
 @dataclass(frozen=True)
 class Record:
-    """Record of a take, kept beside its outputs."""
+    """Record of a take, stored next to its outputs."""
 
     name: Annotated[str, About("name of the take", least=1)]
     source: Annotated[str, About("the take as its plan names it")]
@@ -47,7 +47,7 @@ class Record:
 
     @classmethod
     def of_text(cls, text: str) -> "Record":
-        """Return the record of a JSON object; FormatError when it is none."""
+        """Return the record from a JSON object; FormatError if it is not one."""
         with reading("record"):
             return _RECORD.read(json.loads(text), "record")
 
@@ -63,10 +63,10 @@ _RECORD = Schema(
 
 @dataclass(frozen=True)
 class Task:
-    """One take to be done, as it goes to another process.
+    """One take to process, as it is sent to another process.
 
     Args:
-        work: folder below it for unfinished files.
+        work: Folder below which unfinished files are written.
     """
 
     take: TakePlan
@@ -75,7 +75,7 @@ class Task:
 
     @classmethod
     def of_text(cls, text: str) -> "Task":
-        """Return the task of a JSON object."""
+        """Return the task from a JSON object."""
         table = json.loads(text)
         return cls(TakePlan(**table["take"]), table["out"], table["work"])
 
@@ -85,12 +85,12 @@ class Task:
 
 
 def record_path(out: Path, name: str) -> Path:
-    """Return where the record of a take is kept."""
+    """Return the path of a take's record."""
     return out / REPORT / f"{name}.json"
 
 
 def finished_record(take: TakePlan, out: Path) -> Record | None:
-    """Return the record of an earlier run, if inputs and outputs are unchanged."""
+    """Return the record of an earlier run if inputs and outputs are unchanged."""
     record = stored_record(take.name, out)
     if record is None or not record.is_kept or record.digest != take.digest:
         return None
@@ -100,9 +100,9 @@ def finished_record(take: TakePlan, out: Path) -> Record | None:
 
 
 def stored_record(name: str, out: Path) -> Record | None:
-    """Return an earlier run's record of a take, or None if none can be read.
+    """Return an earlier run's record of a take, or None if it cannot be read.
 
-    Anybody may have written it: one that names files other than the take's own, or files elsewhere, is none.
+    The file may come from anyone: a record that names files other than the take's own is ignored.
     """
     try:
         record = Record.of_text(read_bytes(record_path(out, name), MOST_RECORD_BYTES).decode("utf-8"))
@@ -114,7 +114,7 @@ def stored_record(name: str, out: Path) -> Record | None:
 
 
 def _are_own(name: str, files: Iterable[str], out: Path) -> bool:
-    """Return whether files are a take's, below `out` even where links lead."""
+    """Return whether files belong to a take and lie below `out`, also where links lead."""
     own = {f"{REPORT}/{name}.jpg", *(f"{name}.{ending}" for ending in _ENDINGS)}
     root = os.path.realpath(out)
     return own.issuperset(files) and all(Path(os.path.realpath(out / file)).is_relative_to(root) for file in files)
@@ -126,16 +126,16 @@ def failed_record(take: TakePlan, reason: str) -> Record:
 
 
 def unwritten_record(take: TakePlan, error: OSError) -> Record:
-    """Return the record of a take with files that the system cannot write."""
+    """Return the record of a take whose files the system cannot write."""
     is_long = error.errno == errno.ENAMETOOLONG
     advice = 'give the take a shorter name (name = "...")' if is_long else "choose a folder you may write to"
     return failed_record(take, f"cannot be written ({error.strerror or error}); {advice}")
 
 
 def remove_old(take: TakePlan, out: Path) -> None:
-    """Remove the record and the outputs of an earlier run with other inputs.
+    """Remove the record and outputs of an earlier run with other inputs.
 
-    OSError: they cannot be removed, or the take's name is too long for new ones.
+    OSError: They cannot be removed, or the take's name is too long for new ones.
     """
     with suppress(FileNotFoundError):
         (out / _TEMPORARY.format(take.name)).lstat()

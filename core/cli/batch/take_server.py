@@ -1,4 +1,4 @@
-"""Takes of a batch done in a process (`serve`) or on a cluster (`serve_task`)."""
+"""Processing of a batch's takes in another process (`serve`) or on a cluster (`serve_task`)."""
 
 import os
 import queue
@@ -20,9 +20,9 @@ _local = threading.local()
 
 
 def serve_task(text: str) -> str:
-    """Do one take, JSON in and out (`take_record.Task`, `Record`).
+    """Process one take; task and record are JSON (`take_record.Task`, `Record`).
 
-    A thread opens each database once for all of its takes.
+    Each thread opens a database once for all of its takes.
     """
     from .process_take import run_task
     from .take_record import Task
@@ -33,14 +33,14 @@ def serve_task(text: str) -> str:
 
 
 class CommandLine:
-    """Runs the commands of a take in this process, with a session cache shared between takes."""
+    """Runs the commands for a take in this process, with a session cache shared between takes."""
 
     def __init__(self) -> None:
         import cv2
 
         from ...session.session_cache import SessionCache
 
-        cv2.setNumThreads(1)  # there is a process for each core
+        cv2.setNumThreads(1)  # there is one process per core
         self._store = SessionCache()
 
     def run(self, command: str, options: Sequence[str]) -> dict[str, Any]:
@@ -51,7 +51,7 @@ class CommandLine:
         return summary
 
     def solve(self, options: Sequence[str]) -> "tuple[SolvedTake, dict[str, Any]]":
-        """Run `perfanim solve`; return poses and motion, and facts."""
+        """Run `perfanim solve`; return poses, motion and facts."""
         from ..solve_command import solve
 
         args = parse_options("solve", options)
@@ -74,7 +74,7 @@ def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":
 
 @contextmanager
 def _usage_as_settings_error() -> Iterator[None]:
-    """Raise SettingsError where the command line would end with wrong usage."""
+    """Raise SettingsError where the command line would exit for wrong usage."""
     from ...errors import SettingsError
 
     written = StringIO()
@@ -82,15 +82,15 @@ def _usage_as_settings_error() -> Iterator[None]:
         with redirect_stderr(written):
             yield
     except SystemExit as error:
-        if error.code != 2:  # another end than for wrong usage
+        if error.code != 2:  # not an exit for wrong usage
             raise
         line = written.getvalue().strip().splitlines()[-1]
         raise SettingsError(line.rpartition("error: ")[2]) from None
 
 
 def serve() -> None:
-    """Do the takes that standard input names; write the records to standard output."""
-    # output of libraries must not come between the answers
+    """Process the takes that standard input names; write the records to standard output."""
+    # output of libraries must not appear between the answers
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     requests: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -101,7 +101,7 @@ def serve() -> None:
 
 
 def _listen(requests: queue.SimpleQueue[str]) -> None:
-    """Queue the requests; end this process at once when their sender is gone."""
+    """Queue the requests; end this process as soon as their sender is gone."""
     for line in sys.stdin:
         requests.put(line)
     os._exit(0)

@@ -1,4 +1,4 @@
-"""A solved take at a glance: poses in a row, and a bar of confidence."""
+"""Picture of a solved take: a row of poses above a bar of confidence."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from ...session.verdict import is_unsolved
 from ...simulate.preview import CharacterPainter, floor_image, preview_camera
 
 _POSES = 6
-_CELL = (96, 124)  # pixels, width and height
-_DRAWN = (144, 186)  # larger, and made smaller afterwards: edges become smooth
-_BAR = 7  # pixels
-_QUALITY = 75  # of the JPEG
-_SOLE_M = 0.03  # from a joint of the foot to the floor
-# BGR of confidence 0, 0.5 and 1, and of frames without a pose
+_CELL = (96, 124)  # width and height, pixels
+_DRAWN = (144, 186)  # pixels; drawn larger and reduced afterwards, so that edges are smooth
+_BAR = 7  # height, pixels
+_QUALITY = 75  # JPEG quality
+_SOLE_M = 0.03  # height of a foot joint above the floor
+# BGR for confidence 0, 0.5 and 1, and for frames without a pose
 _COLOURS = np.array([[60.0, 60.0, 200.0], [60.0, 190.0, 235.0], [90.0, 175.0, 90.0]])
 _UNSOLVED = (30.0, 30.0, 30.0)
 
@@ -27,7 +27,7 @@ def write_strip(solved: SolvedTake, path: Path) -> None:
     """Write the picture of a take as a JPEG.
 
     Raises:
-        FormatError: it cannot be written.
+        FormatError: The picture cannot be written.
     """
     done, data = cv2.imencode(".jpg", np.vstack((_poses(solved), _bar(solved))), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if not done:
@@ -36,7 +36,7 @@ def write_strip(solved: SolvedTake, path: Path) -> None:
 
 
 def _poses(solved: SolvedTake) -> Image:
-    """Return poses at equal times side by side, each in the middle of its cell."""
+    """Return poses at equal time intervals next to each other, each centred in its cell."""
     motion = solved.motion
     camera = preview_camera([0.0, 1.0, 0.0], _DRAWN)
     stage, painter = floor_image(camera), CharacterPainter(camera, motion.skeleton)
@@ -52,7 +52,7 @@ def _poses(solved: SolvedTake) -> Image:
 
 
 def _bar(solved: SolvedTake) -> Image:
-    """Return a bar of the least confidence over time, black where no pose is."""
+    """Return a bar of the lowest confidence over time, black where there is no pose."""
     width = _POSES * _CELL[0]
     poses = solved.poses_of()
     times_s = np.array([pose.time_s for pose in poses])

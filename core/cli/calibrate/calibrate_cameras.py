@@ -1,4 +1,4 @@
-"""`perfanim calibrate cameras` and `board`: cameras from pictures of a board, and the board to print."""
+"""`perfanim calibrate cameras` and `board`: calibrate cameras from pictures of a board; make the board to print."""
 
 import argparse
 from typing import Any

@@ -1,4 +1,4 @@
-"""`perfanim calibrate floor`: floor, origin and scale from markers on the floor."""
+"""`perfanim calibrate floor`: set floor, origin and scale from markers on the floor."""
 
 import argparse
 from contextlib import closing

@@ -1,4 +1,4 @@
-"""`perfanim calibrate prop`: a rigid object with markers, from a take of it."""
+"""`perfanim calibrate prop`: measure a rigid object with markers, from a take."""
 
 import argparse
 from dataclasses import replace

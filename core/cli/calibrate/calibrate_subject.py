@@ -1,4 +1,4 @@
-"""`perfanim calibrate subject`: skeleton and marker offsets from held poses, or from motion alone."""
+"""`perfanim calibrate subject`: measure skeleton and marker offsets from held poses, or from motion alone."""
 
 import argparse
 from dataclasses import replace
@@ -122,7 +122,7 @@ def _from_motion(
     name: str,
     progress: Progress,
 ) -> tuple[Subject, dict[str, Any]]:
-    """Return the subject found from motion, and facts about it."""
+    """Return the subject estimated from motion, and facts about it."""
     database = open_database(args.database)
     if before:
         worn = replace(before.wearing(marker_set), name=name)
@@ -133,13 +133,13 @@ def _from_motion(
     check_height(height_m)
     named = AUTO if args.marker_set == AUTO else marker_set
     subject = fit_subject(take, database, named, height_m, name, progress)
-    doubtful = subject.residual_m > 0.015  # RMS distance, m: such a body does not explain the motion
+    doubtful = subject.residual_m > 0.015  # RMS distance, m: a larger one means a body that does not explain the motion
     advice = ["check --marker-set, or record a calibration pose"] if doubtful else []
     return subject, worn_facts(fit_take(take, marker_set, None), marker_set, subject) | {"advice": advice}
 
 
 def worn_facts(take: MarkerTake, usual: MarkerSet, subject: Subject) -> dict[str, Any]:
-    """Return how many of a take's markers are known, and the known ones that are worn far from their usual places."""
+    """Return how many of a take's markers are known, and which known ones are far from their usual positions."""
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
     places = dict(zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True))
     moved_m = {
@@ -176,7 +176,7 @@ def _changes(result: Refinement) -> dict[str, Any]:
 
 
 def part(take: MarkerTake, text: str | None) -> MarkerTake:
-    """Return the frames "A:B" of a take, or all of it for None; SettingsError where there are none."""
+    """Return the frames "A:B" of a take, or all if None; SettingsError if the range is invalid."""
     if text is None:
         return take
     start, colon, stop = text.partition(":")

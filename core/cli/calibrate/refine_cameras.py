@@ -1,4 +1,4 @@
-"""`perfanim calibrate refine`: poses of bumped cameras from a take's markers."""
+"""`perfanim calibrate refine`: correct the poses of bumped cameras with a take's markers."""
 
 import argparse
 from contextlib import closing
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     moved = names[int(np.argmax(result.turned_deg))]
     if result.bumped and not result.sure:
         raise CalibrationError(
-            f"{moved} has moved relative to {names[0]}, and the markers give its new position only to within "
+            f"{moved} has moved relative to {names[0]}, and the markers determine its new position only to within "
             f"{100.0 * result.depth_sigma:.1f} % of their distance",
             where=str(args.cameras),
             advice="calibrate again with the board",

@@ -1,4 +1,4 @@
-"""`perfanim take export`: motion or markers of a recorded take."""
+"""`perfanim take export`: write motion or markers of a recorded take to a file."""
 
 import argparse
 from pathlib import Path
@@ -73,7 +73,7 @@ def _written(markers: MarkerTake, out: Path, warnings: list[str]) -> dict[str, A
 
 
 def _performer_index(take: TakeFile, name: str | None) -> int:
-    """Return the index of a performer, 0 for None; TakeError where nobody has the name."""
+    """Return the index of a performer, 0 for None; TakeError if no performer has the name."""
     if name is None:
         return 0
     names = [subject.name for subject in take.setup.subjects()[1:]]

@@ -1,4 +1,4 @@
-"""`perfanim take fill`: gaps and noise of a marker take removed with the help of the body."""
+"""`perfanim take fill`: fill gaps and remove noise in a marker take with the help of the body."""
 
 import argparse
 from dataclasses import replace
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 def _subject_and_take(
     args: argparse.Namespace, take: MarkerTake, database: Database, progress: Progress
 ) -> tuple[Subject, MarkerTake]:
-    """Return the subject, and the take under the markers' names."""
+    """Return the subject, and the take with the marker names of its set."""
     if args.subject is not None:
         subject = load_subject(args.subject)
         return subject, fit_take(take, subject.marker_set, None)

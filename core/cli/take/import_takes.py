@@ -1,4 +1,4 @@
-"""`perfanim take import`: marker takes of other systems as recorded takes."""
+"""`perfanim take import`: convert marker takes of other systems to recorded takes."""
 
 import argparse
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Solve marker takes and keep them as recorded takes; a bad one does not stop the others."""
+    """Solve marker takes and store them as recorded takes; a bad one does not stop the others."""
     progress(0.0, "reading")
     if args.subject is None:
         check_height(args.height)
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 
 def _subject(args: argparse.Namespace, marker_set: MarkerSet | None) -> Subject:
-    """Return the subject with the markers of the set, or with its own; an average body where none is named."""
+    """Return the subject with the markers of the set, or with its own; an average body if none is named."""
     if args.subject is not None:
         subject = load_subject(args.subject)
         return subject if marker_set is None else subject.wearing(marker_set)
@@ -101,7 +101,7 @@ def _import_one(
     database: Database,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Write one take and return its facts; without a subject its labels choose the marker set."""
+    """Write one take and return its facts; without a subject, its labels determine the marker set."""
     progress(0.0, f"reading {path.name}")
     if is_recorded(path):
         return _copy_recorded(path, Path(args.out))
@@ -135,6 +135,6 @@ def _copy_recorded(path: Path, folder: Path) -> dict[str, Any]:
 
 
 def _stem(path: Path) -> str:
-    """Return a file's name without the ending of its format."""
+    """Return a file name without its format's ending."""
     ending = next((ending for ending in READABLE if path.name.lower().endswith(ending)), "")
     return path.name[: len(path.name) - len(ending)] or path.name

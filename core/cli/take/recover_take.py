@@ -1,4 +1,4 @@
-"""`perfanim take recover`: the intact part of a damaged take as a whole take."""
+"""`perfanim take recover`: write the intact part of a damaged take as a new take."""
 
 import argparse
 from pathlib import Path
@@ -20,13 +20,13 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Write the intact part as a whole take, and return what was left out."""
+    """Write the intact part as a new take, and report what was left out."""
     path = Path(args.take)
     out = Path(args.out) if args.out else path.with_name(f"{take_name(path)}-recovered{ENDING}")
     if not is_recorded(out):
         raise SettingsError(f"{out} does not end in {ENDING}", advice="recorded takes have this ending")
     if exists(out) and not args.out:
-        raise FormatError("exists already", where=str(out), advice="give another name with --out")
+        raise FormatError("already exists", where=str(out), advice="give another name with --out")
     progress(0.0, "reading")
     take = read_take_file(path)
     problems = [str(fault) for fault in take.faults]

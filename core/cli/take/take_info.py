@@ -1,4 +1,4 @@
-"""`perfanim take info`: facts about a take, and whether all of it is there."""
+"""`perfanim take info`: facts about a take, and whether the file is complete."""
 
 import argparse
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from ...system.lock import is_locked
 from ...system.progress import Progress
 from ..options import add_command
 
-_MAIN = ("frames", "fps", "markers", "visible_fraction", "problems")  # facts that are listed for each of several takes
+_MAIN = ("frames", "fps", "markers", "visible_fraction", "problems")  # facts listed when several takes are given
 _UNSOLVED = "has no labels and poses yet: perfanim solve finds them"
 _NOBODY = ", with --subject, or --skeleton and --marker-set"
 
@@ -30,7 +30,7 @@ def add_parser(group: Any) -> None:
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
-    """Return all facts of one take, or the main ones of each of several."""
+    """Return all facts about one take, or the main facts about each of several."""
     if len(args.takes) == 1:
         progress(0.0, "reading")
         return _info(args.takes[0])
@@ -96,7 +96,7 @@ def _recorded_info(take: TakeFile) -> dict[str, Any]:
 
 
 def _props_found(take: TakeFile) -> dict[str, float | None]:
-    """Return the share of the poses with each prop found."""
+    """Return the share of the poses in which each prop was found."""
     found = [[prop.found for prop in solved.pose.props] for solved in take.poses]
     names = [prop.name for prop in take.setup.carried_props()]
     return {name: float(np.mean([row[i] for row in found])) if found else None for i, name in enumerate(names)}
@@ -135,7 +135,7 @@ def _times(clock: Clock | None) -> dict[str, Any]:
 
 
 def _left_out(numbers: Any, clock: Clock | None) -> int:
-    """Return how many frames are missing between the first and the last, by their numbers or their times."""
+    """Return how many frames are missing between the first and the last, judged by their numbers or times."""
     if clock is None:
         return 0
     return max(int(numbers[-1] - numbers[0]) + 1 - len(numbers), clock.lost)

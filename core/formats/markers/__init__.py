@@ -1,1 +1,1 @@
-"""Marker files: C3D, TRC, CSV, TSV and the project's own."""
+"""Marker files: C3D, TRC, CSV, TSV and our own formats."""

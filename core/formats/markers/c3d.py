@@ -1,4 +1,4 @@
-"""C3D marker takes: reader for all processors, integer and real storage.
+"""Reader for C3D marker takes from all processor types, with integer or real storage.
 
 Format (c3d.org): a 512-byte header block, parameter blocks with groups and parameters, then frames of four words per
 point (x, y, z, residual with camera mask) and analog samples, which are ignored.
@@ -29,13 +29,13 @@ Parameters = dict[tuple[str, str], list[Any]]  # values by group and name
 
 @dataclass(frozen=True)
 class Layout:
-    """Storage of the frames.
+    """Storage layout of the frames.
 
     Args:
         points: Points per frame, of four words each.
         analog_words: Words per frame after the points.
         frames: Frames that are stored completely.
-        scale: Factor of integers; negative if the words are real numbers.
+        scale: Scale factor of integers; negative if the words are real numbers.
         start: First byte of the frames.
         order: Byte order for struct and NumPy.
         is_dec: Real numbers are in the VAX format.
@@ -73,14 +73,14 @@ def read_c3d(path: Path | str) -> MarkerTake:
 
 
 def layout_of(data: bytes, where: str) -> Layout:
-    """Return the storage of the frames in a C3D file; errors as in `read_c3d`."""
+    """Return the storage of the frames in a C3D file; errors are those of `read_c3d`."""
     with reading(where):
         reader = _C3dParser(data, where)
         return reader.layout(reader.parameters())
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in a C3D header, 0 if it is left open; errors as in `read_c3d`."""
+    """Return the frame count in a C3D header, 0 if it is not stated; errors are those of `read_c3d`."""
     with reading(path):
         return _C3dParser(read_bytes(path), str(path)).header_frames()
 
@@ -117,7 +117,7 @@ class _C3dParser:
         return make_take(self.where, layout.fps, names, positions, numbers, times)
 
     def header_frames(self) -> int:
-        """Return the frame count; counts that do not fit the header are in parameters of several programs."""
+        """Return the frame count; some programs store counts that do not fit the header in parameters."""
         frames = max(self._word(5) - self._word(4) + 1, 0)
         if frames < 0xFFFF:
             return frames
@@ -171,7 +171,7 @@ class _C3dParser:
     def _frame_count(self, parameters: Parameters, stored: int) -> int:
         declared = max(self._word(5) - self._word(4) + 1, 0)
         long_count = int(_point(parameters, "FRAMES", 0)) & 0xFFFF
-        # 65535 means that the count does not fit; then the file's size decides
+        # 65535 means that the count does not fit; the file's size then decides
         if max(declared, long_count) >= 0xFFFF or declared == 0:
             return stored
         return min(declared, stored)
@@ -185,7 +185,7 @@ class _C3dParser:
             raw = np.frombuffer(self.data, "<u2", 2 * count, layout.start)
             return _from_dec(raw).reshape(-1, width)
         reals = np.frombuffer(self.data, self.order + "f4", count, layout.start)
-        with np.errstate(invalid="ignore"):  # damaged files hold signalling NaN
+        with np.errstate(invalid="ignore"):  # damaged files contain signalling NaNs
             return reals.reshape(-1, width).astype(np.float64)
 
     def parameters(self) -> Parameters:
@@ -194,7 +194,7 @@ class _C3dParser:
         at = self.parameter_start + 4
         while at + 4 <= len(self.data):
             length, group = struct.unpack_from("bb", self.data, at)
-            length = abs(length)  # negative: locked
+            length = abs(length)  # a negative length marks a locked item
             if length == 0 or group == 0:
                 break
             name = self.data[at + 2 : at + 2 + length].decode("latin-1").strip().upper()
@@ -232,7 +232,7 @@ def _point(parameters: Parameters, name: str, default: Any) -> Any:
 
 
 def _long(parameters: Parameters, name: tuple[str, str]) -> int:
-    """Return a parameter of two 16-bit words, the low one first, or of one real number; 0 without it."""
+    """Return a parameter stored as two 16-bit words, low word first, or as one real number; 0 if it is missing."""
     values = parameters.get(name, [])
     if len(values) == 2 and all(isinstance(value, int) for value in values):
         return (values[0] & 0xFFFF) | (values[1] & 0xFFFF) << 16

@@ -1,4 +1,4 @@
-"""C3D marker takes: writer (Intel order, real numbers, millimetres)."""
+"""Writer for C3D marker takes (Intel order, real numbers, millimetres)."""
 
 import struct
 from pathlib import Path
@@ -11,8 +11,8 @@ from ...system.files import atomic_path
 
 _BLOCK = 512
 _INTEL = 84
-_MOST_NAMES = 255  # in one parameter
-_MOST_FRAMES = 0xFFFF  # in a 16-bit word; the TRIAL group holds the end of longer takes
+_MOST_NAMES = 255  # most names in one parameter
+_MOST_FRAMES = 0xFFFF  # largest number in a 16-bit word; the TRIAL group stores the end of longer takes
 _CHARACTERS, _WORD, _REAL = -1, 2, 4
 
 
@@ -39,7 +39,7 @@ def write_c3d(take: MarkerTake, path: Path | str) -> None:
         file.write(header.ljust(_BLOCK, b"\0") + parameters)
         file.write(
             words.tobytes()
-        )  # without padding, because readers count the frames of long takes by the file's size
+        )  # no padding, because readers derive the frame count of long takes from the file's size
 
 
 def _parameters(take: MarkerTake, first: int, frames: int) -> bytes:

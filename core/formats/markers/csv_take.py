@@ -1,4 +1,4 @@
-"""Marker takes as CSV: exports of OptiTrack's Motive, FreeMoCap's tables, and a plain table.
+"""Marker takes in CSV files: exports from OptiTrack Motive, FreeMoCap tables, and our own table.
 
 Our own table: comment lines with "#", one of them with "fps=..."; a header `frame,time_s,NAME_x,NAME_y,NAME_z,...`;
 then one row per frame in metres, blank where a marker is missing.
@@ -34,22 +34,22 @@ from .reader_parts import (
     table_of,
 )
 
-# FreeMoCap's tables with a row per point: their columns, and the model and trajectory that are read
+# FreeMoCap tables with one row per point: their columns, and the model and trajectory to read
 _LONG, _BODY_MODEL, _POSITIONS = frozenset(("frame", "keypoint", "x", "y", "z")), "body", "3d_xyz"
 _BY_CAMERA = "timestamp_by_camera"
 
-_BLANK: list[str] = []  # shared by all blank lines, to save memory
+_BLANK: list[str] = []  # one list for all blank lines, to save memory
 _COLUMN = re.compile(r"(?P<name>.+?)[ _.:]?(?P<axis>[xyzXYZ])")
 _NUMBER = re.compile(r"frame", re.IGNORECASE)
 _CLOCK = re.compile(
     r"time(?P<stamp>_?stamps?)?[ _]*[\[(]?(?P<unit>s|ms|us|µs|ns|(milli|micro|nano)?seconds)?[\])]?", re.IGNORECASE
 )
-# Motive's kinds of columns, measured before modelled ones
+# Motive's kinds of columns; measured positions are preferred to modelled ones
 _MOTIVE_KINDS = ("marker", "bone marker", "rigid body marker")
 
 
 def read_csv(path: Path | str) -> MarkerTake:
-    """Return the take of a CSV file in metres, see the module for the layouts; FormatError names file and line."""
+    """Return the take in a CSV file, in metres; layouts are described above, and FormatError names file and line."""
     where = str(path)
     text = decode_text(read_bytes(path), where, "table of markers")
     if "\x00" in text:
@@ -65,7 +65,7 @@ def read_csv(path: Path | str) -> MarkerTake:
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in the header of a Motive export, 0 for other tables."""
+    """Return the frame count in the header of a Motive export, or 0 for other tables."""
     text = decode_text(head_of(path), str(path), "table of markers")
     first = next(csv.reader(text.splitlines()[:1], delimiter=_separator(text)), [])
     found = dict(zip(first[::2], first[1::2], strict=False)).get("Total Exported Frames", "")
@@ -73,7 +73,7 @@ def declared_frames(path: Path | str) -> int:
 
 
 def _separator(text: str) -> str:
-    """Return the field separator, from the first line that is not blank or a comment."""
+    """Return the field separator, found in the first line that is not blank or a comment."""
     first = next((line for line in text.splitlines() if line.strip() and line[:1] != "#"), "")
     return separator_of(first) or ","
 
@@ -100,7 +100,7 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
     rate = facts.get("Export Frame Rate") or facts.get("Capture Frame Rate") or "nan"
     fps = numbers_of([rate], f"{where}, line 1")[0]
     names = [labels["name"][i] for i in starts]
-    own = [name.split(":")[-1] for name in names]  # without the subject, unless several subjects have a "Marker1"
+    own = [name.split(":")[-1] for name in names]  # without the subject, unless two subjects share a name
     names = own if len(set(own)) == len(own) else names
     return make_take(where, fps, names, positions, table[:, 0], table[:, 1], facts.get("Take Name", ""))
 
@@ -140,7 +140,7 @@ def _plain(rows: list[list[str]], where: str) -> MarkerTake:
 
 
 def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> MarkerTake:
-    """Return the take of a table with a row per frame and point; of several models and trajectories the body's."""
+    """Return the take of a table with one row per frame and point; of several models or trajectories, the body's."""
     places = {cell.lower(): place for place, cell in enumerate(header)}
     used = [places[key] for key in ("frame", "x", "y", "z")]
     model, trajectory, clock, keypoint = (places.get(key) for key in ("model", "trajectory", "timestamp", "keypoint"))
@@ -174,12 +174,12 @@ def _long(rows: list[list[str]], head: int, header: list[str], where: str) -> Ma
 
 
 def _cell(row: list[str], place: int | None) -> str:
-    """Return a field of a row, "" where there is none."""
+    """Return a field of a row, or "" beyond its end."""
     return row[place].strip() if place is not None and place < len(row) else ""
 
 
 def _date_seconds(cell: str) -> str:
-    """Return a date and time of day in seconds, other fields as they are."""
+    """Return a date and time of day in seconds; other fields are returned unchanged."""
     if ":" not in cell:
         return cell
     with suppress(ValueError):
@@ -188,12 +188,12 @@ def _date_seconds(cell: str) -> str:
 
 
 def _first_place(pattern: re.Pattern[str], header: list[str]) -> int | None:
-    """Return the first column with such a name, or None."""
+    """Return the first column whose name matches, or None."""
     return next((place for place, cell in enumerate(header) if pattern.fullmatch(cell)), None)
 
 
 def _seconds(times: Array, name: str) -> Array:
-    """Return a column of times in seconds, by the unit in its name; for "timestamp" alone, the steps show it."""
+    """Return a column of times in seconds; the unit is in its name, or for "timestamp" found from the steps."""
     match = _CLOCK.fullmatch(name)
     unit = (match["unit"] or "").lower() if match else ""
     if match and match["stamp"] and not unit:
@@ -203,7 +203,7 @@ def _seconds(times: Array, name: str) -> Array:
 
 
 def _name_of(cells: list[str]) -> str:
-    """Return the name that x, y and z columns share, "" for other columns."""
+    """Return the name shared by x, y and z columns, or "" for other columns."""
     if "".join(cell[-1:] for cell in cells).lower() != "xyz":
         return ""
     found = {match["name"] for cell in cells if (match := _COLUMN.fullmatch(cell))}
@@ -211,7 +211,7 @@ def _name_of(cells: list[str]) -> str:
 
 
 def _table(rows: list[list[str]], start: int, width: int, where: str, used: Container[int | None]) -> Array:
-    """Return the numbers (F, width) of the columns in use, NaN in others, which may hold text."""
+    """Return the numbers (F, width) in the columns that are used, and NaN in the others, which may contain text."""
     size = sum(len(cell) + 1 for row in rows for cell in row)
     return table_of(_fields(rows, start, width, where, used), len(rows), width, size, where)
 
@@ -228,7 +228,7 @@ def _fields(
 
 
 def write_csv(take: MarkerTake, path: Path | str) -> None:
-    """Write a take as our own table, metres to a micrometre."""
+    """Write a take as our own table, in metres with micrometre resolution."""
     header = ["frame", "time_s", *(f"{name}_{axis}" for name in take.names for axis in "xyz")]
     with (
         atomic_path(path) as temporary,

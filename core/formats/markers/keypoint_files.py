@@ -1,7 +1,7 @@
-"""Keypoints of markerless tools: the names, unit and rate that their files do not state.
+"""Keypoint files of markerless tools: finding the names, unit and rate that they do not state.
 
 FreeMoCap writes arrays (.npy) and tables of points in millimetres, without stating rate or unit. They can include
-points of hands and face and centres of mass, which say nothing about the body's joints.
+points on hands and face and centres of mass, which say nothing about the body's joints.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from ...markers.marker_set import PointKind, load_marker_set
 from ...markers.marker_take import MarkerTake
 from .reader_parts import make_take
 
-BODY = "body_"  # FreeMoCap's prefix of the names of the body's points
+BODY = "body_"  # FreeMoCap's prefix for the names of body points
 
 _ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # marker sets by their number of points
 _HOLISTIC = (543, 553)  # points of MediaPipe's holistic model: those of the body, then hands and face
@@ -29,7 +29,7 @@ _USUAL_FPS = 30.0  # frame rate of webcams and phones
 
 
 def are_keypoints(names: Sequence[str]) -> bool:
-    """Return whether names are those of a shipped set of keypoints."""
+    """Return whether the names are those of a shipped keypoint set."""
     try:
         return match_best_set(names, "").marker_set.points is PointKind.KEYPOINTS
     except TakeError:
@@ -37,7 +37,7 @@ def are_keypoints(names: Sequence[str]) -> bool:
 
 
 def read_npy(path: Path | str) -> MarkerTake:
-    """Return the take of an array (F, J, 3) of keypoints, named by their number.
+    """Return the take from an array (F, J, 3) of keypoints, named by their index.
 
     Raises:
         FormatError: The file is damaged, or the array has another shape.
@@ -60,14 +60,14 @@ def keypoint_take(
     where: str, names: Sequence[str], points: Array, fps: float,
     frame_numbers: Array | None = None, times_s: Array | None = None,
 ) -> MarkerTake:  # fmt: skip
-    """Return a take of the body's keypoints in metres.
+    """Return a take with the body's keypoints in metres.
 
-    The unit is the one that gives the body a human size. A rate that is not stated comes from the time stamps in the
+    The unit is the one that gives the body a human size. A rate that is not stated is found from the time stamps in the
     recording's folder; without these, a usual rate is assumed.
 
     Args:
         points: Keypoints (F, J, 3) in an unknown unit.
-        fps: Rate; not positive if it is not stated.
+        fps: Frame rate; zero or negative if it is not stated.
         times_s: Times (F,) of the frames, NaN where they are not known.
     """
     if any(name.startswith(BODY) for name in names):
@@ -84,11 +84,11 @@ def keypoint_take(
 
 
 def _metres_per_unit(points: Array, where: str) -> float:
-    """Return the metres per unit of points (F, J, 3), by the median extent of the body."""
+    """Return the metres per unit of points (F, J, 3), from the median extent of the body."""
     seen = np.all(np.isfinite(points), axis=-1) & np.any(points != 0.0, axis=-1)
     whole = points[np.sum(seen, axis=1) > 0.5 * points.shape[1]]
     if len(whole) == 0:
-        raise FormatError("shows most of the body in no frame", where=where)
+        raise FormatError("never shows most of the body in one frame", where=where)
     whole = np.where(
         np.all(np.isfinite(whole), axis=-1, keepdims=True) & np.any(whole != 0.0, -1, keepdims=True), whole, np.nan
     )
@@ -97,7 +97,7 @@ def _metres_per_unit(points: Array, where: str) -> float:
 
 
 def _recorded_times(path: Path, frames: int) -> Array | None:
-    """Return the times (F,) that FreeMoCap's cameras wrote beside a file, or None without them."""
+    """Return the times (F,) that FreeMoCap's cameras wrote next to a file, or None if there are none."""
     for folder in path.absolute().parents[:2]:
         stamps = [read_array(file) for file in sorted((folder / "synchronized_videos" / "timestamps").glob("*.npy"))]
         known = [each.astype(np.float64) for each in stamps if each.shape == (frames,) and each.dtype.kind in "iuf"]

@@ -44,10 +44,10 @@ def is_recorded(path: Path | str) -> bool:
 
 
 def read_take(path: Path | str) -> MarkerTake:
-    """Return the marker take of a file in metres and the file's own axes; its ending, of `READABLE`, tells the format.
+    """Return the marker take in a file, in metres and the file's own axes; the ending, of `READABLE`, tells the format.
 
     Raises:
-        FormatError: The file is of another kind, damaged, or without markers.
+        FormatError: The file is of another kind, is damaged, or has no markers.
         TakeError: A .take.npz has another version, or a recorded take has no poses.
     """
     read = _READERS.get(_ending_of(path))
@@ -59,13 +59,13 @@ def read_take(path: Path | str) -> MarkerTake:
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in the header of a file, 0 if there is none."""
+    """Return the frame count stated in a file's header, 0 if there is none."""
     count = _COUNTERS.get(_ending_of(path))
     return count(path) if count else 0
 
 
 def _cut_off(path: Path | str, frames: int) -> str:
-    """Return the sentence that a file holds fewer frames than its header declares, "" for a whole one."""
+    """Return a sentence if a file contains fewer frames than its header declares, else ""."""
     declared = declared_frames(path)
     return f"{Path(path).name} was cut off: it holds {frames} of {declared} frames" if frames < declared else ""
 
@@ -76,15 +76,15 @@ def _ending_of(path: Path | str) -> str:
 
 
 def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:
-    """Raise FormatError for a file name with another ending; by default those of `write_take`."""
+    """Raise FormatError for a file name with any other ending; by default those of `write_take` are allowed."""
     if not Path(path).name.lower().endswith(endings):
         raise FormatError("has an ending that cannot be written", where=str(path), advice=f"use {', '.join(endings)}")
 
 
 def write_take(take: MarkerTake, path: Path | str) -> MarkerTake:
-    """Write a take and return it as written; the file name's ending, of `WRITABLE`, tells the format.
+    """Write a take and return it as written; the file name's ending, one of `WRITABLE`, tells the format.
 
-    A `.take.npz` keeps the times of the frames; the other formats state a rate, at which the frames are laid out.
+    A `.take.npz` stores the times of the frames; the other formats state a rate, at which the frames are resampled.
     """
     check_ending(path)
     ending = next(ending for ending in WRITABLE if Path(path).name.lower().endswith(ending))

@@ -1,4 +1,4 @@
-"""Motion of a prop as a table for other programs, one row per frame of a steady rate."""
+"""Motion of a prop as a table for other programs, one row per frame at a steady rate."""
 
 import csv
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ HEADER = ("frame", "time_s", "x", "y", "z", "qw", "qx", "qy", "qz", "rms_mm", "m
 
 
 def write_prop_csv(poses: Sequence[ScenePose], index: int, name: str, path: Path | str) -> Clock:
-    """Write a prop's position and rotation by the poses' times, blank while it was not found; return the clock.
+    """Write a prop's position and rotation at a steady rate, blank while it was not found; return the clock used.
 
     Raises:
         FormatError: `path` cannot be written.

@@ -1,4 +1,4 @@
-"""Marker takes as TSV of Qualisys Track Manager: millimetres, tab-separated."""
+"""Marker takes as TSV exports of Qualisys Track Manager, in millimetres."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,19 +9,19 @@ from ...system.files import read_bytes
 from .reader_parts import frame_count, head_of, lines_of, make_take, numbers_of, table_of
 
 _KIND = "export of Qualisys"
-_METRES = 0.001  # per unit, which the file does not name
-_HEADER_LINES = 50  # more than any header has, including events
-_AHEAD = 2  # optional columns before the positions: frame and time
+_METRES = 0.001  # metres per unit, which the file does not name
+_HEADER_LINES = 50  # more lines than any header has, including events
+_AHEAD = 2  # largest number of optional columns before the positions: frame and time
 
 
 def read_tsv(path: Path | str) -> MarkerTake:
     """Return the take of a Qualisys TSV file with 3D data, in metres.
 
-    Exports with and without column headers, frame numbers and times are read. NULL, blank fields and points at the very
-    origin are missing positions.
+    Exports with and without column headers, frame numbers and times are read. NULL, blank fields and points exactly at
+    the origin are missing positions.
 
     Raises:
-        FormatError: The file is of another kind, damaged, or without markers; names file and line.
+        FormatError: The file is of another kind, is damaged, or has no markers; names file and line.
     """
     where, data = str(path), read_bytes(path)
     lines = lines_of(data, where, _KIND)
@@ -41,13 +41,13 @@ def read_tsv(path: Path | str) -> MarkerTake:
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in the header; errors as in `read_tsv`."""
+    """Return the frame count in the header; errors are those of `read_tsv`."""
     header, _ = _header(lines_of(head_of(path), str(path), _KIND), str(path))
     return frame_count(_value(header, "NO_OF_FRAMES", str(path)))
 
 
 def _value(header: dict[str, list[str]], key: str, where: str) -> float:
-    """Return the number of a header line, NaN without one."""
+    """Return the number in a header line, NaN if there is none."""
     return float(numbers_of((header.get(key) or ["nan"])[:1], where)[0])
 
 
@@ -76,7 +76,7 @@ def _is_data(line: str) -> bool:
 
 
 def _fields(line: str, width: int) -> list[str]:
-    """Return the fields of a row of `width` positions, without a tab at its end and with NULL as blank."""
+    """Return the fields of a row of `width` positions, without a trailing tab and with NULL as blank."""
     fields = ["" if field.strip().lower() == "null" else field for field in line.split("\t")]
     return fields[:-1] if len(fields) in (width + 1, width + _AHEAD + 1) and not fields[-1].strip() else fields
 

@@ -1,4 +1,4 @@
-"""Common parts of the readers of marker takes."""
+"""Functions shared by the readers of marker takes."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -15,7 +15,7 @@ from ...system.file_content import decode_text
 from ...system.files import is_over_budget, open_foreign
 from ..unique_names import unique_names
 
-# metres per unit named in marker files
+# metres per unit, by the names used in marker files
 LENGTHS: dict[str, float] = {
     "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "mete": 1.0,
     "cm": 0.01, "centimeter": 0.01, "centimeters": 0.01, "centimetres": 0.01,
@@ -25,7 +25,7 @@ LENGTHS: dict[str, float] = {
 
 
 def lines_of(data: bytes, where: str, expected: str) -> list[str]:
-    """Return the lines of a text file of any system; FormatError if it is something else than `expected`."""
+    """Return the lines of a text file from any system; FormatError if it is not what `expected` says."""
     return re.split("\r\n|\r|\n", decode_text(data, where, expected))
 
 
@@ -36,14 +36,14 @@ def head_of(path: Path | str, most: int = 1 << 16) -> bytes:
 
 
 def separator_of(line: str) -> str | None:
-    """Return the field separator of a line: tab, semicolon or comma; None for blanks."""
-    found = max("\t;,", key=line.count)  # a tie goes to the first
+    """Return the field separator of a line: tab, semicolon or comma; None for spaces."""
+    found = max("\t;,", key=line.count)  # in a tie the first one wins
     return found if found in line else None
 
 
-LARGEST_FRAME = 2.0**53  # a float64 does not hold every whole number beyond it
+LARGEST_FRAME = 2.0**53  # above this, float64 does not represent every whole number
 
-# seconds per unit of time; "" if a header names none
+# seconds per unit of time; "" if a header names no unit
 SECONDS = {
     "": 1.0,
     "s": 1.0,
@@ -71,15 +71,15 @@ def metres_of(unit: str, where: str) -> float:
 
 
 def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, size: int, where: str) -> Array:
-    """Return the numbers of rows of fields; rows may end early.
+    """Return the numbers in rows of fields; rows may end early.
 
     Args:
         rows: Fields of each row, and its place for messages.
         count: Largest possible number of rows.
         width: Number of columns.
-        size: Bytes of the file, which limit the table.
+        size: Size of the file in bytes, which limits the table.
     """
-    if is_over_budget(2 * count * width * 8, size, 8):  # the rows of fields take as much as the numbers
+    if is_over_budget(2 * count * width * 8, size, 8):  # the rows of fields take as much memory as the numbers
         advice = "export it again, without columns that are empty"
         raise FormatError(
             f"declares {count} rows of {width} columns, far more than it holds", where=where, advice=advice
@@ -95,7 +95,7 @@ def table_of(rows: Iterable[tuple[Sequence[str], str]], count: int, width: int, 
 
 
 def numbers_of(fields: Sequence[str], where: str) -> list[float]:
-    """Return the numbers of text fields, NaN for blank fields and "nan"; commas are decimal in a row without points."""
+    """Return the numbers in text fields, NaN for blanks and "nan"; in a row without points, commas are decimal."""
     try:
         return _numbers(fields)
     except ValueError as error:
@@ -113,13 +113,13 @@ def make_take(
     where: str, fps: float, names: Sequence[str], positions_m: Array,
     frame_numbers: Array | None = None, times_s: Array | None = None, name: str = "",
 ) -> MarkerTake:  # fmt: skip
-    """Return a take with true times, and a rate that agrees with them.
+    """Return a take with true times, and with a rate that agrees with them.
 
-    Infinite positions count as missing, as do points at the exact origin, which many systems write for missing ones.
+    Infinite positions count as missing; so do points exactly at the origin, which many systems write for missing ones.
 
     Args:
-        fps: Rate that the header states; it need not be positive where there are times.
-        times_s: Times (F,), seconds or a smaller unit, as they are written: rounded, or contradicting the header.
+        fps: Rate that the header states; may be zero or negative if there are times.
+        times_s: Times (F,), seconds or a smaller unit, as written: they may be rounded or contradict the header.
     """
     seen = np.all(np.isfinite(positions_m), axis=-1) & np.any(positions_m != 0.0, axis=-1)
     positions_m = np.where(seen[..., None], positions_m, np.nan)

@@ -1,4 +1,4 @@
-"""Marker takes from the labelled markers of solved poses."""
+"""Marker takes made from the labelled markers of solved poses."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +15,7 @@ from ..take_file.take_reader import TakeFile, read_take_file
 
 
 def read_recorded_take(path: Path | str) -> MarkerTake:
-    """Return the markers of a recorded take as they were labelled live; TakeError if no pose was solved."""
+    """Return the markers of a recorded take with their live labels; TakeError if no pose was solved."""
     return marker_take(read_take_file(path))
 
 
@@ -34,7 +34,7 @@ def marker_take(take: TakeFile) -> MarkerTake:
 def take_of_poses(
     poses: Sequence[PerformerPose], names: Sequence[str], name: str, fps: float, rig: CameraRig | None = None
 ) -> MarkerTake:
-    """Return the labelled markers of poses, with `rig` also those seen by a single camera."""
+    """Return the labelled markers of poses; if `rig` is given, also those seen by a single camera."""
     single = None
     if rig is not None:
         cameras = np.array([pose.single_cameras for pose in poses])

@@ -1,4 +1,4 @@
-"""Rewriting of marker files with changed positions; everything else is kept."""
+"""Writing of changed positions into marker files, leaving all other content as it was."""
 
 from pathlib import Path
 
@@ -15,11 +15,11 @@ from .trc import is_rewritable, rewrite_trc
 
 
 def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> list[str]:
-    """Write a changed take; return notes about content that the new file lost.
+    """Write a changed take; return notes about content that the new file lacks.
 
-    In the file's own format everything else stays byte for byte: analog samples, events, parameters, points without a
+    In the file's own format everything else is kept byte for byte: analog samples, events, parameters, points without a
     name. New positions in a C3D file have no cameras and the residual 0, like interpolated points. TRC files with
-    unusual separators, decimal commas or encodings are written anew.
+    unusual separators, decimal commas or encodings are written from scratch.
 
     Args:
         take: Result of `read_take` with other positions.
@@ -48,7 +48,7 @@ def rewrite_take(source: Path | str, take: MarkerTake, target: Path | str) -> li
 
 
 def _lost(source: Path) -> list[str]:
-    """Return notes about content that only the file's own format holds."""
+    """Return notes about content that only the file's own format can store."""
     if source.suffix.lower() == ".c3d":
         analog = layout_of(read_bytes(source), str(source)).analog_words > 0
         kept = ["analog samples"] * analog + ["events", "parameters", "residuals"]
@@ -59,7 +59,7 @@ def _lost(source: Path) -> list[str]:
 
 
 def _c3d(data: bytes, where: str, positions_m: Array, changed: Mask, new: Mask) -> bytes:
-    """Return a C3D file's bytes with changed positions, the `new` ones marked as interpolated."""
+    """Return a C3D file's bytes with changed positions, with the `new` ones marked as interpolated."""
     layout = layout_of(data, where)
     result = bytearray(data)
     values = positions_m / layout.metres
@@ -86,6 +86,6 @@ def _words(data: bytearray, layout: Layout, kind: str) -> NDArray[np.generic]:
 
 
 def _to_dec(values: Array) -> NDArray[np.uint32]:
-    """Return numbers in the VAX F format as 32 bits, the high half first."""
+    """Return numbers in the VAX F format as 32 bits, high half first."""
     bits = np.where(np.isfinite(values), 4.0 * values, 0.0).astype(np.float32).view(np.uint32)
     return (bits >> np.uint32(16)) | (bits << np.uint32(16))

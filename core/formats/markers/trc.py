@@ -16,11 +16,11 @@ _KIND = "TRC file"
 
 
 def read_trc(path: Path | str) -> MarkerTake:
-    """Return the take of a TRC file in metres.
+    """Return the take in a TRC file, in metres.
 
     Blank fields, every spelling of NaN and points at the very origin are missing positions; rows may end early. Points
-    without a name are ignored. If the data rate is zero, the times give it. Semicolons, commas or blanks can stand for
-    the tabs, and tabs can be doubled.
+    without a name are ignored. If the data rate is zero, the times determine it. Semicolons, commas or spaces may
+    replace the tabs, and tabs may be doubled.
 
     Raises:
         FormatError: The file is not TRC, is damaged, or has no markers; names file and line.
@@ -40,7 +40,7 @@ def read_trc(path: Path | str) -> MarkerTake:
 
 
 def declared_frames(path: Path | str) -> int:
-    """Return the frame count in a TRC header, 0 if it is left open; errors as in `read_trc`."""
+    """Return the frame count in a TRC header, 0 if it is not stated; errors are those of `read_trc`."""
     where = str(path)
     return frame_count(_number(_header(lines_of(head_of(path), where, _KIND), where).get("numframes", "")))
 
@@ -51,7 +51,7 @@ def _header(lines: list[str], where: str) -> dict[str, str]:
     if len(lines) < 3:
         raise FormatError("ends within its header", where=where)
     keys, values = ([field.strip() for field in line.split(separator_of(lines[1]))] for line in lines[1:3])
-    # spreadsheets and some programs double tabs in one of these lines
+    # spreadsheets and some programs double the tabs in one of these lines
     if any(values[len(keys) :]) or ("" in keys and any(keys[len(values) :])):
         keys, values = ([field for field in fields if field] for fields in (keys, values))
     header = {k.lower(): v for k, v in zip(keys, values, strict=False)}
@@ -68,7 +68,7 @@ def _number(text: str) -> float:
 
 
 def _names(fields: list[str], header: dict[str, str], where: str) -> list[str]:
-    # some writers shift the names by a column against the data, so only their order counts
+    # some writers shift the names by a column relative to the data, so only their order counts
     names = [field.strip() for field in fields[2:] if field.strip()]
     names = names[1:] if names[:1] == ["Time"] and not fields[1].strip() else names
     declared = _number(header.get("nummarkers", ""))
@@ -81,7 +81,7 @@ def _names(fields: list[str], header: dict[str, str], where: str) -> list[str]:
 
 
 def _fields(lines: list[str], separator: str) -> Iterator[list[str]]:
-    """Yield the fields of all lines after the header; separators that are doubled throughout count once."""
+    """Yield the fields of all lines after the header; separators that are always doubled count once."""
     step = 0
     for line in lines[5:]:
         fields = line.split(separator)
@@ -91,7 +91,7 @@ def _fields(lines: list[str], separator: str) -> Iterator[list[str]]:
 
 
 def _fields_without_separators(lines: list[str], header: dict[str, str], where: str) -> Iterator[list[str]]:
-    """Yield the words of all lines after the header, which must hold every value."""
+    """Yield the words of all lines after the header; each line must contain every value."""
     markers = _number(header.get("nummarkers", ""))
     for number, line in enumerate(lines[5:], start=6):
         fields = line.split() or [""]
@@ -136,7 +136,7 @@ def write_trc(take: MarkerTake, path: Path | str) -> None:
 
 
 def is_rewritable(data: bytes) -> bool:
-    """Return whether a TRC file has single tabs, decimal points and a byte a letter, as `rewrite_trc` expects."""
+    """Return whether a TRC file has single tabs, decimal points and one byte per letter, as `rewrite_trc` expects."""
     lines = data.replace(b"\r", b"\n").split(b"\n")
     rows = [line.split(b"\t") for line in lines if line[:1].isdigit()]
     doubled = bool(rows) and not any(map(bytes.strip, rows[-1][1::2]))
@@ -146,7 +146,7 @@ def is_rewritable(data: bytes) -> bool:
 def rewrite_trc(data: bytes, where: str, positions_m: Array, changed: Mask) -> bytes:
     """Return a TRC file's bytes with changed positions, (F, M, 3) and (F, M)."""
     text = data.decode("utf-8", errors="surrogateescape")
-    parts = re.split("(\r\n|\r|\n)", text)  # lines and line ends in turn
+    parts = re.split("(\r\n|\r|\n)", text)  # lines and line ends alternate
     lines = parts[::2]
     metres = metres_of(_header(lines, where).get("units", "mm"), where)
     values, decimals = positions_m / metres, 5 if metres < 0.1 else 8

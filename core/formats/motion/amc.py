@@ -26,7 +26,7 @@ _SPACE, _TAB, _NEWLINE = b" \t\n"
 
 @dataclass(frozen=True)
 class AmcValues:
-    """Numbers of an AMC file.
+    """Numbers in an AMC file.
 
     Args:
         layout: Bones of each frame, in the file's order.
@@ -40,7 +40,7 @@ class AmcValues:
 
     @property
     def angle_jumps(self) -> Mask:
-        """Frames (F,) with an angle far from that of the frame before."""
+        """Frames (F,) with an angle far from that of the previous frame."""
         turning = [channel[0] == "r" for bone in self.layout for channel in bone.channels]
         return angle_jumps(np.degrees(self.values[:, turning] * self.factor))
 
@@ -64,7 +64,7 @@ def parse_amc_values(content: bytes, where: str, asf: AsfFile) -> AmcValues:
 
 
 def _stripped(body: bytes) -> bytes:
-    """Return the lines without indents and blank ones, one in memory at a time."""
+    """Return the lines without indentation or blank lines, one in memory at a time."""
     stripped = bytearray()
     for line in BytesIO(body):
         if words := line.strip():
@@ -110,7 +110,7 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
 
 
 def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
-    """Return values (F, D) in the layout's order, or None if a frame departs from it.
+    """Return values (F, D) in the layout's order, or None if a frame differs from it.
 
     Every frame has the same names on the same lines, so each name is checked and blanked out in all frames at once.
     """
@@ -139,7 +139,7 @@ def _values(body: bytes, layout: list[AsfBone]) -> Array | None:
 
 
 def _first_fault(body: bytes, where: str, layout: list[AsfBone], line: int) -> FormatError:
-    """Return the error for the first line that departs from the first frame."""
+    """Return the error for the first line that differs from the first frame."""
     expected = [[""]] + [[bone.name, *bone.channels] for bone in layout]
     step = -1
     number = line
@@ -172,13 +172,13 @@ def _line_fault(words: list[str], expected: list[str]) -> str:
 
 
 def amc_motion(table: AmcValues, asf: AsfFile, fps: float, name: str) -> Motion:
-    """Return the motion of an AMC file's numbers on the skeleton of its ASF file.
+    """Return the motion from an AMC file's numbers on the skeleton of its ASF file.
 
     Args:
         fps: Frame rate, which AMC files do not store; CMU's is `CMU_FPS`.
 
     Raises:
-        FormatError: A frame contains NaN, or as `Motion`.
+        FormatError: A frame contains NaN, or a value is invalid in `Motion`.
     """
     skeleton, values = asf.skeleton, table.values
     rotations = rot.identity((len(values), len(skeleton)))

@@ -1,6 +1,6 @@
 """Joint angles as a table (CSV) for spreadsheets and statistics.
 
-Comment lines with "#" state the convention; then follow a header and one row per frame: number from 0, time in seconds,
+Comment lines with "#" state the convention, followed by a header and one row per frame: number from 0, time in seconds,
 position of the root in metres, and three angles in degrees for each joint, the root first.
 
 Angles describe the rotation relative to the parent joint (the root's relative to the world) about the joint's own axes,
@@ -25,13 +25,13 @@ _CONVENTION = (
 
 
 def write_angles_csv(motion: Motion, path: Path | str) -> None:
-    """Write a motion's joint angles; see the module for the convention."""
+    """Write a motion's joint angles; the convention is described in the module."""
     names = motion.skeleton.names
     header = ["frame", "time_s", *(f"{names[0]}_{axis}_m" for axis in "xyz")]
     header += [f"{name}_{axis}_deg" for name in names for axis in _ORDER.lower()]
     euler = rot.to_euler(motion.rotations, _ORDER)
     angles = np.concatenate([rot.unwrap_euler(euler[:, joint]) for joint in range(len(names))], axis=1)
-    rows = np.round(np.concatenate((motion.root_positions_m, np.degrees(angles)), axis=1), 6) + 0.0  # no -0.0
+    rows = np.round(np.concatenate((motion.root_positions_m, np.degrees(angles)), axis=1), 6) + 0.0  # avoids -0.0
     pattern = ",".join(["%.6f"] * rows.shape[1])
     with atomic_path(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
         file.writelines(f"# {line}\n" for line in "\n".join(_CONVENTION).format(fps=motion.fps).split("\n"))

@@ -45,7 +45,7 @@ class AsfBone:
 
 @dataclass(frozen=True)
 class AsfFile:
-    """Content of an ASF file.
+    """Contents of an ASF file.
 
     Args:
         bones: Bones by name, without the root.
@@ -67,7 +67,7 @@ class AsfFile:
 
 
 def read_asf(path: Path | str) -> AsfFile:
-    """Return the content of an ASF file, with its skeleton in metres.
+    """Return the contents of an ASF file, with its skeleton in metres.
 
     Joints have the file's bone names. Bones without degrees of freedom that the standard skeleton lacks (CMU's
     lhipjoint, rhipjoint) are folded into their children's offsets.
@@ -276,6 +276,6 @@ def _parents_first(parents: dict[str, str], where: str) -> list[str]:
 
 
 def _angle_order(bone: AsfBone) -> str:
-    """Return the joint's axes in `rotations.from_euler` order: fixed axes in reverse."""
+    """Return the joint's axes in `rotations.from_euler` order: the fixed axes reversed."""
     axes = {channel[1].upper() for channel in bone.channels if channel[0] == "r"}
     return "".join(axis for axis in reversed(bone.axis_order) if axis in axes)

@@ -1,4 +1,4 @@
-"""BVH motion files: reader for every channel layout, and writer.
+"""BVH motion files: reader for all channel layouts, and writer.
 
 A joint's position channels replace its OFFSET; rotations are multiplied in the order of the channels (Zrotation
 Xrotation Yrotation means Rz Rx Ry); angles are in degrees; Y is up.
@@ -32,11 +32,11 @@ def read_bvh(content: Path | str | bytes, name: str = "", unit: str = "auto") ->
 
     Args:
         content: Path or bytes of a file.
-        name: Name of the clip; for bytes also the file's name in messages.
+        name: Name of the clip; for bytes also the file name in messages.
         unit: One of UNITS, or "auto" for the one that makes the body closest to the size of an adult.
 
-    Frames with "nan" keep it (see `SourceMotion.finite_frames`). A frame count in the header that differs from the
-    rows present is noted if the last row is whole.
+    Frames with "nan" keep it (see `SourceMotion.finite_frames`). If the frame count in the header differs from the
+    number of rows and the last row is complete, this is noted.
 
     Raises:
         FormatError: The file is not BVH, is damaged or cut off; names file and line.
@@ -110,7 +110,7 @@ def _first_word_that_is_no_number(body: bytes, place: str, line: int) -> FormatE
 def _check_lines(body: bytes, width: int, declared: int, place: str, line: int) -> None:
     """Raise FormatError for a line that does not hold a frame.
 
-    A frame may be broken over lines and several may share one, but not where the lines are as many as the frames.
+    A frame may be broken over lines and several may share one, unless there are as many lines as frames.
     """
     lines = [(number, len(raw.split())) for number, raw in enumerate(body.split(b"\n"), start=line)]
     lines = [(number, count) for number, count in lines if count]
@@ -155,10 +155,10 @@ def _assemble(
 
 
 def _turns(hierarchy: BvhHierarchy, rows: Array, block: int = 1 << 17) -> tuple[Array, Mask]:
-    """Return rotations (F, J, 4) and jumps (F,) of their angles.
+    """Return rotations (F, J, 4) and a mask (F,) of jumps in their angles.
 
     Args:
-        block: Joint poses computed at once, because all of them would need several times the result's memory.
+        block: Number of poses computed at once, because all together would need several times the result's memory.
     """
     joints = len(hierarchy.names)
     rotations, jumps = np.empty((len(rows), joints, 4)), np.zeros(len(rows), dtype=np.bool_)
@@ -178,9 +178,9 @@ def _turns(hierarchy: BvhHierarchy, rows: Array, block: int = 1 << 17) -> tuple[
 
 
 def _translations(hierarchy: BvhHierarchy, rows: Array, offsets: Array, still: float = 1e-4) -> dict[int, Array]:
-    """Return the positions (F, 3) of joints moved by position channels, in file units.
+    """Return the positions (F, 3) of joints that position channels move, in file units.
 
-    Constant channels of other joints are their offsets and are written into `offsets`.
+    Constant channels of other joints are their offsets and are written to `offsets`.
 
     Args:
         still: Range below which a channel counts as constant, file units.
@@ -200,10 +200,10 @@ def _translations(hierarchy: BvhHierarchy, rows: Array, offsets: Array, still: f
 
 
 def _likely_unit(parents: IntArray, offsets: Array, tips: Array, reach_m: float = 1.25) -> float:
-    """Return the unit, metres, that makes the longest chain of bones nearest to an adult's.
+    """Return the unit, in metres, that makes the longest chain of bones most like an adult's.
 
     Args:
-        reach_m: Length from pelvis to finger tips of an adult; units differ by a factor of two at least.
+        reach_m: Length from pelvis to finger tips of an adult; units differ by at least a factor of two.
     """
     children = np.bincount(parents[parents >= 0], minlength=len(parents)).tolist()
     lengths = rot.lengths(offsets).tolist()
@@ -237,7 +237,7 @@ def write_bvh(motion: Motion, path: Path | str, units: str = "m", decimals: int 
     rows = np.concatenate((motion.root_positions_m * scale, angles.reshape(motion.frames, -1)), axis=1)
     rows = (
         np.round(rows, decimals) + 0.0
-    )  # -0.0 becomes 0.0, so that files do not depend on the last bit of a computation
+    )  # turn -0.0 into 0.0, so that files do not depend on the last bit of a computation
     head = [
         "HIERARCHY",
         *_joint_lines(motion.skeleton, 0, "", scale),

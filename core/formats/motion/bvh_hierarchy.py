@@ -13,7 +13,7 @@ from ...geometry.arrays import Array, IntArray
 from ..unique_names import unique_names
 
 _CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
-_END_SITE = -2  # stands for a joint on the stack of open braces
+_END_SITE = -2  # marks an end site on the stack of open braces
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class BvhTurns:
 
 @dataclass(frozen=True)
 class BvhHierarchy:
-    """Joints of a BVH file in its units; shared by all readers, so its arrays must not be changed.
+    """Joints of a BVH file in its units; shared between readers, so its arrays must not be changed.
 
     Args:
         width: Number of channels of all joints.
@@ -58,7 +58,7 @@ def read_hierarchy(text: str, where: str) -> BvhHierarchy:
         raise FormatError(error.what, where=f"{where}, {error.where}", advice="the file is damaged") from None
 
 
-@lru_cache(maxsize=16)  # the clips of a data set share a few hierarchies
+@lru_cache(maxsize=16)  # the clips of a data set share only a few hierarchies
 def _hierarchy(text: str) -> BvhHierarchy:
     joints = _HierarchyParser().parse(text)
     channels = [(joint, channel) for joint, each in enumerate(joints) for channel in each.channels]
@@ -98,19 +98,19 @@ class _Joint:
 class _HierarchyParser:
     def __init__(self) -> None:
         self.joints: list[_Joint] = []
-        self.stack: list[int] = []  # joints and end sites whose braces are open
-        self.number = 0  # of the line
+        self.stack: list[int] = []  # joints and end sites with open braces
+        self.number = 0  # line number
 
     def _error(self, what: str) -> FormatError:
         return FormatError(what, where=f"line {self.number}")
 
     def parse(self, text: str) -> list[_Joint]:
-        declared: int | None = None  # joint or end site whose brace follows
+        declared: int | None = None  # joint or end site whose brace comes next
         for self.number, line in enumerate(text.split("\n"), start=1):
             for words in map(str.split, re.split("([{}])", line)):
                 if words == ["{"]:
                     if declared is None:
-                        raise self._error("has a '{' that belongs to no joint")
+                        raise self._error("has a '{' that does not belong to a joint")
                     self.stack.append(declared)
                     declared = None
                 elif words == ["}"]:
@@ -126,7 +126,7 @@ class _HierarchyParser:
                 elif words:
                     self._facts(words[0], words[1:])
         if self.stack or not self.joints:
-            raise self._error("has a hierarchy that is not complete")
+            raise self._error("has an incomplete hierarchy")
         return self.joints
 
     def _add_joint(self, name: str) -> int:

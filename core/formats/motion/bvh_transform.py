@@ -45,7 +45,7 @@ def transform_bvh(text: str, matrices: ArrayLike) -> str:
 
 
 def _is_top(hierarchy: BvhHierarchy) -> list[bool]:
-    """Return for each joint whether no joint above it has channels."""
+    """Return a mask (J,) of the joints whose ancestors have no channels."""
     animated = {int(joint) for turn in hierarchy.turns for joint in turn.joints} | set(hierarchy.places[:, 1].tolist())
     result: list[bool] = []
     for parent in hierarchy.parents.tolist():

@@ -28,9 +28,9 @@ class MotionFile:
     """One motion file on disk.
 
     Args:
-        name: Path inside its source, after the source's own name ("cmu.tar.xz/14/14_02.amc").
+        name: Path inside its source, preceded by the source's own name ("cmu.tar.xz/14/14_02.amc").
         skeleton: ASF file of an AMC file; None if there is none.
-        description: Description in an index.tsv beside it, or "".
+        description: Description from an index.tsv next to it, or "".
     """
 
     name: str
@@ -46,7 +46,7 @@ class MotionFile:
 
 @contextmanager
 def motion_files(sources: Sequence[Path | str]) -> Iterator[list[MotionFile]]:
-    """Yield all BVH and AMC files of files, folders and archives, sorted.
+    """Yield all BVH and AMC files in files, folders and archives, sorted.
 
     Archives are unpacked to a temporary folder that is removed when the context ends.
 
@@ -68,12 +68,12 @@ def is_archive(name: str) -> bool:
 
 
 def _members(source: Path, scratch: Path) -> dict[str, Path]:
-    """Return name -> path of the motion, skeleton and index files of one source."""
+    """Return name -> path of the motion, skeleton and index files in one source."""
     if is_folder(source):
         paths = sorted(path for path in source.rglob("*") if _is_used(path.name) and path.is_file())
         return {f"{source.name}/{path.relative_to(source).as_posix()}": path for path in paths}
     if not is_file(source):
-        raise FormatError("is not there", where=str(source), advice="give files, folders or archives")
+        raise FormatError("does not exist", where=str(source), advice="give files, folders or archives")
     lower = source.name.lower()
     if is_archive(lower):
         scratch.mkdir()
@@ -90,7 +90,7 @@ def _members(source: Path, scratch: Path) -> dict[str, Path]:
 
 
 def _is_used(name: str, is_packed: bool = False) -> bool:
-    """Return whether a file is read; an archive within an archive is, so that the error names it."""
+    """Return whether a file is read; an archive inside an archive is, so that the error can name it."""
     if is_packed and is_archive(name):
         return True
     return PurePosixPath(name).suffix.lower() in _USED_SUFFIXES or PurePosixPath(name).name == _INDEX_NAME
@@ -128,7 +128,7 @@ def _unpack_tar(source: Path, scratch: Path) -> dict[str, Path]:
 
 
 def counted_headers(source: Path, longest_name: int = 1 << 16) -> type[tarfile.TarInfo]:
-    """Return a class of tar headers that rejects too many of them, and names of too many bytes."""
+    """Return a class of tar headers that rejects too many of them, and names that are too long."""
     numbers = count(1)
 
     class Header(tarfile.TarInfo):
@@ -136,7 +136,7 @@ def counted_headers(source: Path, longest_name: int = 1 << 16) -> type[tarfile.T
         def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> "Header":
             check_count(source, next(numbers))
             header = super().frombuf(buf, encoding, errors)
-            if header.type in _NAME_TYPES and header.size > longest_name:  # tarfile reads it as a whole
+            if header.type in _NAME_TYPES and header.size > longest_name:  # tarfile reads such a name as a whole
                 raise ValueError(f"a file's name of {header.size} bytes")
             return header
 
@@ -144,7 +144,7 @@ def counted_headers(source: Path, longest_name: int = 1 << 16) -> type[tarfile.T
 
 
 def check_count(source: Path, members: int) -> None:
-    """Raise FormatError if an archive holds far too many files for its size (1000, and one for each 256 bytes)."""
+    """Raise FormatError if an archive holds far too many files for its size (1000, plus one for each 256 bytes)."""
     if members > 1000 + source.stat().st_size // 256:
         raise FormatError("unpacks to far more files than it should", where=str(source), advice="give them in a folder")
 
@@ -153,7 +153,7 @@ def check_unpacked_size(source: Path, size: int, most_times: int = 50) -> None:
     """Raise FormatError if an archive unpacks to far more than its own size.
 
     Args:
-        most_times: Ratio allowed; motion as text is compressed to a fifth, to a twentieth at best.
+        most_times: Largest allowed ratio; motion as text compresses to a fifth, at best to a twentieth.
     """
     if is_over_budget(size, source.stat().st_size, most_times):
         raise FormatError("unpacks to far more than its size", where=str(source), advice="give its files in a folder")
@@ -184,11 +184,11 @@ def _pair_skeletons(found: dict[str, Path]) -> list[MotionFile]:
 
 
 class SkeletonNames:
-    """Names of ASF files, found by the names of their AMC files."""
+    """Names of ASF files, looked up by the names of their AMC files."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._first: dict[tuple[PurePosixPath | None, str], str] = {}  # folder (None: any) and stem -> first name
-        self._only: dict[PurePosixPath, str | None] = {}  # folder -> its only name, None for several
+        self._only: dict[PurePosixPath, str | None] = {}  # folder -> its only name, None if it has several
         for name in names:
             pure = PurePosixPath(name)
             for folder in (pure.parent, None):
@@ -196,10 +196,10 @@ class SkeletonNames:
             self._only[pure.parent] = None if pure.parent in self._only else name
 
     def of(self, motion: str) -> str | None:
-        """Return the name that belongs to an AMC name.
+        """Return the name of the ASF file that belongs to an AMC file.
 
-        The same stem, or the stem up to the last underscore ("14_02" -> "14"), in its folder or else anywhere;
-        otherwise the only one in its folder.
+        It has the same stem, or the stem up to the last underscore ("14_02" -> "14"), in the same folder or else
+        anywhere; otherwise it is the only one in the folder.
         """
         pure = PurePosixPath(motion)
         stems = (pure.stem.lower(), pure.stem.rsplit("_", 1)[0].lower())
@@ -208,7 +208,7 @@ class SkeletonNames:
 
 
 def _descriptions(path: Path) -> dict[str, str]:
-    """Return trial -> description from a table with columns of these names, of at most 4 MiB."""
+    """Return trial -> description from a table with columns of these names, at most 4 MiB long."""
     lines = read_bytes(path, 4 << 20).decode("utf-8", "replace").splitlines()
     header = lines[0].lower().split("\t") if lines else []
     if "trial" not in header or "description" not in header:

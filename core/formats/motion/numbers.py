@@ -1,4 +1,4 @@
-"""Numbers of motion files: their text, and jumps of their angles."""
+"""Numbers in motion files: parsing their text, and finding jumps of their angles."""
 
 import io
 import warnings
@@ -10,19 +10,19 @@ from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
 from ...system.files import is_over_budget
 
-_POSE_BYTES = 32  # of a joint in a frame
+_POSE_BYTES = 32  # size of a joint's pose in a frame
 
 
 def parse_numbers(text: bytes) -> Array | None:
-    """Return all numbers (N,) of a text, or None if it contains anything else."""
+    """Return all numbers (N,) in a text, or None if it contains anything else."""
     table = parse_table(text)
     return None if table is None else table.ravel()
 
 
 def parse_table(text: bytes) -> Array | None:
-    """Return all numbers of a text, or None if it contains anything else.
+    """Return all numbers in a text, or None if it contains anything else.
 
-    They are an array (lines, N) if all lines hold as many, else one of a single axis.
+    The result has the shape (lines, N) if all lines have the same number of values, else (N,).
     """
     if not text or text.isspace():
         return np.empty(0)
@@ -37,7 +37,7 @@ def parse_table(text: bytes) -> Array | None:
 
 
 def angle_jumps(angles_deg: Array, least_deg: float = 150.0) -> Mask:
-    """Return the frames (F,) with an angle far from that of the frame before.
+    """Return a mask (F,) of frames with an angle far from that of the previous frame.
 
     Args:
         angles_deg: Rotation channels (F, N).
@@ -48,7 +48,7 @@ def angle_jumps(angles_deg: Array, least_deg: float = 150.0) -> Mask:
 
 
 def check_pose_bytes(frames: int, joints: int, file_bytes: int, where: str) -> None:
-    """Raise FormatError if joints without numbers make poses huge by the file."""
+    """Raise FormatError if joints without numbers would make the poses far larger than the file."""
     if is_over_budget(frames * joints * _POSE_BYTES, file_bytes):
         raise FormatError(
             f"has {frames} frames of {joints} joints, far more than its bytes", where=where,

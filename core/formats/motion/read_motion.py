@@ -1,4 +1,4 @@
-"""Motion files of any supported format, as motion of the standard skeleton."""
+"""Reading of motion files in any supported format, as motion of the standard skeleton."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -30,10 +30,10 @@ def read_motion(path: Path | str, skeleton: Path | str | None = None) -> Motion:
     """Return the motion of a BVH or AMC file on the standard skeleton.
 
     Args:
-        skeleton: ASF file of an AMC file; by default one beside it with a matching name.
+        skeleton: ASF file for an AMC file; by default one next to it with a matching name.
 
     Raises:
-        FormatError: The file is unreadable, of another kind, or some frames lack numbers.
+        FormatError: The file is unreadable or of another kind, or some frames lack numbers.
         SkeletonError: Its joints cannot be recognised.
     """
     read = read_motion_parts(Path(path), None if skeleton is None else Path(skeleton))
@@ -55,7 +55,7 @@ class MotionPart:
     Args:
         motion: Motion on the standard skeleton with the file's bone lengths.
         first_frame: First frame in the file, counted from 0.
-        angle_jumps: Frames (F,) with an angle in the file that is far from that of the frame before.
+        angle_jumps: Frames (F,) with an angle in the file that is far from that of the previous frame.
     """
 
     motion: Motion
@@ -75,7 +75,7 @@ def read_motion_parts(path: Path, skeleton: Path | None = None, name: str = "") 
     """Return the motion of a file in parts without gaps, with y up; other errors are those of `read_motion`."""
     read = _read_parts(path, skeleton, name)
     turned = [turned_upright(part.motion) for part in read.parts]
-    if not all(turned):  # parts of one file share its world
+    if not all(turned):  # all parts of a file share one world
         return read
     parts = tuple(
         replace(part, motion=motion) for part, motion in zip(read.parts, turned, strict=True) if motion is not None
@@ -151,7 +151,7 @@ def _asf_file(path: Path, changed: int) -> AsfFile:
 
 
 def read_skeleton(path: Path | str) -> Skeleton:
-    """Return the standard skeleton with the bone lengths of an ASF or BVH file; errors as `read_motion`."""
+    """Return the standard skeleton with the bone lengths of an ASF or BVH file; errors are those of `read_motion`."""
     if Path(path).suffix.lower() != ".asf":
         return read_motion(path).skeleton
     skeleton = read_asf(path).skeleton

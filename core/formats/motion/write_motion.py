@@ -1,4 +1,4 @@
-"""Writing of motions for other programs; the file name's ending chooses the format."""
+"""Writing of motion files for other programs; the file name's ending chooses the format."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ MOTION_ENDINGS = (BVH, ANGLES, VRMA)
 
 
 def is_motion(path: Path | str) -> bool:
-    """Return whether a motion can be written under a file name."""
+    """Return whether a file name has the ending of a motion format."""
     return Path(path).name.lower().endswith(MOTION_ENDINGS)
 
 
@@ -26,7 +26,7 @@ def write_motion(
     Args:
         path: File that ends in one of `MOTION_ENDINGS`.
         units: Unit of length in a BVH file, one of `bvh.UNITS`; the other formats use metres.
-        naming: Key of `displayed_joint_names.NAMINGS`: names of the joints in BVH and CSV. VRM has its own names.
+        naming: Key of `displayed_joint_names.NAMINGS`: joint names in BVH and CSV. VRM has its own names.
         rate: Frames per second; None for the motion's own rate.
 
     Raises:

@@ -1,6 +1,6 @@
-"""Bytes of a take file: a preamble, then chunks that are only ever appended.
+"""Byte structure of a take file: a preamble, then chunks that are only ever appended.
 
-A chunk is a header (magic, kind, sequence number, length and CRC-32 of the payload, CRC-32 of these) and its payload.
+A chunk is a header (magic, kind, sequence number, length and CRC-32 of the payload, CRC-32 of all these) and a payload.
 Checksums cover every bit of the file. After damage, reading continues at the next intact header.
 """
 
@@ -18,11 +18,11 @@ from ...system.file_content import check_kind
 VERSION = 1
 
 _MAGIC = b"PERFANIM-TAKE\n"
-_PREAMBLE = struct.Struct("<14sHI")  # magic, version, CRC-32 of these
+_PREAMBLE = struct.Struct("<14sHI")  # magic, version, CRC-32 of both
 _CHUNK_MAGIC = b"\x89PFC"
 _HEAD = struct.Struct("<4sHHIII")  # magic, kind, 0, sequence number, bytes and CRC-32 of the payload
 _SUM = struct.Struct("<I")  # CRC-32 of the head
-_RECORD = struct.Struct("<I")  # bytes of a record
+_RECORD = struct.Struct("<I")  # size of a record in bytes
 
 HEADER_BYTES = _HEAD.size + _SUM.size
 PREAMBLE_BYTES = _PREAMBLE.size
@@ -41,7 +41,7 @@ class ChunkKind(IntEnum):
 
 @dataclass(frozen=True)
 class Chunk:
-    """An intact chunk: kind, number, first byte in the file, and content."""
+    """An intact chunk: kind, sequence number, first byte in the file, and content."""
 
     kind: int
     sequence: int
@@ -75,12 +75,12 @@ def encode_chunk(kind: int, sequence: int, payload: bytes) -> bytes:
 
 
 def join_records(records: Sequence[bytes]) -> bytes:
-    """Return byte strings as one, each after its length."""
+    """Return byte strings joined into one, each preceded by its length."""
     return b"".join(part for record in records for part in (_RECORD.pack(len(record)), record))
 
 
 def split_records(payload: memoryview | bytes) -> Iterator[bytes]:
-    """Yield the byte strings of `join_records`; TakeError if the lengths do not fit."""
+    """Yield the byte strings that `join_records` joined; TakeError if the lengths do not fit."""
     position = 0
     while position < len(payload):
         start = position + _RECORD.size
@@ -114,7 +114,7 @@ def scan(data: bytes, where: str) -> tuple[list[Chunk], list[Fault]]:
         elif stop == len(data) or _head(view, stop) is not None:
             faults.append(Fault(position, stop - position, f"chunk {sequence} ({_name(kind)}) is damaged"))
             position = stop
-        else:  # the payload lacks bytes, or has additional ones
+        else:  # the payload lacks bytes or has extra ones
             position = _skip(data, position, faults)
     return chunks, faults + _gaps(chunks, faults)
 
@@ -145,7 +145,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
 
 
 def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
-    """Return the intact chunk at a byte of an open file, or None if there is none."""
+    """Return the intact chunk at an offset in an open file, or None if there is none."""
     file.seek(offset)
     first = file.read(HEADER_BYTES)
     head = _head(memoryview(first), 0)
@@ -157,7 +157,7 @@ def read_chunk(file: BinaryIO | FileIO, offset: int) -> Chunk | None:
 
 
 def _head(view: memoryview, position: int) -> tuple[int, int, int, int] | None:
-    """Return kind, sequence number, size and checksum of a chunk, or None without an intact header."""
+    """Return kind, sequence number, size and checksum of a chunk, or None if the header is damaged."""
     if position + HEADER_BYTES > len(view) or view[position : position + 4] != _CHUNK_MAGIC:
         return None
     (checksum,) = _SUM.unpack_from(view, position + _HEAD.size)
@@ -168,7 +168,7 @@ def _head(view: memoryview, position: int) -> tuple[int, int, int, int] | None:
 
 
 def _next_head(data: bytes, start: int) -> int:
-    """Return the position of the next intact header, or of the end of the file."""
+    """Return the position of the next intact header, or the end of the file."""
     view = memoryview(data)
     found = data.find(_CHUNK_MAGIC, start)
     while found >= 0 and _head(view, found) is None:
@@ -177,7 +177,7 @@ def _next_head(data: bytes, start: int) -> int:
 
 
 def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
-    """Return the position of the next intact header, and add the skipped bytes to the faults."""
+    """Return the position of the next intact header; the skipped bytes become a fault."""
     stop = _next_head(data, position + 1)
     start = data[position : position + len(_CHUNK_MAGIC)]
     cut = stop == len(data) and stop - position < HEADER_BYTES and _CHUNK_MAGIC.startswith(start)
@@ -187,7 +187,7 @@ def _skip(data: bytes, position: int, faults: list[Fault]) -> int:
 
 
 def _gaps(chunks: Sequence[Chunk], faults: Sequence[Fault]) -> list[Fault]:
-    """Return a fault for missing chunks where no damage explains them."""
+    """Return a fault for missing chunks that no damage explains."""
     result = []
     expected, stop = 0, PREAMBLE_BYTES
     for chunk in chunks:

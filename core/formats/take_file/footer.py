@@ -22,7 +22,7 @@ _LONGEST_S = 1e15
 
 @dataclass(frozen=True)
 class RecordingFacts:
-    """Facts of a recording."""
+    """Facts about a recording."""
 
     frames: Annotated[int, About("marker frames", "", 0, 1e15)] = 0
     poses: Annotated[int, About("solved poses", "", 0, 1e15)] = 0
@@ -41,7 +41,7 @@ _SCHEMA = Schema(
 
 @dataclass(frozen=True)
 class Footer:
-    """Content of the END chunk.
+    """Contents of the END chunk.
 
     Args:
         index: Kind and offset of every chunk by sequence number, including the END chunk.
@@ -58,7 +58,7 @@ class Footer:
 
     @staticmethod
     def unpack(payload: memoryview | bytes, where: str) -> "Footer":
-        """Return the footer of `pack`; TakeError for other bytes."""
+        """Return the footer from the bytes of `pack`; TakeError for other bytes."""
         with reading(where, TakeError, what="has an end mark that is not understood"):
             (size,) = _FACTS.unpack_from(payload)
             start, stop = _FACTS.size + size, len(payload) - _TRAILER.size
@@ -68,7 +68,7 @@ class Footer:
 
 
 def duration_s(first_s: float, last_s: float) -> float:
-    """Return a duration for the facts, 0 if damaged times give none."""
+    """Return a duration for the facts, 0 if damaged times do not give one."""
     passed_s = last_s - first_s
     return passed_s if math.isfinite(passed_s) and abs(passed_s) <= _LONGEST_S else 0.0
 
@@ -87,5 +87,5 @@ def find_footer(file: BinaryIO | FileIO) -> Footer | None:
         return None
     try:
         return Footer.unpack(chunk.payload, "")
-    except TakeError:  # reported by readers of the whole file
+    except TakeError:  # readers of the whole file report it
         return None

@@ -1,6 +1,6 @@
-"""Codec of solved poses, for takes and between processes.
+"""Codec of solved poses, for takes and for messages between processes.
 
-A scene pose begins with its first performer, whose notes are those of the scene.
+A scene pose begins with its first performer, whose notes are those of the whole scene.
 """
 
 import struct
@@ -16,8 +16,8 @@ from ...errors import CaptureError, TakeError
 from .chunks import join_records, split_records
 
 _MAGIC = b"PFPF"
-# Poses are written in the lowest version that can hold them, for older readers. The last one is a pose of a lower
-# version followed by the errors of body parts.
+# Poses are written in the lowest version that can hold them, for the sake of older readers. The last version is a pose
+# of a lower version followed by the errors of body parts.
 _ONE_PERFORMER, _WITH_PROPS, _SEVERAL_PERFORMERS, _WITH_PART_ERRORS = 1, 2, 3, 4
 # magic, version, joints, markers, bytes of notes, number, time, confidence, RMS, neighbours, dimensions
 _HEADER = struct.Struct("<4sHHHHqdddii")

@@ -1,4 +1,4 @@
-"""Changes of recorded takes: new notes, and recovery of damaged takes."""
+"""Changes to recorded takes: new notes, and recovery of damaged takes."""
 
 import errno
 import json
@@ -18,7 +18,7 @@ from .whole_take import take_facts, write_chunks
 
 
 def append_notes(path: Path | str, notes: TakeNotes) -> None:
-    """Append notes, which replace the present ones; TakeError if the take has no end mark or is being recorded."""
+    """Append notes that replace the current ones; TakeError if the take has no end mark or is being recorded."""
     with writing(path, "free some space, or check the folder", TakeError), Path(path).open("r+b", buffering=0) as file:
         if not lock(file.fileno()):
             raise TakeError("is being recorded", where=str(path), advice="wait for the end of the capture")
@@ -29,7 +29,7 @@ def append_notes(path: Path | str, notes: TakeNotes) -> None:
 
 
 def _append(file: FileIO, footer: Footer, notes: TakeNotes) -> None:
-    """Append notes and a new end mark, or nothing."""
+    """Append notes and a new end mark; if either fails, append neither."""
     start, sequence = file.seek(0, os.SEEK_END), len(footer.index)
     data = encode_chunk(ChunkKind.NOTES, sequence, notes.to_json())
     index = (*footer.index, (int(ChunkKind.NOTES), start), (int(ChunkKind.END), start + len(data)))

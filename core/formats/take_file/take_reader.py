@@ -40,10 +40,10 @@ _RECOVER = "perfanim take recover writes the intact part as a complete take"
 
 @dataclass(frozen=True)
 class Gap:
-    """Frames that are missing because a process of the capture was replaced.
+    """Frames that are missing because one of the capture's processes was replaced.
 
     Args:
-        after: Number of the last frame before them.
+        after: Number of the last frame before the gap.
         seconds: Missing time; 0 if the source was read again from there.
     """
 
@@ -54,7 +54,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class TakeFile:
-    """Recorded take: intact chunks in order, faults, and whether it has `ended` with its mark."""
+    """Recorded take: intact chunks in order, faults, and whether its end mark was found (`ended`)."""
 
     path: Path
     chunks: tuple[Chunk, ...]
@@ -75,19 +75,19 @@ class TakeFile:
 
     @cached_property
     def notes(self) -> TakeNotes:
-        """Last notes of the user; a take without a name has the file's."""
+        """The user's last notes; a take without a name gets the file's."""
         chunks = self._of(ChunkKind.NOTES)
         last = TakeNotes.from_json(bytes(chunks[-1].payload), str(self.path)) if chunks else TakeNotes()
         return last if last.name else replace(last, name=take_name(self.path))
 
     @property
     def events(self) -> tuple[str, ...]:
-        """Messages about incidents while recording."""
+        """Messages about incidents during the recording."""
         return tuple(event.text for event in self._events)
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Gaps where a process of the capture was replaced."""
+        """Gaps where one of the capture's processes was replaced."""
         return tuple(Gap(event.gap.after, event.gap.seconds, event.text) for event in self._events if event.gap)
 
     @cached_property
@@ -106,7 +106,7 @@ class TakeFile:
 
     @cached_property
     def poses(self) -> tuple[TimedPose, ...]:
-        """Poses as solved live; fewer than frames if the solver was late."""
+        """Poses as solved live; fewer than frames if the solver could not keep up."""
         return tuple(self._records(ChunkKind.POSES, unpack_solved))
 
     @property
@@ -117,7 +117,7 @@ class TakeFile:
     def recorded_poses_of(self, performer: int = 0) -> list[PerformerPose]:
         """Return `recorded_poses` of one performer; TakeError if the take was not solved."""
         if not self.poses:
-            raise TakeError("has no poses", where=str(self.path), advice="perfanim solve labels and solves it")
+            raise TakeError("has no poses", where=str(self.path), advice="label and solve it with perfanim solve")
         return [pose.performers[performer] for pose in self.recorded_poses]
 
     def is_recorded(self, number: int) -> bool:
@@ -132,7 +132,7 @@ class TakeFile:
 
     @property
     def declared_frames(self) -> int:
-        """Number of frames in the end mark, of readable ones without it."""
+        """Number of frames according to the end mark; without one, of readable frames."""
         ends = self._of(ChunkKind.END)
         if not ends:
             return self.frame_count
@@ -140,7 +140,7 @@ class TakeFile:
 
     @property
     def problems(self) -> list[str]:
-        """Messages about faults of the file, with advice."""
+        """Messages about faults in the file, with advice."""
         faults = [str(fault) for fault in self.faults]
         if not self.ended and not any(fault.cut for fault in self.faults):
             faults.append("the file ends without its end mark")
@@ -157,7 +157,7 @@ class TakeFile:
             try:
                 for record in split_records(chunk.payload):
                     yield unpack(record)
-            except (CaptureError, TakeError) as error:  # not damage, because the checksum is right
+            except (CaptureError, TakeError) as error:  # this is not damage, because the checksum is correct
                 raise TakeError(
                     f"chunk {chunk.sequence} was written by another version ({error.what})",
                     where=str(self.path),
@@ -171,7 +171,7 @@ def read_take_file(path: Path | str) -> TakeFile:
     Notes, events and end marks with invalid facts count as damaged.
 
     Raises:
-        TakeError: The file is not a take, is of another version, or nothing of it is intact.
+        TakeError: The file is not a take, is of another version, or has no intact part.
         FormatError: The file cannot be read.
     """
     chunks, faults = scan(read_bytes(path), str(path))
@@ -187,7 +187,7 @@ def read_take_file(path: Path | str) -> TakeFile:
 
 
 def _fault_of_facts(chunk: Chunk, where: str) -> Fault | None:
-    """Return the fault of a chunk with a correct checksum and invalid facts, or None."""
+    """Return the fault of a chunk that has a correct checksum but invalid facts, or None."""
     read = _OPTIONAL.get(chunk.kind)
     try:
         if read is not None:
@@ -205,7 +205,7 @@ def take_name(path: Path | str) -> str:
 
 
 def unused_path(folder: Path, name: str, ending: str = ENDING) -> Path:
-    """Return an unused path in a folder for a take of that name, cut to 200 bytes, or for another kind of file."""
+    """Return an unused path in a folder for a take or another file with that name, cut to 200 bytes."""
     stem = "".join("-" if letter in '<>:"/\\|?*' or ord(letter) < 32 else letter for letter in name)
     stem = stem.encode("utf-8", "replace")[:200].decode("utf-8", "ignore").strip(". ") or "take"
     path, count = folder / f"{stem}{ending}", 2
@@ -216,7 +216,7 @@ def unused_path(folder: Path, name: str, ending: str = ENDING) -> Path:
 
 @dataclass(frozen=True)
 class TakeSummary:
-    """Summary of a take for lists, read from the end of its file.
+    """Summary of a take for lists, read from the end of the file.
 
     Args:
         complete: The take has its end mark; earlier damage is ignored.
@@ -224,7 +224,7 @@ class TakeSummary:
         created: Date and time, ISO 8601.
         orphaned: The recording outlived Blender.
         marker_set: Name of the first performer's marker set.
-        method, database: Names, "" for the default or unknown.
+        method, database: Names; "" for the default or if unknown.
     """
 
     path: Path
@@ -252,7 +252,7 @@ def summarise(path: Path | str) -> TakeSummary:
 
 
 def has_frames(path: Path | str) -> bool:
-    """Return whether a take holds a frame; errors as in `summarise`."""
+    """Return whether a take contains a frame; errors are those of `summarise`."""
     with open_foreign(path, TakeError) as file, reading(path, TakeError, what="cannot be read"):
         preamble_faults(file.read(PREAMBLE_BYTES + HEADER_BYTES), str(path))
         chunk = read_chunk(file, PREAMBLE_BYTES)
@@ -279,7 +279,7 @@ def _listed(path: Path, file: BinaryIO, footer: Footer) -> TakeSummary:
 
 
 def _known(setup: TakeSetup) -> dict[str, Any]:
-    """Return the fields of a summary that a set-up gives."""
+    """Return the fields of a summary that come from a set-up."""
     worn = setup.performers[0].get("marker_set") if setup.performers else None
     return {
         "created": setup.created,

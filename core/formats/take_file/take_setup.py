@@ -1,4 +1,4 @@
-"""Set-up and notes of a take; only the notes change after its beginning."""
+"""Set-up and notes of a take; only the notes change after the recording has started."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -16,22 +16,22 @@ from ...system.files import reading
 from ...system.schema import About, Schema, Table, table_of
 
 MOST_STARS = 5
-_DEEPEST = 64  # of nested JSON: far below what Python can copy
-_MOST = 1e15  # of frame numbers and seconds
+_DEEPEST = 64  # deepest nesting of JSON: far below what Python can copy
+_MOST = 1e15  # largest frame number, and number of seconds
 
 
 @dataclass(frozen=True)
 class TakeSetup:
-    """Tables of a take's cameras, performers, props, database and settings, for JSON.
+    """Tables with a take's cameras, performers, props, database and settings, for JSON.
 
     Args:
-        rig: as in its file; empty for imported markers without cameras.
-        performers: subjects with marker sets as in their files; none where nobody said who was filmed.
-        settings: of the solver, where they differ from its defaults.
+        rig: Tables as in a rig file; empty for imported markers without cameras.
+        performers: Subjects with marker sets as in their files; empty if it is unknown who was filmed.
+        settings: Solver settings that differ from the defaults.
         database: "path", "frames", "fps" and "sha256" (of its header).
-        capture: sources and detection as requested.
-        created: ISO 8601 with the time zone.
-        software: program and version that recorded the take.
+        capture: Sources and detection settings as requested.
+        created: Date and time, ISO 8601 with the time zone.
+        software: Program and version that recorded the take.
     """
 
     rig: Mapping[str, Any]
@@ -52,7 +52,7 @@ class TakeSetup:
         capture: Mapping[str, Any],
         props: Sequence[Prop] = (),
     ) -> "TakeSetup":
-        """Return the set-up of a take that begins now."""
+        """Return the set-up of a take that starts now."""
         made = TakeSetup(
             rig=rig_tables(rig) if rig is not None else {},
             performers=tuple(subject_tables(subject) for subject in performers),
@@ -63,10 +63,10 @@ class TakeSetup:
             created=datetime.now(UTC).astimezone().isoformat(timespec="seconds"),
             software=f"perfanim {__version__}",
         )
-        return TakeSetup.from_json(made.to_json(), "")  # as a reader will see it, to the last digit
+        return TakeSetup.from_json(made.to_json(), "")  # exactly as a reader will get it, to the last digit
 
     def to_json(self) -> bytes:
-        """Return JSON; first performer: "subject" ({}: none), further: "performers"."""
+        """Return JSON; the first performer is "subject" ({} if there is none), others are in "performers"."""
         tables = asdict(self)
         performers = tables.pop("performers")
         subject, further = performers[0] if performers else {}, performers[1:]
@@ -75,7 +75,7 @@ class TakeSetup:
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeSetup":
-        """Return the set-up of `to_json`; ignore new parts, TakeError for missing ones."""
+        """Return the set-up from `to_json`; unknown parts are ignored, missing ones raise TakeError."""
         facts = json_object(data, where)
         with reading(where, TakeError, what="has an incomplete set-up"):
             parts = {name: dict(facts[name]) for name in ("rig", "settings", "database", "capture")}
@@ -85,7 +85,7 @@ class TakeSetup:
         return TakeSetup(**parts, performers=performers, props=props, created=created, software=software)
 
     def camera_rig(self) -> CameraRig | None:
-        """Return the cameras, or None without any; TakeError for damaged tables."""
+        """Return the cameras, or None if there are none; TakeError for damaged tables."""
         if not self.rig:
             return None
         return _made("calibration", lambda: rig_from(self.rig, "calibration of the take"))
@@ -101,7 +101,7 @@ class TakeSetup:
 
 @dataclass(frozen=True)
 class TakeNotes:
-    """Notes of the user on a take."""
+    """The user's notes on a take."""
 
     name: Annotated[str, About("name of the take; empty for the file's")] = ""
     notes: Annotated[str, About("notes of the user")] = ""
@@ -125,7 +125,7 @@ class TakeNotes:
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeNotes":
-        """Return the notes of `to_json`, without later parts; TakeError for damaged ones."""
+        """Return the notes from `to_json`, ignoring unknown parts; TakeError if they are damaged."""
         facts = json_object(data, where)
         rating = facts.get("rating")
         stars = min(max(rating, 0), MOST_STARS) if isinstance(rating, int) else 0
@@ -134,7 +134,7 @@ class TakeNotes:
 
 @dataclass(frozen=True)
 class MissingFrames:
-    """Frames that are missing because a process of the capture was replaced."""
+    """Frames that are missing because one of the capture's processes was replaced."""
 
     after: Annotated[int, About("number of the last frame before them", "", -_MOST, _MOST)] = -1
     seconds: Annotated[float, About("duration", "s", 0.0, _MOST)] = 0.0
@@ -142,14 +142,14 @@ class MissingFrames:
 
 @dataclass(frozen=True)
 class TakeEvent:
-    """Incident while a take was recorded."""
+    """Incident during the recording of a take."""
 
     text: Annotated[str, About("message")] = ""
     gap: Annotated[MissingFrames | None, About("frames that are missing")] = None
 
     @staticmethod
     def from_json(data: bytes, where: str) -> "TakeEvent":
-        """Return the event of a chunk; TakeError for a damaged one."""
+        """Return the event in a chunk; TakeError if it is damaged."""
         return _EVENT.read(json_object(data, where), f"{where}, event")
 
 
@@ -158,7 +158,7 @@ _EVENT = Schema(TakeEvent, "Event of a take", "An incident while it was recorded
 
 
 def json_object(data: bytes, where: str) -> dict[str, Any]:
-    """Return a JSON object; TakeError for other bytes, or if nested too deeply."""
+    """Return a JSON object; TakeError for other bytes, or if it is nested too deeply."""
     with reading(where, TakeError, what="holds no JSON where some was expected"):
         value = json.loads(data)
     if not isinstance(value, dict):
@@ -181,5 +181,5 @@ def _made(what: str, make: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Return numpy values as Python's own, others as text."""
+    """Return numpy values as Python's own types, and others as strings."""
     return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -1,6 +1,6 @@
 """Writing of a take during a capture.
 
-Two threads keep a slow or full disk from delaying the capture: one writes, one synchronises the disk. If the process is
+Two threads keep a slow or full disk from delaying the capture: one writes, one flushes to the disk. If the process is
 killed, the operating system keeps the written bytes, and the checksum reveals a chunk that was cut off.
 """
 
@@ -30,11 +30,11 @@ from .take_setup import TakeNotes, TakeSetup
 
 @dataclass(frozen=True)
 class WriterSettings:
-    """Timing of the writer's threads, and its memory."""
+    """Timing of the writer's threads, and memory limit."""
 
     write_every_s: float = 0.1
     sync_every_s: float = 0.5
-    retry_every_s: float = 1.0  # while the disk is full
+    retry_every_s: float = 1.0  # interval of attempts while the disk is full
     most_waiting: int = 256 << 20  # bytes kept in memory while the disk is full
 
 
@@ -42,13 +42,13 @@ SETTINGS = WriterSettings()
 
 
 class TakeWriter:
-    """One take while it is recorded.
+    """A take that is being recorded.
 
     Args:
         path: New file, or with `resumed` a take without an end mark.
-        notes: Notes of a new take; a resumed one keeps its own.
-        report: Called from another thread with one line when writing fails, with "" once it succeeds again.
-        resumed: Continue the file; half a chunk at its end is cut off.
+        notes: Notes of a new take; a resumed take keeps its own.
+        report: Called from another thread with one line when writing fails, and with "" once it succeeds again.
+        resumed: Continue the file; an incomplete chunk at its end is cut off.
 
     Raises:
         TakeError: The file exists, cannot be written or cannot be resumed.
@@ -67,13 +67,13 @@ class TakeWriter:
         self.frames = self.poses = 0
         self._report = report
         self._setup = setup
-        self._whole = 0  # bytes of whole chunks in the file
+        self._whole = 0  # total size of complete chunks in the file
         self._index: list[tuple[int, int]] = []  # kind and offset, by sequence number
         self._frames_in: deque[bytes] = deque()
         self._poses_in: deque[bytes] = deque()
         self._events_in: deque[dict[str, Any]] = deque()
         self._first_frame = self._last_frame = b""
-        self._waiting = bytearray()  # encoded, not written
+        self._waiting = bytearray()  # encoded, not yet written
         self._dropped = 0
         self._problem = ""
         self._closed = False
@@ -135,7 +135,7 @@ class TakeWriter:
         self.add_event(text, gap={"after": after, "seconds": seconds})
 
     def close(self, orphaned: bool = False) -> None:
-        """Write waiting data and the end mark, `orphaned` if Blender is gone."""
+        """Write waiting data and the end mark; `orphaned` says that Blender has ended."""
         if self._closed:
             return
         self._ending.set()
@@ -143,7 +143,7 @@ class TakeWriter:
             thread.join()
         self._collect()
         self._report_dropped()
-        self._queue(ChunkKind.SETUP, self._setup.to_json())  # again, in case the first one is damaged
+        self._queue(ChunkKind.SETUP, self._setup.to_json())  # repeated in case the first one is damaged
         facts = RecordingFacts(self.frames, self.poses, self._duration_s(), orphaned)
         at = self._whole + len(self._waiting)
         self._queue(ChunkKind.END, Footer(facts, (*self._index, (int(ChunkKind.END), at))).pack())
@@ -171,7 +171,7 @@ class TakeWriter:
             try:
                 self._collect()
                 self._write()
-            except Exception as error:  # a bug, after which later data may still be written
+            except Exception as error:  # a bug; later data may still be written
                 self._problem = f"the take is not being written ({type(error).__name__}: {error}): report this"
                 self._report(self._problem)
 
@@ -243,7 +243,7 @@ class TakeWriter:
 
 
 def record_frames(out: Path, setup: TakeSetup, frames: Iterable[MarkerFrame], *, keep_cut: bool = False) -> Path:
-    """Write frames as they arrive into an unfinished take beside `out`; return its path.
+    """Write frames as they arrive to an unfinished take next to `out`; return its path.
 
     Args:
         keep_cut: Keep the take after an error, because cameras cannot repeat it.

@@ -1,4 +1,4 @@
-"""Writing of a take from frames in memory, imported or solved again."""
+"""Writing of a complete take from frames in memory that were imported or solved again."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -20,17 +20,17 @@ def write_whole_take(
     poses: Sequence[TimedPose],
     events: Sequence[bytes] = (),
 ) -> None:
-    """Write a complete take, which replaces an existing file; FormatError if `path` cannot be written.
+    """Write a complete take, replacing an existing file; FormatError if `path` cannot be written.
 
     Args:
-        frames: Stamps and frames, as `TakeFile.stamped_frames`.
+        frames: Stamps and frames, as in `TakeFile.stamped_frames`.
         events: Payloads of event chunks.
     """
     chunks = [(ChunkKind.SETUP, setup.to_json()), (ChunkKind.NOTES, notes.to_json())]
     chunks += _chunked(ChunkKind.FRAMES, [pack_stamped(stamp_s, frame) for stamp_s, frame in frames])
     chunks += _chunked(ChunkKind.POSES, [pack_solved(pose) for pose in poses])
     chunks += [(ChunkKind.EVENT, event) for event in events]
-    chunks.append((ChunkKind.SETUP, setup.to_json()))  # again, in case the first one is damaged
+    chunks.append((ChunkKind.SETUP, setup.to_json()))  # repeated in case the first one is damaged
     write_chunks(path, chunks, take_facts([frame for _, frame in frames], len(poses)))
 
 
@@ -53,5 +53,5 @@ def write_chunks(path: Path | str, chunks: Iterable[tuple[int, bytes]], facts: R
 
 
 def _chunked(kind: ChunkKind, records: Sequence[bytes], size: int = 64) -> list[tuple[ChunkKind, bytes]]:
-    """Return chunks of `size` records, of which one damaged byte destroys all."""
+    """Return chunks of `size` records; one damaged byte destroys a whole chunk."""
     return [(kind, join_records(records[start : start + size])) for start in range(0, len(records), size)]

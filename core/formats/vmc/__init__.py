@@ -1,1 +1,1 @@
-"""Live motion exchange by the Virtual Motion Capture protocol (OSC over UDP)."""
+"""Live exchange of motion through the Virtual Motion Capture protocol (OSC over UDP)."""

@@ -1,4 +1,4 @@
-"""Frames assembled from VMC packets, however a program distributes them."""
+"""Assembly of frames from VMC packets, however a program distributes its data over packets."""
 
 import math
 from collections.abc import Collection, Iterable
@@ -12,12 +12,12 @@ Key = tuple[str, str]  # address and name
 
 @dataclass(frozen=True)
 class FloodLimits:
-    """Input that is accepted; the excess is dropped, so that no program can fill memory or time."""
+    """Limits on accepted input; the excess is dropped, so that no program can fill memory or time."""
 
-    packets: int = 20_000  # per second; a program that sends every bone alone at 120 Hz sends a third
-    size: int = 600_000  # bytes per second; a body with its face at 60 Hz takes less than half
+    packets: int = 20_000  # per second; a program that sends every bone on its own at 120 Hz sends a third of this
+    size: int = 600_000  # bytes per second; a body with face at 60 Hz takes less than half of this
     frames: int = 300  # per second; programs send 60 to 240
-    placed: int = 1000  # bones and trackers of a frame
+    placed: int = 1000  # bones and trackers in a frame
 
 
 LIMITS = FloodLimits()
@@ -25,11 +25,11 @@ LIMITS = FloodLimits()
 
 @dataclass(frozen=True)
 class VmcFrame:
-    """Transforms and clock of one moment.
+    """Transforms and clock of one frame.
 
     Args:
         arrival_s: Arrival time of its first packet.
-        clock_s: The sender's time; None if it sends none.
+        clock_s: The sender's time; None if it does not send one.
         placed: Root, bones and trackers.
     """
 
@@ -39,13 +39,13 @@ class VmcFrame:
 
 
 class FrameAssembler:
-    """Frames of VMC packets.
+    """Assembler of frames from VMC packets.
 
-    A frame ends when something that it contains arrives again, whatever packets and order a program uses.
+    A frame ends when something that it already contains arrives again; the order and number of packets do not matter.
 
     Attributes:
-        packets, malformed: Number of packets, and of those with something that violates the protocol.
-        understood: Number of packets with something that does not.
+        packets, malformed: Number of packets, and of packets with something that violates the protocol.
+        understood: Number of packets with something that follows the protocol.
         flooding: Number of packets and frames dropped because of `LIMITS`.
     """
 
@@ -64,7 +64,7 @@ class FrameAssembler:
         self._placed: dict[Key, Placement] = {}
 
     def add(self, packet: bytes, arrival_s: float) -> list[VmcFrame]:
-        """Add a UDP packet and return the frames that it ended.
+        """Add a UDP packet and return the frames that it completed.
 
         Args:
             arrival_s: Time on any monotonic clock.
@@ -84,7 +84,7 @@ class FrameAssembler:
         return [frame for message in messages for frame in self._add(message, arrival_s)]
 
     def _admits(self, packet: bytes, arrival_s: float) -> bool:
-        """Return whether the current second may bring one more packet."""
+        """Return whether another packet is within the limits for this second."""
         if arrival_s - self._second_s >= 1.0:
             self._second_s, self._frames_left = arrival_s, LIMITS.frames
             self._packets_left, self._bytes_left = LIMITS.packets, LIMITS.size
@@ -111,7 +111,7 @@ class FrameAssembler:
         return all(key in self._placed for key in keys)
 
     def end(self) -> list[VmcFrame]:
-        """End the open frame and return it, unless it is empty or one too many."""
+        """End the open frame and return it, unless it is empty or exceeds the limits."""
         frames = [VmcFrame(self._arrival_s, self._clock_s, self._placed)] if self._placed else []
         self._frames_left -= len(frames)
         if frames and self._frames_left < 0:
@@ -122,9 +122,9 @@ class FrameAssembler:
 
 
 def tracker_names(keys: Iterable[Key]) -> dict[Key, str]:
-    """Return names of head sets, controllers and trackers among keys.
+    """Return names for the head sets, controllers and trackers among the keys.
 
-    That is the serial number, the kind if there is none, or both if two have the same serial number.
+    The name is the serial number, the kind if there is none, or both if two have the same serial number.
     """
     names = {key: key[1] or TRACKERS[key[0]] for key in keys if key[0] in TRACKERS}
     given = list(names.values())

@@ -1,7 +1,7 @@
-"""Bones of a VMC humanoid (Unity's HumanBodyBones), and motion in them.
+"""Bones of a VMC humanoid (Unity's HumanBodyBones), and motion of these bones.
 
 When all rotations of a humanoid are zero, it stands in a T pose with straight legs, and the axes of all bones are the
-world's. Our rest pose spreads the legs, so orientations are converted like those of a foreign file (`rest_alignment`).
+world's. Our rest pose spreads the legs, so orientations are converted as for a file's skeleton (`rest_alignment`).
 Everything here is in our axes; `vmc_packets` converts them to Unity's.
 """
 
@@ -78,7 +78,7 @@ class Humanoid:
         self._joint_from_bone = rot.conjugate([bone_from_joint[joint] for joint, _ in BONES.values()])
 
     def poses(self, rotations: Array, root_positions_m: Array) -> BonePoses:
-        """Return poses (F, J, 4) and (F, 3), as of a `Motion`, as those of the humanoid."""
+        """Return poses (F, J, 4) and (F, 3), as in a `Motion`, as humanoid poses."""
         world = np.array(rotations, dtype=np.float64)
         for level in self._skeleton.levels:
             above = self._skeleton.parents[level]
@@ -99,7 +99,7 @@ def bone_poses(motion: Motion) -> BonePoses:
 def motion_of_bones(poses: BonePoses, name: str, fps: float) -> Motion:
     """Return humanoid poses as a motion of the standard skeleton.
 
-    If a program sends only rotations, with all bones at zero, the bones have average lengths.
+    If a program sends only rotations, with all bones at the origin, average bone lengths are used.
 
     Raises:
         TakeError: The hips are missing.
@@ -125,7 +125,7 @@ def _t_pose_offsets(skeleton: Skeleton, joints: list[int], parents: IntArray) ->
 
 
 def _parents(names: tuple[str, ...]) -> IntArray:
-    """Return the index (B,) of the nearest ancestor present, or -1 for the hips."""
+    """Return the index (B,) of the nearest ancestor that is present, or -1 for the hips."""
     found = []
     for name in names:
         above = BONES[name][1]

@@ -1,4 +1,4 @@
-"""Choice of one program when several send to one port."""
+"""Choice of one program if several send to one port."""
 
 import math
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ Source: TypeAlias = tuple[str, int]  # address and port of a sender
 
 @dataclass(frozen=True)
 class SenderLimits:
-    """Limits from which another program is accepted."""
+    """Limits for accepting another program."""
 
     silence_s: float = 1.0  # silence after which a sender is gone; programs send every 4 to 33 ms
-    fresh_ports: int = 3  # new ports in succession that show a program opens one for each packet
+    fresh_ports: int = 3  # new ports in succession that reveal a program that opens one for each packet
 
 
 LIMITS = SenderLimits()
 
 
 class SenderChoice:
-    """Accepts packets of the first program only; once it is silent, those of the next one.
+    """Accepts packets from the first program only; once it is silent, those of the next one.
 
     Attributes:
         others: Programs whose packets were dropped, ten at most.
@@ -29,7 +29,7 @@ class SenderChoice:
         self.others: set[Source] = set()
         self._chosen: Source | None = None
         self._heard_s = -math.inf
-        self._since: set[Source] = set()  # other sources since the chosen one was heard
+        self._since: set[Source] = set()  # other sources since the chosen one was last heard
         self._has_fresh_ports = False
 
     def accepts(self, source: Source, time_s: float) -> bool:

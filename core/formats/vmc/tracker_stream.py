@@ -1,4 +1,4 @@
-"""Live marker frames from trackers that arrive by VMC."""
+"""Live marker frames from trackers received by VMC."""
 
 from dataclasses import dataclass
 
@@ -19,27 +19,27 @@ class StreamSettings:
     """Uncertainty and timing of tracker frames."""
 
     sigma_m: float = 0.001  # standard deviation of positions
-    pause_s: float = 0.25  # time between two frames from which frame numbers are skipped
-    period_s: float = 1.0 / 60.0  # time between two frames until their rate is known
-    least_step_s: float = 0.001  # shortest time between two frames that the network delivers at once
+    pause_s: float = 0.25  # time between two frames above which frame numbers are skipped
+    period_s: float = 1.0 / 60.0  # assumed time between two frames until their rate is known
+    least_step_s: float = 0.001  # shortest time between two frames that the network delivers together
 
 
 _SETTINGS = StreamSettings()
 
 
 class TrackerStream:
-    """Marker frames of VMC packets with trackers named as markers of a set.
+    """Marker frames from VMC packets with trackers that are named like the markers of a set.
 
-    A frame is complete as soon as it contains all that the last one did, without waiting for the next.
+    A frame is complete as soon as it contains everything the last one did, without waiting for the next.
 
     Args:
-        marker_set: Markers that are used; the names, also of `axis_points`, are matched by `match_labels`.
+        marker_set: Markers that are used; names, including those of `axis_points`, are matched by `match_labels`.
     """
 
     def __init__(self, marker_set: MarkerSet) -> None:
         self.gathering = FrameAssembler()
         self._marker_set = marker_set
-        self._labels: dict[Key, IntArray] = {}  # (4,) labels of each tracker and its axes' points
+        self._labels: dict[Key, IntArray] = {}  # labels (4,) of each tracker and its axis points
         self._expected: frozenset[Key] = frozenset()
         self._clock = SteadyClock()
         self._begun_s: float | None = None
@@ -52,14 +52,14 @@ class TrackerStream:
         return tuple(tracker_names(self._labels).values())
 
     def add(self, packet: bytes, arrival_s: float) -> list[MarkerFrame]:
-        """Add a packet and return the marker frames that ended, as `FrameAssembler.add`."""
+        """Add a packet and return the marker frames that it completed, as `FrameAssembler.add` does."""
         frames = [self._marker_frame(frame) for frame in self.gathering.add(packet, arrival_s)]
         if self._expected and self.gathering.has_all(self._expected):
             frames += [self._marker_frame(frame) for frame in self.gathering.end()]
         return [frame for frame in frames if frame is not None]
 
     def _marker_frame(self, frame: VmcFrame) -> MarkerFrame | None:
-        """Return the markers of a frame, or None if it has none of the set's."""
+        """Return the markers in a frame, or None if it has none of the set's."""
         placed = {key: each for key, each in frame.placed.items() if key[0] in TRACKERS}
         if not self._labels.keys() >= placed.keys():
             self._match_trackers(list(placed))

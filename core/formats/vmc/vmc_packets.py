@@ -1,7 +1,7 @@
 """Packets of the VMC protocol: OSC bundles of named positions and rotations.
 
 Unity's axes are left-handed: x to the performer's right, y up, z forward, which is ours with x mirrored. Positions
-become (-x, y, z), rotations (w, x, -y, -z), on the wire in the order x, y, z, w; the same in both directions.
+become (-x, y, z), rotations (w, x, -y, -z), sent in the order x, y, z, w; the conversion is its own inverse.
 
 Protocol: https://protocol.vmc.info/marionette-spec (version 2.0 and later).
 """
@@ -30,7 +30,7 @@ _TIME_TAGS = re.compile(",f")
 _BUNDLE = b"#bundle\0"
 _IMMEDIATELY = struct.pack(">Q", 1)  # time tag of a bundle
 _HEADER_BYTES = len(_BUNDLE + _IMMEDIATELY)
-_MOST_NESTED = 4  # bundles in bundles; programs send one level
+_MOST_NESTED = 4  # deepest nesting of bundles; programs send one level
 _LONGEST_NAME = 128  # characters; names of bones and serial numbers have a few dozen at most
 _MIRROR_POSITION = np.array([-1.0, 1.0, 1.0])
 _MIRROR_ROTATION = np.array([1.0, 1.0, -1.0, -1.0])
@@ -43,8 +43,8 @@ class Placement:
     Args:
         address: `ROOT`, `BONE` or one of `TRACKERS`.
         name: Name of the bone, or serial number of the tracker.
-        position_m: Position (3,); of a bone relative to its parent.
-        rotation: Unit quaternion (4,); of a bone relative to its parent.
+        position_m: Position (3,); for a bone relative to its parent.
+        rotation: Unit quaternion (4,); for a bone relative to its parent.
     """
 
     address: str
@@ -55,15 +55,15 @@ class Placement:
 
 @dataclass(frozen=True)
 class Clock:
-    """The sender's time, seconds from a start of its own."""
+    """The sender's time, in seconds since a moment of its choice."""
 
     time_s: float
 
 
 class FramePackets:
-    """Bundles for frames of the same bones: available, time, root at the origin, and bones.
+    """Encoder of frames with the same bones as bundles: available, time, root at the origin, and bones.
 
-    The library encodes each message once; `packet` only replaces the numbers at its end, in a fiftieth of the time.
+    The library encodes each message once; `packet` only replaces the numbers at its end, which is 50 times as fast.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -90,7 +90,7 @@ def _on_wire(positions_m: Array, rotations: Array) -> Array:
 
 
 def _message(address: str, *values: str | float) -> bytes:
-    """Return a message with its size before it, as in a bundle."""
+    """Return a message preceded by its size, as in a bundle."""
     builder = OscMessageBuilder(address)
     for value in values:
         builder.add_arg(value, {str: "s", int: "i", float: "f"}[type(value)])
@@ -99,13 +99,13 @@ def _message(address: str, *values: str | float) -> bytes:
 
 
 def read_packet(packet: bytes, faults: list[str] | None = None) -> list[Placement | Clock]:
-    """Return the transforms and times of a packet in its order.
+    """Return the transforms and times in a packet, in order.
 
     Args:
-        faults: Receives what is wrong with messages that violate the protocol; the others are still returned.
+        faults: Receives descriptions of messages that violate the protocol; the others are still returned.
 
     Raises:
-        FormatError: The packet violates the protocol, or without `faults` one of its messages does.
+        FormatError: The packet violates the protocol, or, if `faults` is not given, one of its messages does.
     """
     found = []
     for each in _messages(packet, faults):
@@ -122,7 +122,7 @@ def read_packet(packet: bytes, faults: list[str] | None = None) -> list[Placemen
 
 
 def _messages(packet: bytes, faults: list[str] | None) -> Iterator[bytes]:
-    """Yield the messages of a packet, including those in nested bundles; invalid parts of a bundle are faults.
+    """Yield the messages in a packet, including those in nested bundles; invalid parts of a bundle are faults.
 
     The library's own reader loops forever if a size points backwards, so sizes are checked here.
     """

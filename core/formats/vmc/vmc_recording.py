@@ -20,15 +20,15 @@ from .vmc_packets import BONE, ROOT, TRACKERS
 class RecordingSettings:
     """Limits for interpreting recorded frames."""
 
-    turned_rad: float = np.radians(3.0)  # rotation below which a tracker does not measure its rotation
-    most_lost: float = 100.0  # lost frames per received one; more mean a clock that jumped, or a pause
+    turned_rad: float = np.radians(3.0)  # rotation below which a tracker is taken not to measure rotation
+    most_lost: float = 100.0  # lost frames per received frame; more mean a clock that jumped, or a pause
 
 
 _SETTINGS = RecordingSettings()
 
 
 class Recording:
-    """Frames of VMC packets."""
+    """Recorder of VMC packets."""
 
     def __init__(self) -> None:
         self.gathering = FrameAssembler()
@@ -63,7 +63,7 @@ class Recording:
         return motion_of_bones(BonePoses(poses.names, positions_m, rotations), name, clock.fps), len(frames)
 
     def markers(self, name: str) -> MarkerTake:
-        """Return head set, controllers and trackers as markers, with the points of `tracker_points` if they turn."""
+        """Return head set, controllers and trackers as markers, with the points of `tracker_points` if they rotate."""
         seen = [
             key for key in dict.fromkeys(key for frame in self._all() for key in frame.placed) if key[0] in TRACKERS
         ]
@@ -80,7 +80,7 @@ class Recording:
             names += [own, *axis_names(own)] if turns else [own]
             columns.append(points)
         numbers = np.round(clock.times_s * clock.fps).astype(np.int64)
-        if np.any(np.diff(numbers) < 1):  # frames of a network may arrive nearly together
+        if np.any(np.diff(numbers) < 1):  # the network may deliver frames almost at the same time
             numbers = np.arange(len(numbers))
         positions_m = np.concatenate(columns, axis=1)[clock.rows]
         return MarkerTake(name, clock.fps, tuple(names), positions_m, numbers, clock.times_s)
@@ -91,7 +91,7 @@ class Recording:
         return self._frames
 
     def _with(self, keys: Sequence[Key], name: str, what: str) -> tuple[list[VmcFrame], Clock]:
-        """Return frames with any of the keys, and their clock from the first on."""
+        """Return the frames that have any of the keys, and their clock from the first one on."""
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             raise TakeError(
@@ -110,7 +110,7 @@ class Recording:
 
 
 def _fill_missing(frames: Sequence[VmcFrame], keys: Sequence[Key]) -> BonePoses:
-    """Return the poses of bones; a missing one keeps the pose of the frame before."""
+    """Return the poses of bones; a missing bone keeps its pose from the previous frame."""
     there = np.array([[key in frame.placed for key in keys] for frame in frames])
     row = np.where(there, np.arange(len(frames))[:, None], -1)
     row = np.maximum.accumulate(row, axis=0)

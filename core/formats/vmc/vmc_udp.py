@@ -1,4 +1,4 @@
-"""VMC over UDP: sending of poses, receiving and recording of packets."""
+"""VMC over UDP: sending poses, receiving and recording packets."""
 
 import ipaddress
 import socket
@@ -19,7 +19,7 @@ from .vmc_packets import FramePackets
 from .vmc_recording import Recording
 
 _LARGEST_PACKET = 65535  # bytes
-_SO_RXQ_OVFL = 40  # Linux reports dropped packets with each packet; Python lacks the name
+_SO_RXQ_OVFL = 40  # on Linux each packet reports the number of dropped ones; Python lacks this constant
 
 
 def play(motion: Motion, host: str, port: int, progress: Progress) -> int:
@@ -77,10 +77,10 @@ class Receiver(AbstractContextManager["Receiver"]):
     Args:
         port: Port number; 0 for any free one.
         sender: Name or address of the only computer that is accepted; "" for all. If it is this computer, the port is
-            closed to its networks.
+            not reachable from its networks.
 
     Attributes:
-        strangers: Addresses of other computers that have sent packets, ten at most.
+        strangers: Addresses of other computers that have sent packets, at most ten.
         others: Further programs that have sent packets, as HOST:PORT; only one is listened to at a time.
         overflowed: Packets that the system dropped while this process was busy (reported by Linux only).
 
@@ -114,7 +114,7 @@ class Receiver(AbstractContextManager["Receiver"]):
 
     @property
     def others(self) -> list[str]:
-        """Programs whose packets were dropped because another one sends."""
+        """Programs whose packets were dropped because another program is sending."""
         return [f"{address}:{port}" for address, port in sorted(self._choice.others)]
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -131,7 +131,7 @@ class Receiver(AbstractContextManager["Receiver"]):
         return packet if self._choice.accepts(source, time.monotonic()) else None
 
     def _read(self) -> tuple[bytes, Source]:
-        """Return the next packet, and its sender's address and port."""
+        """Return the next packet and its sender's address and port."""
         if sys.platform != "linux":
             packet, source = self._socket.recvfrom(_LARGEST_PACKET)
             return packet, source[:2]
@@ -141,7 +141,7 @@ class Receiver(AbstractContextManager["Receiver"]):
 
 
 def _address(host: str) -> tuple[socket.AddressFamily, str]:
-    """Return the family and address of a computer, the older family where it has both."""
+    """Return the family and address of a computer, IPv4 if it has both."""
     try:
         found = socket.getaddrinfo(host or "0.0.0.0", None, type=socket.SOCK_DGRAM)  # noqa: S104 - only looked up
         family, *_, address = min(found, key=lambda each: each[0] != socket.AF_INET)
@@ -156,7 +156,7 @@ def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:
     recording = Recording()
     progress(0.0, f"listening on port {receiver.port}")
     begun_s = time.perf_counter()
-    waiting = 1000  # most packets that are read after the end, from the system's buffer
+    waiting = 1000  # limit on packets read from the system's buffer after the end
     while waiting:
         left_s = begun_s + seconds - time.perf_counter()
         packet = receiver.receive(min(max(left_s, 0.0), 0.5))  # progress is reported twice a second

@@ -1,1 +1,1 @@
-"""Simulated studio: cameras, body, room, boards, their images and all truth."""
+"""Simulated studio: cameras, body, room and boards, their images, and the truth."""

@@ -18,18 +18,18 @@ from .render import Renderer
 from .studio_rig import looking_at
 
 DEFAULT_BOARD = Board("chessboard", 9, 6, 0.08)
-_FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, apart from those of performances
+_FIRST_NUMBER = 10_000_000  # frame numbers of board pictures, distinct from those of performances
 
 
 @dataclass(frozen=True)
 class BoardSettings:
     """Positions and drawing of boards."""
 
-    candidates: int = 600  # random positions of which the best are chosen
-    samples: int = 4  # per pixel and axis
+    candidates: int = 600  # number of random positions from which the best are chosen
+    samples: int = 4  # samples per pixel and axis
     rim: float = 1.7  # distance from the outer corners to the edge of the paper, squares
-    cell_px: int = 64  # side of the image parts that board positions should cover
-    print_px: int = 120  # side of a printed ChArUco square; fields of codes are whole pixels for usual sizes
+    cell_px: int = 64  # side of the image regions that board positions should cover
+    print_px: int = 120  # side of a printed ChArUco square; code cells are whole pixels at usual sizes
 
 
 _SETTINGS = BoardSettings()
@@ -58,12 +58,12 @@ class BoardPicture:
 
 
 def board_poses(rig: CameraRig, board: Board, count: int) -> tuple[BoardPose, ...]:
-    """Return tilted board positions that all cameras see whole.
+    """Return tilted board positions in which all cameras see the whole board.
 
-    Each is the random candidate that best covers the image parts covered least so far.
+    Each is the random candidate that best covers the image regions covered least so far.
 
     Raises:
-        SettingsError: No position is seen by all cameras.
+        SettingsError: In no position do all cameras see the board.
     """
     rng = np.random.default_rng([0, 4])
     focus = _focus(rig)
@@ -94,7 +94,7 @@ def board_pictures(renderer: Renderer, board: Board = DEFAULT_BOARD, count: int 
 
 
 def _drawn(renderer: Renderer, board: Board, pose: BoardPose, samples: int = _SETTINGS.samples) -> list[Image]:
-    """Return the room with a board in all cameras, without noise."""
+    """Return the room with a board for all cameras, without noise."""
     images = [renderer.lit_room(i) for i in range(len(renderer.rig))]
     for image, camera in zip(images, renderer.rig.cameras, strict=True):
         draw_board(image, camera, board, pose, samples)
@@ -110,12 +110,12 @@ def _with_noise(renderer: Renderer, drawn: Sequence[Image], number: int) -> tupl
 
 def board_on_floor(board: Board = DEFAULT_BOARD) -> tuple[BoardPose, float]:
     """Return the pose of a board on the floor and its distance from the origin, metres."""
-    flat, before_m = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), 0.6  # seen whole by all cameras
+    flat, before_m = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), 0.6  # whole in all images
     return BoardPose(flat, [0.0, 0.0, before_m] - flat @ board.points_m.mean(axis=0)), before_m
 
 
 class CarriedBoard(ClosableSource):
-    """Image source of a board that is carried about and held still for six images in each place."""
+    """Image source of a board that is carried around and held still for six images in each position."""
 
     def __init__(self, renderer: Renderer, board: Board, poses: Sequence[BoardPose]) -> None:
         self.fps = 8.0
@@ -124,7 +124,7 @@ class CarriedBoard(ClosableSource):
         self._poses = tuple(poses)
 
     def __iter__(self) -> Iterator[ImageSet]:
-        """Yield image sets until the board has been in all places, or `close`."""
+        """Yield image sets until the board has been in all positions, or until `close`."""
         for number, drawn in enumerate(self._all_drawn()):
             if self._closed:
                 return
@@ -175,7 +175,7 @@ def _fine(start: int, stop: int, samples: int) -> Array:
 
 
 def _pattern(board: Board, x: Array, y: Array) -> tuple[FloatArray, FloatArray]:
-    """Return paper (0 or 1) and darkness (0 or 1) at board positions, metres."""
+    """Return paper (0 or 1) and darkness (0 or 1) at positions on the board, metres."""
     column, row = x / board.square_m, y / board.square_m
     columns, rows = board.corner_grid
     paper = (
@@ -219,7 +219,7 @@ def _focus(rig: CameraRig) -> Array:
         across = np.eye(3) - np.outer(camera.rotation[2], camera.rotation[2])
         normal += across
         right += across @ camera.centre_m
-    # a small weight on 3 m ahead decides for parallel axes and for a single camera
+    # a small weight on a point 3 m ahead decides for parallel axes and for a single camera
     ahead = np.mean([camera.centre_m + 3.0 * camera.rotation[2] for camera in rig.cameras], axis=0)
     return np.linalg.solve(normal + 1e-3 * np.eye(3), right + 1e-3 * ahead)
 
@@ -237,7 +237,7 @@ def _candidate(rig: CameraRig, board: Board, focus: Array, rng: np.random.Genera
 
 
 def _covered(rig: CameraRig, board: Board, pose: BoardPose) -> Array | None:
-    """Return the image parts (0 or 1) with corners, or None unless all cameras see the whole board."""
+    """Return the image regions (0 or 1) with corners, or None unless all cameras see the whole board."""
     cells = []
     rim, corners = pose.points(_outline(board)), pose.points(board.points_m)
     for camera in rig.cameras:

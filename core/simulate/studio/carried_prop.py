@@ -13,7 +13,7 @@ from .performer_body import Body
 HAND = "rhand"
 _GRIP_RAD = np.deg2rad(50.0)  # angle of a grip in the palm, from the thumb's side towards the fingers
 _FIST_M = np.array([-0.045, -0.02, 0.0])  # in the hand's axes
-_ORIGIN_TO_FIST_M = 0.09  # along the prop, whose origin lies between the hands
+_ORIGIN_TO_FIST_M = 0.09  # distance along the prop, whose origin lies between the hands
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Carried:
 
 
 def in_hand(prop: Prop) -> Carried:
-    """Return the prop gripped by the right fist, y along its shaft."""
+    """Return the prop gripped by the right fist, with y along its shaft."""
     along = np.array([-np.sin(_GRIP_RAD), 0.0, np.cos(_GRIP_RAD)])
     edge = np.array([-np.cos(_GRIP_RAD), 0.0, -np.sin(_GRIP_RAD)])
     turn = np.stack((np.cross(along, edge), along, edge), axis=1)
@@ -44,7 +44,7 @@ def in_hand(prop: Prop) -> Carried:
 
 
 def with_prop(body: Body, skeleton: Skeleton, carried: Carried) -> Body:
-    """Return the body with the prop: a shaft along y, and an arm to each marker beside it."""
+    """Return the body with the prop: a shaft along y, and an arm to each marker off the shaft."""
     places = carried.prop.positions_m
     low, high = float(places[:, 1].min()), float(places[:, 1].max())
     starts, ends = [np.array([0.0, low, 0.0])], [np.array([0.0, high, 0.0])]

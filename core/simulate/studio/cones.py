@@ -12,7 +12,7 @@ from ...geometry.arrays import Array, Mask
 
 @dataclass(frozen=True)
 class RoundCones:
-    """P round cones: starts and ends (P, 3) of their axes, and the radii (P,) there, metres."""
+    """P round cones: starts and ends (P, 3) of their axes, and their radii (P,) there, metres."""
 
     starts: Array
     ends: Array
@@ -24,15 +24,15 @@ class RoundCones:
 
 
 def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array | None = None) -> Array:
-    """Return the distance (N, P) along each ray to its first hit on each cone, infinity where it misses.
+    """Return the distance (N, P) along each ray to its first hit on each cone, infinity if it misses.
 
-    The surface is the envelope of the spheres |p - c(s)| = r(s): with F = |p - c(s)|^2 - r(s)^2 the condition
+    The surface is the envelope of the spheres |p - c(s)| = r(s): with F = |p - c(s)|^2 - r(s)^2, the condition
     dF/ds = 0 gives s as a linear function of p, and F = 0 becomes quadratic in the distance.
 
     Args:
         origin: Start (3,) of the rays; hits behind it do not count.
         directions: Unit vectors (N, 3).
-        scale: Factors (N, P) of the radii for each pair of ray and cone.
+        scale: Factors (N, P) for the radii, for each pair of ray and cone.
     """
     scale = np.ones((1, 1)) if scale is None else scale
     r0 = cones.start_radii * scale
@@ -56,7 +56,7 @@ def first_hits(origin: Array, directions: Array, cones: RoundCones, scale: Array
 
 
 def _envelope(dw: Array, dq: Array, c0: Array, k: Array, spread: Array) -> tuple[Array, Array]:
-    """Return the first root of the envelope's quadratic, and s there."""
+    """Return the first root of the envelope's quadratic equation, and s there."""
     a = 1.0 - dw * dw / spread
     b = dq - k * dw / spread
     c = c0 - k * k / spread
@@ -77,7 +77,7 @@ def _sphere(dq: Array, c: Array) -> Array:
 
 
 def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
-    """Return distances (N, P) of points to the axes, and the cones' radii there."""
+    """Return distances (N, P) of points from the axes, and the cones' radii there."""
     axis = cones.ends - cones.starts
     length2 = np.maximum(np.sum(axis * axis, axis=-1), 1e-12)
     offset = points[:, None, :] - cones.starts
@@ -89,10 +89,10 @@ def axis_distances(points: Array, cones: RoundCones) -> tuple[Array, Array]:
 
 
 def visible(origin: Array, points: Array, cones: RoundCones, margin_m: float) -> Mask:
-    """Return a mask (N,) of the points (N, 3) that are seen from `origin` (3,) past the cones.
+    """Return a mask (N,) of the points (N, 3) that are visible from `origin` (3,) past the cones.
 
     A point in or on a cone is a marker worn on that limb, or on a limb that touches it. For this point the cone is made
-    thinner until the point is `margin_m` above its surface: the marker is visible from its own side of the limb only.
+    thinner until the point is `margin_m` above its surface: the marker is only visible from its own side of the limb.
     """
     distance, radius = axis_distances(points, cones)
     room = np.maximum(distance - margin_m, 0.1 * radius)

@@ -1,4 +1,4 @@
-"""Bright discs drawn through a slightly blurred lens, centred exactly.
+"""Bright discs drawn through a slightly blurred lens, with exact centres.
 
 A sharp disc a few pixels wide, sampled by square pixels, has a centroid that is off by up to 0.02 pixels; no real lens
 is that sharp. The coverage of the disc is therefore exact on a finer grid, then blurred and summed into pixels.
@@ -16,10 +16,10 @@ _CELLS = 4  # cells per pixel in x, covered exactly
 
 
 def disc_light(centres: Array, radius: float, blur_px: float) -> tuple[int, int, Array]:
-    """Return a disc's light in its pixels: left, top, shares (height, width).
+    """Return the light of a disc in its pixels: left, top, shares (height, width).
 
     Args:
-        centres: Pixels (S, 2) of the centre during the exposure, which are averaged; pixel centres are whole numbers.
+        centres: Centres (S, 2) at several times during the exposure, averaged, pixels; pixel centres are whole numbers.
         radius: Radius in pixels.
         blur_px: Standard deviation of the lens's blur.
     """

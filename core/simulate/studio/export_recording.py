@@ -1,4 +1,4 @@
-"""Simulated recordings on disk: videos, background, board pictures and all truth."""
+"""Simulated recordings on disk: videos, background, board pictures and the truth."""
 
 import shutil
 import tempfile
@@ -30,7 +30,7 @@ _Write = Callable[[Sequence[Image]], None]
 
 @dataclass(frozen=True)
 class RecordingFiles:
-    """Contents of a recording besides the performance: background, board, codec."""
+    """Contents of a recording in addition to the performance: background, board, codec."""
 
     background_frames: int = 60
     board_views: int = 24
@@ -41,10 +41,10 @@ class RecordingFiles:
 def export_recording(
     source: SimulatedSource, out: str | Path, files: RecordingFiles | None = None, progress: Progress = no_progress
 ) -> dict[str, Any]:
-    """Write a simulated recording into a new folder and return a summary.
+    """Write a simulated recording to a new folder and return a summary.
 
-    The folder holds, for each camera NAME: `NAME.mkv`, `background/NAME.mkv`, `board/NAME/000.png`, ...; and in `truth`
-    cameras.toml, subject.toml, motion.bvh, markers.take.npz, image_truth.npz and board_truth.npz. It appears only when
+    For each camera NAME, the folder contains `NAME.mkv`, `background/NAME.mkv`, `board/NAME/000.png`, ...; in `truth`,
+    cameras.toml, subject.toml, motion.bvh, markers.take.npz, image_truth.npz and board_truth.npz. It appears only once
     it is complete.
 
     Raises:
@@ -121,7 +121,7 @@ def _write_board(source: SimulatedSource, folder: Path, views: int, progress: Pr
 
 @contextmanager
 def _videos(source: SimulatedSource, folder: Path, files: RecordingFiles) -> Iterator[_Write]:
-    """Yield a function that appends an image set to one video for each camera."""
+    """Yield a function that appends an image set to one video per camera."""
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
@@ -166,5 +166,5 @@ def _write_truth(source: SimulatedSource, folder: Path, truths: list[FrameTruth]
 
 
 def _time_offsets_s(source: SimulatedSource) -> list[float]:
-    """Return the delay of each camera against the frames of its video."""
+    """Return the delay of each camera relative to the frames of its video."""
     return [source.renderer.settings.time_offset_s(i) for i in range(len(source.rig))]

@@ -1,4 +1,4 @@
-"""Body and markers in front of the cameras at any moment of a motion."""
+"""Body and markers in front of the cameras at any time of a motion."""
 
 from dataclasses import dataclass, replace
 
@@ -15,13 +15,13 @@ from .performer_body import Body, make_body, with_sticks
 
 @dataclass(frozen=True)
 class Performance:
-    """A motion with body and markers, which can be sampled between its frames.
+    """A motion with body and markers that can be sampled between its frames.
 
     Args:
         starts_m: Starts (F, P, 3) of the body's cones in world axes.
         ends_m: Ends (F, P, 3) of the body's cones in world axes.
         markers_m: Marker centres (F, M, 3) in world axes.
-        partners: Further performers; their markers follow the performer's.
+        partners: Further performers; their markers come after the performer's.
     """
 
     motion: Motion
@@ -34,7 +34,7 @@ class Performance:
 
     @property
     def everybody(self) -> "tuple[Performance, ...]":
-        """The performer and the partners, each without partners."""
+        """The performer and the partners, each without their partners."""
         return (replace(self, partners=()), *self.partners)
 
     def cones_at(self, time_s: float) -> RoundCones:
@@ -56,12 +56,12 @@ def make_performance(
     offsets_m: ArrayLike,
     carried: Carried | None = None,
 ) -> Performance:
-    """Put markers on a performer.
+    """Return a motion with markers on the performer.
 
     Args:
         joints: Joint (M,) that carries each marker.
         offsets_m: Markers (M, 3) in the joints' axes.
-        carried: Prop in the hand; its markers follow the performer's.
+        carried: Prop in the hand; its markers come after the performer's.
     """
     carriers, places = np.asarray(joints, dtype=np.int64), np.asarray(offsets_m, dtype=np.float64)
     body = with_sticks(make_body(motion.skeleton), carriers, places)

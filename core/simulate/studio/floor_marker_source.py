@@ -31,7 +31,7 @@ class FloorMarkers(ClosableSource):
         self._performance = make_performance(nobody, names, np.zeros(len(places), dtype=np.int64), places)
 
     def background_frames(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield images of the empty room, one for each camera."""
+        """Yield images of the empty room, one per camera."""
         for number in range(count):
             yield self._renderer.background(number)
 

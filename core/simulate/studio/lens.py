@@ -10,8 +10,8 @@ from ...geometry.camera import Camera
 def undistorted_grid(camera: Camera, xs: Array, ys: Array) -> Array:
     """Return undistorted coordinates (len(ys), len(xs), 2) of a grid of pixels; `xs` and `ys` ascend.
 
-    The lens is inverted at every eighth pixel, with cubic splines between: exact to about 1e-5 pixels, and many times
-    faster than at every pixel.
+    The lens is inverted at every eighth pixel, with cubic splines in between: accurate to about 1e-5 pixels, and many
+    times faster than inverting it at every pixel.
     """
     nodes_x, nodes_y = _nodes(xs), _nodes(ys)
     coarse = camera.undistort(np.stack(np.meshgrid(nodes_x, nodes_y), axis=-1))

@@ -1,4 +1,4 @@
-"""Body drawn fast: nested outlines of each round cone, brighter towards the light."""
+"""Fast drawing of a body: nested outlines of each round cone, brighter towards the light."""
 
 from collections.abc import Mapping
 
@@ -21,7 +21,7 @@ COLOURS: dict[str, Colour] = TABLES["colours"]
 
 
 def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:
-    """Return outlines (N, K, 2) around two circles each.
+    """Return outlines (N, K, 2) around pairs of circles.
 
     Args:
         a: Centres (N, 2) of the first circles.
@@ -32,7 +32,7 @@ def outlines(a: Array, b: Array, ra: Array, rb: Array) -> Array:
     axis = b - a
     length = np.maximum(np.hypot(axis[:, 0], axis[:, 1]), 1e-9)
     heading = np.arctan2(axis[:, 1], axis[:, 0])[:, None]
-    # the common tangents touch both circles at this angle from the axis; a circle inside the other has none
+    # the common tangents touch both circles at this angle from the axis; for a circle inside the other there are none
     opening = np.arccos(np.clip((ra - rb) / length, -1.0, 1.0))[:, None]
     angle_b = heading - opening + 2.0 * opening * _ARC
     angle_a = heading + opening + 2.0 * (np.pi - opening) * _ARC
@@ -66,10 +66,10 @@ def draw_body(
         layers.append(np.rint(np.nan_to_num(polygons) * 16.0).astype(np.int32))
     for limb in sorted(body.limbs, key=lambda members: -float(middle[members].mean())):
         order = [part for part in limb[np.argsort(-middle[limb])] if min(starts[part], ends[part]) > 0.2]
-        # layer by layer, so that the parts of a limb melt into each other
+        # layer by layer, so that the parts of a limb merge
         for polygons, (size, tone) in zip(layers, _LAYERS, strict=True):
             rim = cv2.LINE_AA if size == 1.0 else cv2.LINE_8
             for part in order:
                 blue, green, red = colours[body.materials[part]]
                 colour = light * tone * blue, light * tone * green, light * tone * red
-                cv2.fillConvexPoly(image, polygons[part], colour, rim, 4)  # 4 bits of fraction
+                cv2.fillConvexPoly(image, polygons[part], colour, rim, 4)  # 4 fractional bits

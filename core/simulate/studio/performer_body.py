@@ -1,6 +1,6 @@
 """Body of the performer: round cones on a skeleton, with usual adult proportions.
 
-Studio and preview draw it, and it hides markers from the cameras.
+Studio and preview draw this body, and it hides markers from the cameras.
 """
 
 from dataclasses import dataclass, replace
@@ -58,7 +58,7 @@ class Body:
         return self.placed(*self.posed(rotations, root_position_m))
 
     def with_wood(self, joints: IntArray, starts_m: Array, ends_m: Array, radii_m: Array) -> "Body":
-        """Return the body with further cones (P,) of something held."""
+        """Return the body with additional cones (P,) for something held."""
         return replace(
             self,
             joints=np.concatenate((self.joints, joints)),
@@ -77,7 +77,7 @@ class Body:
 def make_body(skeleton: Skeleton) -> Body:
     """Return the body of a skeleton, with an adult's girths.
 
-    Joints outside the standard skeleton get a thin cone along their bone.
+    Joints that are not in the standard skeleton get a thin cone along their bone.
     """
     scale = _size(skeleton)
     rows: list[tuple[Any, ...]] = []
@@ -116,7 +116,7 @@ def _parts_of(name: str) -> list[tuple[dict[str, Any], Array]]:
         return [(part, side) for part in _PARTS[name] for side in ((left, right) if "paired" in part else (left,))]
     if name.startswith("r") and "l" + name[1:] in _PARTS:
         return [(part, right) for part in _PARTS["l" + name[1:]]]
-    return [] if name in JOINT_NAMES else [(_THIN_CONE, left)]  # lowerneck: drawn with the upper neck
+    return [] if name in JOINT_NAMES else [(_THIN_CONE, left)]  # lowerneck is drawn with the upper neck
 
 
 def _limb(joint: str) -> str:

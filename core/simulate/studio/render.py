@@ -23,11 +23,11 @@ class FrameTruth:
     """Truth of one set of images.
 
     Args:
-        time_s: Time since the performance's start.
+        time_s: Time since the start of the performance.
         markers_m: Marker centres (M, 3) at that time in world axes.
         pixels: Marker centres (C, M, 2) in each image, at the middle of that camera's exposure.
         radii_px: Radii (C, M) of the discs.
-        visible: Markers (C, M) that each image shows.
+        visible: Mask (C, M) of the markers that each image shows.
         ghosts: Centres (G, 2) of the false blobs in each image.
     """
 
@@ -49,7 +49,7 @@ class StudioFrame(ImageSet):
 
 @dataclass(frozen=True)
 class _ImagedMarkers:
-    """Markers in one image: paths (M, S, 2) during the exposure, centres (M, 2), radii, depths, seen (M,)."""
+    """Markers in one image: paths (M, S, 2) during the exposure, centres (M, 2), radii, depths, visible ones (M,)."""
 
     paths: Array
     centres: Array
@@ -74,7 +74,7 @@ class Renderer:
         self._noise = _noise_tables(rig, self.settings)
 
     def background(self, number: int) -> tuple[Image, ...]:
-        """Return images of the empty room with fresh noise, one for each camera."""
+        """Return images of the empty room with fresh noise, one per camera."""
         images = tuple(image.copy() for image in self._empty)
         for i, image in enumerate(images):
             self.add_noise(image, i, -1 - number)
@@ -172,7 +172,7 @@ class Renderer:
                 draw_disc(image, path, radius, colour, self.settings.lens_blur_px)
 
     def _ghosts(self, camera: int, time_s: float) -> list[tuple[Array, float, float]]:
-        """Return centre, radius and brightness of false blobs that wander slowly and go out now and then."""
+        """Return centre, radius and brightness of false blobs that wander slowly and disappear at times."""
         shown = []
         size = np.array(self.rig.cameras[camera].image_size, dtype=np.float64)
         for ghost in range(self.settings.ghosts):
@@ -186,7 +186,7 @@ class Renderer:
 
 
 def _from_afar(camera: Camera, performance: Performance, time: float) -> list[tuple[Performance, RoundCones]]:
-    """Return everybody with their bodies at a time, those far from the camera first."""
+    """Return all performers with their bodies at a time, those far from the camera first."""
     placed = [(one, one.cones_at(time)) for one in performance.everybody]
     return sorted(placed, key=lambda pair: -float(camera.to_camera(pair[1].starts)[:, 2].mean()))
 
@@ -202,13 +202,13 @@ def _own_times(performance: Performance, times: Array) -> Array:
 
 
 def _behind_another(centres: Array, radii: Array, depth: Array) -> Mask:
-    """Return a mask (M,) of markers with their centre behind a nearer marker's ball."""
+    """Return a mask (M,) of markers whose centre is behind a nearer marker's ball."""
     apart = np.linalg.norm(np.nan_to_num(centres)[:, None] - np.nan_to_num(centres), axis=-1)
     return np.asarray(np.any((apart < radii) & (depth < depth[:, None]), axis=1))
 
 
 def _views(rig: CameraRig, boxes: tuple[Box, ...]) -> tuple[RoomView, ...]:
-    """Draw the room for all cameras in parallel, the slowest part of the start."""
+    """Draw the room for all cameras in parallel, which is the slowest part of the start."""
     with ThreadPoolExecutor(len(rig)) as pool:
         return tuple(pool.map(view_room, rig.cameras, repeat(boxes)))
 

@@ -1,4 +1,4 @@
-"""Room behind the performer as each camera sees it through its lens."""
+"""Room behind the performer as seen by each camera through its lens."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -14,7 +14,7 @@ from .studio_settings import TABLES
 
 @dataclass(frozen=True)
 class Box:
-    """Box with edges along the axes: corners in metres, BGR colour; a lamp shines."""
+    """Box with edges along the axes: corners in metres, BGR colour; a lamp emits light."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -31,13 +31,13 @@ _LIGHT = (0.64, 0.89, 0.72)  # brightness of the faces across x, y, z
 
 @dataclass(frozen=True)
 class RoomView:
-    """Empty room as one camera sees it: reflected and emitted light (height, width, 3), grey levels."""
+    """Empty room as seen by one camera: reflected and emitted light (height, width, 3), grey levels."""
 
     lit: Array
     shine: Array
 
     def image(self, light: float) -> Image:
-        """Return the picture without noise, uint8 BGR, at a share of the full light."""
+        """Return the picture without noise, uint8 BGR, at a fraction of the full light."""
         picture: Image = np.clip(np.rint(light * self.lit + self.shine), 0, 255).astype(np.uint8)
         return picture
 
@@ -80,7 +80,7 @@ def _window(camera: Camera, box: Box) -> tuple[slice, slice]:
 
 
 def _faces(origin: Array, rays: Array, box: Box) -> tuple[tuple[Array, IntArray], tuple[Array, IntArray]]:
-    """Return distance and axis of the faces where rays (N, 3) enter a box and leave it.
+    """Return distance and axis of the faces through which rays (N, 3) enter and leave a box.
 
     A ray misses the box if it would leave before it enters.
     """
@@ -91,11 +91,11 @@ def _faces(origin: Array, rays: Array, box: Box) -> tuple[tuple[Array, IntArray]
 
 
 def _walls(points: Array, axis: IntArray) -> Array:
-    """Return colours (N, 3) of walls, floor of planks, and ceiling at points on them."""
+    """Return colours (N, 3) of points on the walls, the plank floor and the ceiling."""
     x, y, z = points.T
     level = np.where((y < 1.0)[:, None], _floor(x, z), np.array(_CEILING))
     colour = np.where((axis == 1)[:, None], level, np.array(_ROOM.colour) * (1.0 + 0.06 * y)[:, None])
-    # corners are darker: less of the room's light reaches them
+    # corners are darker, because less of the room's light reaches them
     corner = np.minimum(np.minimum(x - _ROOM.low[0], _ROOM.high[0] - x), z - _ROOM.low[2])
     edge = np.where(axis == 1, corner, np.minimum(y, _ROOM.high[1] - y) + 0.15)
     shaded: Array = colour * (0.74 + 0.26 * np.clip(edge / 0.9, 0.0, 1.0))[:, None]
@@ -103,7 +103,7 @@ def _walls(points: Array, axis: IntArray) -> Array:
 
 
 def _floor(x: Array, z: Array) -> Array:
-    """Return colours (N, 3) of planks of random tones."""
+    """Return colours (N, 3) of planks with random tones."""
     plank = np.floor(x / 0.16)
     along = z / 1.6 + 0.37 * plank
     noise = np.sin(plank * 12.9898 + np.floor(along) * 78.233) * 43758.5453

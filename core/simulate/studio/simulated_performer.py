@@ -1,4 +1,4 @@
-"""Description of the simulated performer, light to import."""
+"""Description of the simulated performer; importing it is cheap."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -12,7 +12,7 @@ _BODY_M = About("body height; by default the shipped performer's", "m", 0.5, 3.0
 
 @dataclass(frozen=True)
 class Partner:
-    """A further simulated performer; by default like the first one."""
+    """Another simulated performer; by default like the first one."""
 
     is_closed: ClassVar[bool] = True
     behaviour: Annotated[str, About('"demo" or a behaviour')] = ""
@@ -23,9 +23,9 @@ class Partner:
 
 @dataclass(frozen=True)
 class SimulatedPerformer:
-    """The simulated performer before simulated cameras.
+    """The simulated performer in front of simulated cameras.
 
-    Partners stand to the right of the first performer, as the cameras see it; without any the first is in the middle.
+    Partners stand to the right of the first performer as the cameras see it; alone, the first stands in the middle.
     """
 
     is_closed: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Simulated performer as an image source, live or as fast as the images are drawn."""
+"""Simulated performer as an image source, live or as fast as the images can be drawn."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ from .studio_settings import StudioSettings
 
 @dataclass(eq=False)
 class SimulatedSource(ClosableSource):
-    """Image sets of a performance with their truth, by iteration.
+    """Iterable of a performance's image sets with their truth.
 
     Args:
         subject: The performer's true skeleton and marker offsets.
@@ -37,7 +37,7 @@ class SimulatedSource(ClosableSource):
         loop: Start again when the performance is over.
 
     Attributes:
-        first: Number of the first frame; ignored live.
+        first: Number of the first frame; not used when live.
         dropped: Number of frames dropped so far.
     """
 
@@ -66,7 +66,7 @@ class SimulatedSource(ClosableSource):
         return int(np.floor(self.motion.duration_s * self.fps + 1e-6)) + 1
 
     def background_frames(self, count: int) -> Iterator[tuple[Image, ...]]:
-        """Yield images of the empty room, one for each camera, to learn the background from."""
+        """Yield images of the empty room, one per camera, for learning the background."""
         for number in range(count):
             yield self.renderer.background(number)
 
@@ -77,7 +77,7 @@ class SimulatedSource(ClosableSource):
         return replace(frame, times_s=tuple(t + offset for t in frame.times_s)) if offset else frame
 
     def __iter__(self) -> Iterator[StudioFrame]:
-        """Yield image sets until the performance is over, or `close`."""
+        """Yield image sets until the performance is over, or until `close`."""
         start = time.perf_counter()
         number = 0 if self.live else self.first
         while not self._closed and (self.loop or number < self.frames):
@@ -100,7 +100,7 @@ class SimulatedSource(ClosableSource):
 
 
 def open_simulated(asked: SimulatedPerformer | Table) -> SimulatedSource:
-    """Return the simulated performer as described.
+    """Return the image source for a description of the simulated performer.
 
     Raises:
         SettingsError: A key, behaviour or setting is unknown.
@@ -141,7 +141,7 @@ def simulated_source(
     prop: Prop | None = None,
     partners: Sequence[tuple[Motion, str]] = (),
 ) -> SimulatedSource:
-    """Return an image source of a performed motion.
+    """Return an image source for a given motion.
 
     Args:
         marker_set: Name or file of a marker set with offsets.
@@ -160,7 +160,7 @@ def simulated_source(
 
 
 def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
-    """Return settings from a table; raise SettingsError for an unknown name or wrong value."""
+    """Return settings from a table; SettingsError for an unknown name or an invalid value."""
     try:
         values: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in table.items()
@@ -171,7 +171,7 @@ def studio_settings(table: Mapping[str, Any]) -> StudioSettings:
 
 
 def _motion(asked: SimulatedPerformer) -> Motion:
-    """Return T pose and behaviour."""
+    """Return the T pose followed by the behaviour."""
     seconds = None if asked.seconds is None else asked.seconds + STAGE.around_s
     height_m = asked.height_m
     if height_m is None and asked.behaviour != DEMO:

@@ -1,4 +1,4 @@
-"""Recorded motion moved in front of the simulated cameras."""
+"""Placement of recorded motion in front of the simulated cameras."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,13 +14,13 @@ from .performer_body import make_body
 
 @dataclass(frozen=True)
 class StageSettings:
-    """Times and places of simulated performers."""
+    """Times and positions of simulated performers."""
 
     longest_held_s: float = 300.0  # longest time for all calibration poses together
     arrival_s: float = 1.0  # time from a held pose to the next, or to the motion's first pose
-    around_s: float = 4.0  # T pose, arms down and rest around a behaviour
-    spacing_m: float = 1.2  # between performers: both stay in the picture, and arms held out do not meet
-    partners: int = 7  # most partners: a room holds no more, and each takes a second to prepare
+    around_s: float = 4.0  # time for T pose, arms down and rest around a behaviour
+    spacing_m: float = 1.2  # distance between performers: both stay in the picture, and outstretched arms do not meet
+    partners: int = 7  # most partners: the room has no space for more, and each takes a second to prepare
 
 
 STAGE = StageSettings()
@@ -39,9 +39,9 @@ def on_stage(motion: Motion) -> Motion:
 
 
 def with_poses(motion: Motion, poses: Sequence[str], seconds: float) -> Motion:
-    """Return the motion with poses of `POSES` before it, each held for a time, with a second between them.
+    """Return the motion preceded by poses of `POSES`, each held for a time, with a second between them.
 
-    The poses face the cameras (+z) however the motion begins, as a person standing sideways hides a shoulder.
+    The poses face the cameras (+z) however the motion begins, because a person standing sideways hides a shoulder.
 
     Raises:
         SettingsError: The poses would last more than five minutes.

@@ -1,4 +1,4 @@
-"""The simulated cameras."""
+"""Rig of simulated cameras."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from ...geometry.camera import Camera, CameraRig
 IMAGE_SIZE = (640, 480)
 FPS = 60.0
 
-# webcams of one make are not quite alike: focal lengths, centre (pixels), k1, k2, p1, p2, k3
+# webcams of the same make differ slightly: focal lengths, centre (pixels), k1, k2, p1, p2, k3
 _LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
     (541.3, 540.6, 322.7, 236.9, (-0.118, 0.071, 0.0006, -0.0004, -0.012)),
     (537.8, 538.9, 316.1, 242.6, (-0.109, 0.058, -0.0005, 0.0007, -0.009)),
@@ -23,7 +23,7 @@ _LENSES: tuple[tuple[float, float, float, float, tuple[float, ...]], ...] = (
 
 @dataclass(frozen=True)
 class StudioPlacement:
-    """Places of the simulated cameras in the world, metres."""
+    """Positions of the simulated cameras in the world, metres."""
 
     half_baseline_m: float = 0.9
     distance_m: float = 3.3
@@ -36,7 +36,7 @@ _PLACED = StudioPlacement()
 
 
 def looking_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
-    """Return camera-from-world (3, 3) of a level camera that looks at a target not straight below or above."""
+    """Return camera-from-world (3, 3) of a level camera that looks at a target not directly below or above it."""
     position = np.asarray(position_m, dtype=np.float64)
     forward = np.asarray(target_m, dtype=np.float64) - position
     forward = forward / np.linalg.norm(forward)
@@ -50,7 +50,7 @@ def default_rig(cameras: int = 2) -> CameraRig:
 
     The performer stands at the world's origin on the floor y = 0 and faces +z, towards the cameras. Two are named
     "left" and "right" as they see it; more stand on a circle around the performer. Neighbours stand at different
-    heights, because markers of one height (both shoulders, both sides of the waist) lie on one epipolar line of
+    heights, because markers at the same height (both shoulders, both sides of the waist) lie on one epipolar line of
     level cameras and can be confused.
 
     Raises:

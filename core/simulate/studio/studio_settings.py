@@ -13,17 +13,17 @@ TABLES = read_toml(STUDIO)  # colours, body and furniture
 class StudioSettings:
     """Settings of the images; by default those of good webcams with ring lights.
 
-    Retro-reflective markers reflect the ring light, so the exposure is short and all else is dim.
+    Retro-reflective markers reflect the ring light, so the exposure is short and everything else is dim.
 
     Args:
         marker_radius_m: Radius of the markers' balls.
         marker_brightness: Grey level of a marker's face, 0-255, before noise.
-        marker_colours: Colour (B, G, R) of each marker, 0-255; missing ones are white of `marker_brightness`.
+        marker_colours: Colour (B, G, R) of each marker, 0-255; missing ones are white with `marker_brightness`.
         lens_blur_px: Standard deviation of the lens's blur of the markers.
-        exposure_s: Time for which the shutter is open around the frame's time; it smears moving markers.
+        exposure_s: Exposure time, centred on the frame's time; it smears moving markers.
         noise_sigma: Standard deviation of the sensor's Gaussian noise, grey levels.
-        light: Brightness of room and body (lamps stay bright), as a share of that in pictures of the board.
-        time_offsets_s: Delay of each camera against its time stamps; 0 for missing cameras.
+        light: Brightness of room and body (lamps stay bright), relative to the pictures of the board.
+        time_offsets_s: Delay of each camera relative to its time stamps; 0 for cameras not listed.
         rolling_shutter_s: Time from the first row to the last; the middle row is on time.
         clutter: Show furniture, lamps and pictures.
         ghosts: Number of false bright blobs that wander through each image (reflections).
@@ -31,7 +31,7 @@ class StudioSettings:
         light_drift: Slow change of the room's light, as a share of its brightness.
         draw_body: Show the performer's body.
         occlusion: Let bodies and markers hide markers.
-        dropout: Probability (0 to 1) of each marker to be missing in each image.
+        dropout: Probability (0 to 1) that a marker is missing in an image.
         seed: Seed of noise, ghosts and dropout.
     """
 

@@ -1,4 +1,4 @@
-"""Video files in codecs that OpenCV's wheels encode on all systems."""
+"""Video files in codecs that OpenCV's wheels can encode on all systems."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -11,8 +11,8 @@ from ...errors import CaptureError
 from ...geometry.arrays import Image
 from ...system.files import atomic_path
 
-# Ending and four-letter code. Huffyuv keeps every grey level; it is read five times as fast as FFV1, with a quarter
-# more bytes. MPEG-4 plays on all systems but loses some levels.
+# File ending and four-letter code. Huffyuv preserves every grey level; it can be read five times as fast as FFV1 and is
+# a quarter larger. MPEG-4 plays on all systems but loses some levels.
 LOSSLESS = (".mkv", "HFYU")
 _MPEG4 = "mp4v"
 
@@ -43,7 +43,7 @@ def open_video(path: Path, fps: float, size: tuple[int, int], code: str) -> Iter
 def write_video(path: str | Path, frames: Iterable[Image], fps: float) -> int:
     """Write images to an MPEG-4 file and return their number.
 
-    The file appears only when it is whole and opens again, as OpenCV's writer does not report a full disk.
+    The file appears only once it is complete and opens again, because OpenCV's writer does not report a full disk.
 
     Raises:
         CaptureError: There are no images, their sizes differ, or the file cannot be written.
