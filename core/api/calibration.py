@@ -73,8 +73,8 @@ def calibrate_subject(
 
     Args:
         take: Take that shows the poses, see `solve`.
-        marker_set: Marker set that is worn, see `load_take`.
-        poses: The pose held at the first moment of standing still; or several, each found wherever it is held.
+        marker_set: Marker set that was worn, see `load_take`.
+        poses: The pose held when the performer first stands still; or several, each found wherever it is held.
         name: Name of the performer.
         seconds: Time for which each pose is held, s, above 0.
         known: Performer whose bones are kept, so that only the markers are measured.
@@ -107,9 +107,9 @@ def fit_subject(
 
     Args:
         take: Take, see `solve`; of a long one, stretches spread over it are used.
-        database: Motion database with motion like the take's.
-        marker_set: Marker set that is worn, see `load_take`; its usual offsets guide the fit. With "auto" the motion
-            places the markers that the set does not know.
+        database: Motion database that contains similar motion.
+        marker_set: Marker set that was worn, see `load_take`; its usual offsets guide the fit. With "auto", markers
+            unknown to the set are placed from the motion.
         height_m: Rough body height, 1 to 2.5 m.
         name: Name of the performer.
         progress: Called with the fraction done and the activity.

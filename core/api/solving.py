@@ -107,7 +107,7 @@ def solve(
             performer stands becomes y, as by `load_take`.
         subject: Performer; None for the one that a recorded take names. The motion of a marker take shows bones and
             offsets, see `fit_subject`.
-        database: Motion database or its file; None for the one that a recorded take names.
+        database: Motion database or its file; None for the one named in a recorded take.
         request: How to solve.
         progress: Called with the fraction done and the activity.
 
@@ -115,7 +115,7 @@ def solve(
         SubjectError: No performer is known.
         TakeError: The take has too few markers of the performer, the body's size is not human, or the vertical cannot
             be found.
-        DatabaseError: The database is missing, damaged or changed while it was used.
+        DatabaseError: The database is missing or damaged, or changed during the solve.
     """
     if isinstance(take, TakeFile):
         return solve_recording(take, request, RecordingChanges(subject), database, progress)

@@ -48,7 +48,7 @@ class Motion:
         if not LEAST_FPS <= self.fps <= MOST_FPS:
             raise FormatError(f"frame rate {self.fps:g} is not {LEAST_FPS:g} to {MOST_FPS:g}", where=self.name)
         squares = np.einsum("fji,fji->fj", self.rotations, self.rotations)
-        if not (squares.min() > _LEAST_SQUARE and squares.max() < _MOST_SQUARE):  # nor NaN
+        if not (squares.min() > _LEAST_SQUARE and squares.max() < _MOST_SQUARE):  # false for NaN, too
             raise FormatError("a joint's rotation is not a unit quaternion", where=self.name)
         if not max(self.root_positions_m.max(), -self.root_positions_m.min()) < _FARTHEST_M:
             raise FormatError(

@@ -273,9 +273,9 @@ def _likelihoods(places: FloatArray, norms: FloatArray, points: FloatArray) -> F
 def _cheapest(pairs: FloatArray, candidates: IntArray) -> tuple[IntArray, Array]:
     """Return the cheapest points (P, K, L) of limbs, or -1 for none, and costs (P, K), padded with infinity.
 
-    pairs: Costs (P, L, C + 1, L, C + 1) of two limbs at two of their candidates; the last candidate means hidden.
-        candidates: Points (P, L, C) for each placement, padded with -1.
-        candidates: Points (P, L, C) of each placement, filled up with -1.
+    Args:
+        pairs: Costs (P, L, C + 1, L, C + 1) of two limbs at two of their candidates; the last candidate means hidden.
+        candidates: Points (P, L, C) of each placement, padded with -1.
     """
     placements, limbs, none = candidates.shape
     every = np.arange(placements)[:, None, None]

@@ -97,7 +97,7 @@ def _on_floor(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
 
 
 def turned(take: MarkerTake, turn: Array, shift_m: Array | None = None) -> MarkerTake:
-    """Return a take in a moved world (p to turn p + shift), with its cameras."""
+    """Return a take, with its cameras, in a moved world (p becomes turn p + shift)."""
     shift_m = np.zeros(3) if shift_m is None else shift_m
     single = take.single
     if single is not None:

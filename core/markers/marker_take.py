@@ -47,8 +47,8 @@ class MarkerTake:
     positions_m: Array  # (F, M, 3) in the world, NaN where a marker was not located
     frame_numbers: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     times_s: Array = field(default_factory=lambda: np.empty(0))
-    single: SingleViews | None = None  # markers that single cameras saw, where that is known
-    notes: tuple[str, ...] = ()  # messages of its reader
+    single: SingleViews | None = None  # markers that single cameras saw, if known
+    notes: tuple[str, ...] = ()  # messages from the reader
     is_upright: bool = False  # y is known to point up; files keep their own axes until they are imported
 
     def __post_init__(self) -> None:

@@ -32,7 +32,7 @@ class VerdictSettings:
     limb_m: float = 0.08  # the same for the markers of one limb: a hand's width
     stretch_m: float = 0.12  # median distance of a limb's markers in one frame above which the frame is doubtful
     stretch_s: float = 0.2  # shortest doubtful stretch
-    bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest of the body suggests, or its inverse
+    bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest suggests, or its inverse
     hover_m: float = 0.3  # height of the lower foot's joint above the floor
     hover_share: float = 0.1  # smallest share of frames with a foot below that height
     sink_m: float = 0.15  # depth of the lower foot below the floor in most frames

@@ -149,7 +149,7 @@ SETTINGS = Schema(
 _BODIES = ("subject", "skeleton")  # if a take sets either of these, neither shared setting applies to it
 _PATTERN = "*?["
 _MOST_FILES = 50_000  # that are looked at: a whole disk, named by mistake, soon ends in an error
-_FORBIDDEN = '<>:"/\\|?*'  # in file names, on some system
+_FORBIDDEN = '<>:"/\\|?*'  # forbidden in file names on at least one operating system
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from .reader_parts import make_take
 
 BODY = "body_"  # FreeMoCap's prefix for the names of body points
 
-_ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # marker sets by their number of points
-_HOLISTIC = (543, 553)  # points of MediaPipe's holistic model: those of the body, then hands and face
+_ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # marker set by number of points
+_HOLISTIC = (543, 553)  # number of points in MediaPipe's holistic model: the body's come first, then hands and face
 _UNITS_M = (1.0, 0.01, 0.001)  # metres per unit, the likely ones
 _USUAL_FPS = 30.0  # frame rate of webcams and phones
 

@@ -157,7 +157,7 @@ CASES = [
     (TRACK + " --floor-cameras out/level.toml", "--floor-cameras needs --floor feet"),
     # database
     (BUILD, "empty: found no usable motion"),
-    (BUILD.replace("empty", "gone"), "gone: is not there"),
+    (BUILD.replace("empty", "gone"), "gone: does not exist"),
     (BUILD + " --fps nan", "--fps nan is out of range"),
     (BUILD.replace("empty", "words.bvh"), "words.bvh: is not a BVH file"),
     (BUILD.replace("empty", "words.txt"), "neither motion nor an archive"),

@@ -242,7 +242,7 @@ def test_damaged_archive(folder: Path, tmp_path: Path, suffix: str) -> None:
 
 
 def test_missing_source_and_nothing_usable(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(FormatError, match="is not there"):
+    with pytest.raises(FormatError, match="does not exist"):
         build_database([tmp_path / "none"], tmp_path / "a.db")
     with pytest.raises(DatabaseError, match="no usable motion"):
         build_database([folder / "b" / "broken.bvh"], tmp_path / "a.db")
@@ -386,7 +386,7 @@ def test_command_line(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["database", "build", str(tmp_path / "none"), "--out", str(tmp_path / "b.db")]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "is not there" in error
+    assert "does not exist" in error
     assert main(["database", "info", str(folder / "walk_01.bvh")]) == 1
     capsys.readouterr()
     options = ["--mirror", "--cull", "0.5", "--include", "walk", "--workers", "2", "--json"]

@@ -244,7 +244,7 @@ def test_files_of_odd_programs_are_the_same_motion(tmp_path: Path, change: Calla
 
 def test_equal_names_whose_sides_cannot_be_told_are_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        SkeletonError, match=r"b.bvh: two joints are called '\w+', and no side is named; name the sides"
+        SkeletonError, match=r"b.bvh: two joints are called '\w+', and their sides are not named; name the sides"
     ):
         read_motion(as_bvh(tmp_path, lambda text: without_sides(text).replace("Toe", "Pad")))
 

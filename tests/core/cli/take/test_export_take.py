@@ -141,7 +141,7 @@ def test_solve_writes_any_kind_of_motion(tmp_path, recorded, capsys):
     assert run(capsys, *given, tmp_path / "a.angles.csv")["fps"] == 15.0
     assert ",leftHand_z_deg," in (tmp_path / "a.angles.csv").read_text()
     assert main([*map(str, given), str(tmp_path / "a.csv")]) == 1
-    assert "a.csv: cannot be written (no motion has this ending)" in capsys.readouterr().err
+    assert "a.csv: cannot be written (not the ending of a motion format)" in capsys.readouterr().err
 
 
 def test_solving_again_gives_what_live_gave(tmp_path, recorded, capsys):
@@ -217,7 +217,7 @@ def test_a_cut_take_is_recovered_and_solved(tmp_path, recorded, capsys):
     assert again["frames"] == facts["frames"]
     assert cut.read_bytes() == before
     assert main(["take", "recover", str(cut)]) == 1
-    assert "exists already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.bvh", "cut-recovered.perftake", "cut.perftake"]
 
 

@@ -128,8 +128,8 @@ def test_wrong_arrays_and_tables_are_refused(points_mm, tmp_path):
         (points_mm[:, :20], r"shape \(6, 20, 3\), no keypoints; .*33 \(blazepose-33\)"),
         (points_mm[..., :2], "no keypoints"),
         (points_mm[0], "no keypoints"),
-        (np.zeros((0, 33, 3)), "shows most of the body in no frame"),
-        (np.full((5, 33, 3), np.nan), "shows most of the body in no frame"),
+        (np.zeros((0, 33, 3)), "never shows most of the body in one frame"),
+        (np.full((5, 33, 3), np.nan), "never shows most of the body in one frame"),
     ):
         np.save(path, array)
         with pytest.raises(FormatError, match=problem):
