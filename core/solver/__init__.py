@@ -1,1 +1,1 @@
-"""From labelled markers to full-body poses."""
+"""The solver: from labelled markers to full-body poses."""

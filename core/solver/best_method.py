@@ -22,34 +22,34 @@ from .solution import Estimate
 from .subject_model import RootPose, SubjectModel
 
 _KERNEL = 0.2  # distance, as a share of the largest, at which an example's weight has fallen to 1/e
-_HISTORY_SHARE = 0.3  # weight of squared distances of earlier markers against current ones
-_BROAD_SAMPLES = 4096  # frames that give the covariance of the whole database
-_NONE = 1e-20  # covariance below which joints are independent
+_HISTORY_SHARE = 0.3  # weight of squared distances of earlier markers relative to current ones
+_BROAD_SAMPLES = 4096  # number of frames used for the covariance of the whole database
+_NONE = 1e-20  # covariance below which joints are treated as independent
 _COMPONENTS = 30  # principal components of earlier poses that are used
 _FIT_STEPS = 8  # largest number of Gauss-Newton steps; one is usually enough
-# Ratio of the markers' distances from neighbours and learned prior, each in its own deviations, at which both count
-# alike; for bodies that the database lacks, and for those it knows. Its fourth power inflates the neighbours'
+# Ratio of the markers' distances from neighbours and learned prior, each in its own standard deviations, at which both
+# have equal weight; for bodies that are not in the database, and for those that are. Its fourth power inflates the
 # variances.
 _TRUSTED, _TRUSTED_KNOWN = 1.3, 5.0
 _MOST_INFLATION = 100.0
-# For bodies that the database lacks, variances of joints are inflated further where neighbours and learned prior differ
-# by more than both deviations: other people hold hands and heads differently while they walk.
+# For bodies that are not in the database, variances of joints are inflated further where neighbours and learned prior
+# differ by more than both deviations: other people hold hands and heads differently while they walk.
 _JOINT_INFLATION_SHARE = 0.3  # share of the inflation
-# Least distance of the markers from the learned prior, in its deviations, for joints with only hidden markers. A vague
-# prior is close to any markers, and other joints' markers say little about these.
+# Smallest distance of the markers from the learned prior, in deviations, for joints with only hidden markers. A vague
+# prior is close to any markers, and other joints' markers say little about these joints.
 _LEAST_OFF = 0.8
-# Distance of the markers from the neighbours, in their deviations, above which the neighbours of a body that the
-# database knows are widened in proportion: it moves in a new way.
+# Distance of the markers from the neighbours, in their deviations, above which the neighbours of a body in the
+# database are widened in proportion: the body moves in a new way.
 _USUAL_DEVIATION = 0.5
-# Deviations of a pose given its markers grow with this power of the markers' deviation from the prior plus a small one.
-# The scales are for bodies that the database lacks and for those it knows; fitted to takes, see `session.part_errors`.
+# A pose's deviations given its markers grow with this power of the markers' deviation from the prior plus a small one.
+# The scales are for bodies not in the database and for those in it; fitted to takes, see `session.part_errors`.
 _WIDENING, _LEAST_DEVIATION, _SHARE, _KNOWN_SHARE = 0.67, 0.05, 1.2, 0.5
-_LIMIT_PERCENTILES = (1.0, 99.0)  # range of the database's joint angles that gives the limits
+_LIMIT_PERCENTILES = (1.0, 99.0)  # percentiles of the database's joint angles that give the limits
 _LIMIT_MARGIN_RAD = 0.05  # added to this range
 
 
 class BestMethod:
-    """Gaussian of the neighbours conditioned on the past and fitted to the markers.
+    """Gaussian of the neighbours, conditioned on the past and fitted to the markers.
 
     Attributes:
         earlier_markers: Earlier markers of the database's frames.
@@ -87,7 +87,7 @@ class BestMethod:
         self._grant_covariances()
 
     def _grant_covariances(self) -> None:
-        """Compute the covariances added to the neighbours', and of a pose about the continued motion."""
+        """Compute the covariances added to the neighbours', and the covariance of a pose about the continued motion."""
         settings, history = self._settings, self._history_of(self._broad_frames)
         broad = np.asarray(np.cov(np.concatenate((self._broad_poses, *history), axis=1).T, ddof=0))
         floor = settings.broad_share * broad
@@ -107,7 +107,7 @@ class BestMethod:
         return found
 
     def learned_priors(self, frames: Sequence[tuple[Observation, Array]], times_s: Array) -> list[PriorEstimate | None]:
-        """Return the learned priors of successive frames at once; None where the torso is hidden.
+        """Return the learned priors of successive frames together; None where the torso is hidden.
 
         Args:
             frames: Observations and the markers (M, 3) expected in each.
@@ -123,8 +123,8 @@ class BestMethod:
         return self._learned.estimate_all(recent)
 
     def fit_about(self, poses: Array, roots: RootPose, observations: Sequence[Observation]) -> tuple[Array, RootPose]:
-        """Fit poses (F, D) and as many roots to the markers, near where they are."""
-        # the smaller covariance is better for known bodies, too, whose trajectories are already good
+        """Fit poses (F, D) and as many roots to the markers, starting from their values."""
+        # the smaller covariance is better for known bodies, too, because their trajectories are already good
         settings, covariance, limits = self._settings, self._smaller_change, self._limits
         root_sigma, sigma_m = (settings.root_sigma_m, settings.root_sigma_rad), settings.marker_sigma_m
         fitted, rotations, places = poses.copy(), roots.rotation.copy(), roots.position_m.copy()
@@ -205,14 +205,14 @@ class BestMethod:
 
 
 def _inflation(off: float, learned_off: float, known: bool = False) -> float:
-    """Return the factor of the neighbours' variances; below 1 the learned prior's are divided by it.
+    """Return the factor for the neighbours' variances; if below 1, the learned prior's are divided by it instead.
 
     Args:
-        off: RMS distance of the markers from the neighbours, in their deviations.
+        off: RMS distance of the markers from the neighbours, in their standard deviations.
         learned_off: The same for the learned prior.
-        known: The database knows the body.
+        known: Whether the body is in the database.
     """
-    # no markers are visible: the weights stay equal
+    # no markers are visible, so the weights stay equal
     ratio = off / (learned_off * (_TRUSTED_KNOWN if known else _TRUSTED)) if learned_off else 1.0
     if not known:  # neighbours that explain the markers within their deviations keep their weight
         ratio *= min(1.0, off)

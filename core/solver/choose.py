@@ -1,4 +1,4 @@
-"""Choice of method and search by their names."""
+"""Creation of methods and searches by name."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from .subject_model import SubjectModel
 def choose_method(
     settings: SolveSettings, subject: SubjectModel, database: Database, markers: DatabaseMarkers
 ) -> Method:
-    """Return the method of the settings."""
+    """Return the method that the settings name."""
     if settings.method == "best":
         return BestMethod(settings.best, settings.query_alpha, subject, database, markers)
     if settings.method == "local-pca":
@@ -29,11 +29,11 @@ def choose_method(
 
 
 def choose_search(name: str, database: Database, markers: DatabaseMarkers) -> Search:
-    """Return the search of a name.
+    """Return the search with a name.
 
     Args:
-        name: "exhaustive", "graph" (the paper's), "cells" (inverted file) or "auto", which is "cells".
-        database: Its graph is built here (half a minute for a million frames).
+        name: "exhaustive", "graph" (the paper's), "cells" (inverted file) or "auto", which means "cells".
+        database: Database to search; a graph for it is built here (half a minute for a million frames).
     """
     poses = np.asarray(database.poses).reshape(database.frames, -1)
     if name in ("auto", "cells"):

@@ -1,4 +1,4 @@
-"""A subject's markers in all frames of a database, stored once and compactly."""
+"""A subject's markers in all frames of a database, stored compactly."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,8 +12,8 @@ from ..geometry.arrays import FloatArray, IntArray
 from .subject_model import SubjectModel
 
 MOST = np.iinfo(np.int16).max  # largest stored coordinate, units
-BESIDE = 17  # numbers B that a search stores beside a frame's markers, so that its data are contiguous
-_CHUNK = 4096  # frames posed at once: fewer cost more calls, more exceed the processor's cache
+BESIDE = 17  # numbers B that a search stores next to a frame's markers, so that its data are contiguous
+_CHUNK = 4096  # frames posed at once: fewer mean more calls, more exceed the processor's cache
 _CELLS = 64  # cells averaged at once
 
 
@@ -22,13 +22,13 @@ class DatabaseMarkers:
 
     Args:
         cells: Cell (F,) of each frame, see `build_cells`.
-        posed: Function that returns the markers (K, M, 3), metres, of frames (K,).
-        reach_m: Bound of the coordinates.
+        posed: Returns the markers (K, M, 3), metres, of frames (K,).
+        reach_m: Upper bound of the coordinates.
 
     Attributes:
         count: Number of markers M.
-        unit_m: Unit of the stored coordinates, some hundredths of a millimetre.
-        rows: Rows (F, 3 M + B) in the order of the cells: coordinates, and room for the numbers of one search.
+        unit_m: Unit of the stored coordinates, a few hundredths of a millimetre.
+        rows: Rows (F, 3 M + B) in the order of the cells: coordinates, and space for the numbers of one search.
         order: Frame (F,) of each row.
         starts: First row (C + 1,) of each cell; the last entry is F.
     """
@@ -69,7 +69,7 @@ class DatabaseMarkers:
 
 
 def database_markers(subject: SubjectModel, database: Database) -> DatabaseMarkers:
-    """Return a subject's markers in all frames of a database; one without cells counts as one cell."""
+    """Return a subject's markers in all frames of a database; without cells it counts as one cell."""
     cells = np.zeros(database.frames, dtype=np.int32) if database.cells is None else database.cells
     bones_m = rot.lengths(subject.skeleton.offsets_m)
     bones_m[0] = 0.0  # the root is at the origin

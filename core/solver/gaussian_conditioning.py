@@ -2,7 +2,7 @@
 
 The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
 share of the whole database's covariance, which allows only movements of bodies (a knee bends, it does not twist). The
-pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the continued change of pose is a second
+The pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the continued change of pose is a second
 observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps under that prior, in
 the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and
 Cathey 1993).
@@ -23,11 +23,11 @@ from ..geometry.arrays import Array, Mask
 from .observation import Observation, control_jacobian, control_residual, control_sigmas
 from .subject_model import RootPose, SubjectModel
 
-_EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker from the prior's: skin motion and model errors
+_EXPECTED_SIGMA_M = 0.01  # standard deviation of a marker relative to the prior's: skin motion and model errors
 _LIMIT_RAD = 0.02  # standard deviation of an angle beyond a joint's limit
-_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after steps that raised the cost
+_FIRST_DAMPING, _DAMPING_GROWTH = 1.0, 4.0  # damping after steps that increased the cost
 _TINY = np.float32(1e-3)  # differences below a ten millionth of this are rounded to zero
-_STRAIGHT_RAD = 0.05  # largest rotation of a step that is linear enough to be the last one
+_STRAIGHT_RAD = 0.05  # largest rotation in a step that is linear enough to be the last one
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ def neighbours_prior(
 ) -> Prior:
     """Return the Gaussian of the neighbours' first entries given the last (Bishop 2006, Eq. 2.81).
 
-    Single precision of the samples is enough for the differences.
+    Single precision is enough for the differences between samples.
 
     Args:
         samples: Neighbours (K, D + m).
-        weights: Their positive weights (K,), sum 1.
+        weights: Their positive weights (K,), with sum 1.
         floor: Covariance (D + m, D + m) added to the neighbours' own, so that entries equal in all can still change.
         observed: Observed last entries (m,), NaN where unknown.
         variances: Variances (m,) of the observations.
@@ -61,14 +61,14 @@ def neighbours_prior(
     spread = samples - centre
     shift = shares @ spread
     spread -= shift
-    # round tiny differences to zero: their products would be subnormal, which is slow
+    # round tiny differences to zero: their products would be subnormal numbers, which are slow
     spread += _TINY
     spread -= _TINY
     spread *= np.sqrt(shares)[:, None]
     mean = centre + shift.astype(np.float64)
     syrk = ssyrk if spread.dtype == np.float32 else dsyrk
-    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, which is all that is used
-    # double precision from here, as single precision would meet subnormal numbers
+    covariance = syrk(1.0, spread.T, 1.0, floor.T)  # only the upper triangle, because nothing else is used
+    # double precision from here on, because single precision would meet subnormal numbers
     across, own = (
         np.asfortranarray(part, dtype=np.float64) for part in (covariance[:kept, kept:], covariance[kept:, kept:])
     )
@@ -88,12 +88,12 @@ def widen_joints(prior: Prior, other: Prior, inflations: Array, share: float) ->
     """Return a prior with inflated variances of joints, most where another prior is far away.
 
     Args:
-        inflations: Factor (J - 1,) of each joint's variances; factors below 1 count as 1.
-        share: Share of this factor, multiplied by the squared distance of the two means in units of both variances,
-            that inflates the variances once more where it is above 1.
+        inflations: Factor (J - 1,) for each joint's variances; factors below 1 count as 1.
+        share: Share of this factor which, multiplied by the squared distance of the two means in units of both
+            variances, inflates the variances again where it exceeds 1.
 
     Returns:
-        The prior with scaled rows and columns: correlations stay.
+        The prior with scaled rows and columns; correlations are unchanged.
     """
     shift, mine, others = (
         np.add.reduce(each.reshape(-1, 3), axis=1)
@@ -112,7 +112,7 @@ def _regress(across: NDArray[Any], own: NDArray[Any], innovation: Array) -> tupl
         own: Upper triangle of the observations' covariance (m, m).
         innovation: Observations (m,) minus their expectation.
 
-    Returns:
+    Square root (D, m) of the explained covariance, and the change of the entries' mean.
         A root (D, m) of the explained covariance, and the change of the entries' mean.
     """
     if len(own) == 0:  # LAPACK rejects empty matrices
@@ -135,7 +135,7 @@ def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
 
 
 def _product(left: Array, right: Array) -> Array:
-    """Return left @ right by SciPy's OpenBLAS; Blender's NumPy may be slow."""
+    """Return left @ right computed by SciPy's OpenBLAS; Blender's NumPy may be slow."""
     return np.asarray(dgemm(1.0, right.T, left.T)).T
 
 
@@ -143,7 +143,7 @@ def _solve(covariance: Array, right: Array) -> Array:
     """Return the inverse of a positive definite matrix times another."""
     if len(covariance) == 0:  # LAPACK rejects empty matrices
         return right
-    _, solved, failed = dposv(covariance.T, right)  # SciPy's functions around it take longer than a small solve
+    _, solved, failed = dposv(covariance.T, right)  # SciPy's wrapper functions take longer than a small solve
     if failed:
         raise np.linalg.LinAlgError(f"the leading minor {failed} of a covariance is not positive")
     return np.asarray(solved)
@@ -161,16 +161,16 @@ def _whiten(covariance: Array, right: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Expectation:
-    """Prior of a frame's pose and root, with the markers observed in that frame."""
+    """Prior for a frame's pose and root, with the markers observed in that frame."""
 
     prior: Prior
     observation: Observation
     root: RootPose  # mean of the root's prior
     root_sigma: tuple[float, float]  # standard deviations (m, rad) of the root
-    limits: Array  # (2, D) least and greatest entries of a pose, rad
+    limits: Array  # (2, D) smallest and largest entries of a pose, rad
 
     def negative_log_likelihood(self, subject: SubjectModel) -> float:
-        """Return minus the log density of the observed markers, in metres."""
+        """Return the negative log density of the observed markers, in metres."""
         markers, jacobian = subject.markers_and_jacobian(self.prior.mean.reshape(-1, 3), self.root)
         unlikely, factor = _innovation(self.prior, self.observation, self.root_sigma, markers, jacobian)
         return float(
@@ -211,10 +211,10 @@ def _innovation(
 
 @dataclass(frozen=True)
 class FitFacts:
-    """Facts of a fit."""
+    """Facts about a fit."""
 
     steps: int  # steps tried
-    sigmas_rad: Array  # (D,) standard deviations of the pose given the markers, by the last linear model (Laplace)
+    sigmas_rad: Array  # (D,) standard deviations of the pose given the markers, from the last linear model (Laplace)
     deviation: float  # RMS distance of the markers from the prior, in its standard deviations
 
 
@@ -238,8 +238,8 @@ def fit_to_markers(
     sigmas_m = control_sigmas(expectation.observation, marker_sigma_m)
     covariance, mean = expectation.prior.covariance, expectation.prior.mean
     root_variances = np.repeat(np.square(expectation.root_sigma), 3)[:, None]
-    # the change of root and pose from the prior is the covariance times the dual; their product is the cost of the
-    # prior
+    # the change of root and pose from the prior is the covariance times the dual; their product is the prior's
+    # cost
     change, dual = kept = np.zeros((2, 6 + len(mean)))
     root, damping, least = expectation.root, 0.0, np.inf
     taken = 0
@@ -277,7 +277,7 @@ def fit_to_markers(
 
 
 def _facts(steps: int, covariance: Array, system: Array, gains: Array, innovation: Array) -> FitFacts:
-    """Return the facts of a fit from the last step's system (m, m) and gains (D, m)."""
+    """Return the facts about a fit from the last step's system (m, m) and gains (D, m)."""
     halves, _ = _whiten(system, np.concatenate((gains.T, innovation[:, None]), axis=1))
     explained = np.add.reduce(halves * halves)
     sigmas_rad = np.sqrt(np.maximum(covariance.diagonal() - explained[:-1], 0.0))

@@ -1,8 +1,8 @@
-"""Earlier markers and poses of the performer and of every database frame.
+"""Earlier markers and poses of the performer, and of every database frame.
 
-The markers of one moment do not tell how the motion continues: whether a foot in the air rises or falls, how fast an
-arm swings. Earlier markers in the frame of the current root hold the motion of limbs and body at any frame rate,
-without a solved pose. Earlier solved poses hold the rest, such as the twist of an arm.
+The markers of a single frame do not show how the motion continues: whether a foot in the air rises or falls, how fast
+an arm swings. Earlier markers in the frame of the current root describe the motion of limbs and body at any frame rate,
+without a solved pose. Earlier solved poses supply the rest, such as the twist of an arm.
 """
 
 from bisect import bisect_left
@@ -20,21 +20,21 @@ from ..geometry.arrays import Array, FloatArray, IntArray
 from .database_markers import DatabaseMarkers
 from .subject_model import RootPose
 
-_UNIT = np.float32(1.0 / 32_760)  # unit of stored matrices' entries: less than a tenth of a millimetre at a hand
+_UNIT = np.float32(1.0 / 32_760)  # unit of stored matrix entries: less than a tenth of a millimetre at a hand
 _CHUNK = 8192  # frames processed at once
-_TOLERANCE = 0.3  # largest time difference between a lag and the remembered moment, as a share of the lag
+_TOLERANCE = 0.3  # largest difference between a lag and the remembered time, as a share of the lag
 
 
 @dataclass(frozen=True)
 class LaggedHistory:
     """The latest values of a quantity and their times."""
 
-    longest_s: float = 0.0  # longest lag, 0 to remember nothing
+    longest_s: float = 0.0  # longest lag; 0 to remember nothing
     times_s: tuple[float, ...] = ()  # ascending
     values: tuple[Array, ...] = ()
 
     def remember(self, time_s: float, value: Array) -> "LaggedHistory":
-        """Return the history with one more value; a time that does not ascend starts a new one."""
+        """Return the history with one more value; a time that does not ascend starts a new history."""
         if not self.longest_s:
             return self
         if self.times_s and time_s <= self.times_s[-1]:
@@ -59,7 +59,7 @@ class LaggedHistory:
 
 
 class LaggedFrames:
-    """Earlier frames of the same clip; later ones in a time-reversed copy.
+    """Earlier frames of the same clip; in a time-reversed copy, later frames.
 
     Args:
         lags_s: Ascending lags.
@@ -124,7 +124,7 @@ class LaggedMarkers:
 
 
 class LaggedPoses:
-    """Principal components of earlier poses (D,), few of which keep the conditioned Gaussian small.
+    """Principal components of earlier poses (D,); a few of them keep the conditioned Gaussian small.
 
     Args:
         components: Orthonormal columns (D, C).
@@ -149,6 +149,6 @@ class LaggedPoses:
     def of_frames(self, frames: IntArray) -> FloatArray:
         """Return the components (K, L, C) of earlier poses of database frames (K,)."""
         earlier = self._earlier.of(frames)
-        # SciPy's BLAS, as the NumPy of some Blenders has a slow one; transposed arguments avoid copies
+        # uses SciPy's BLAS because the NumPy of some Blenders has a slow one; transposed arguments avoid copies
         projected = np.asarray(sgemm(1.0, self._components.T, self._poses.take(earlier.ravel(), axis=0).T)).T
         return projected.reshape(*earlier.shape, -1)

@@ -1,4 +1,4 @@
-"""Root and closest database examples of a frame's markers."""
+"""Search for the root and the closest database examples of a frame's markers."""
 
 from typing import NamedTuple
 
@@ -17,13 +17,13 @@ from .subject_model import RootPose, SubjectModel
 
 _ROOT_PASSES = 2  # alternations: the root depends on the pose's torso markers, and the search on the root
 _FIRST_ROOT_PASSES = 4  # alternations at the start, when both are unknown
-_SAMPLE_PASSES = 3  # alternations with a sample of the database that come first where time is short
+_SAMPLE_PASSES = 3  # alternations with a sample of the database that come first if time is short
 _TORSO_EXAMPLES = 8  # closest examples whose mean torso fits the root
-_SPARE_CANDIDATES = 2  # candidates kept per example wanted, to rank again with a better root
+_SPARE_CANDIDATES = 2  # candidates kept per wanted example, to be ranked again with a better root
 
 
 class Located(NamedTuple):
-    """Root, closest examples under it, and the start of the next search."""
+    """Root, closest examples under it, and the start for the next search."""
 
     root: RootPose
     examples: Examples
@@ -35,8 +35,8 @@ class Locator:
 
     Args:
         search: Index over all database frames.
-        sample: Index over a sample, for frames with little time.
-        query_alpha: Weight of the markers against continuity (Eq. 2).
+        sample: Index over a sample of frames, used if there is little time.
+        query_alpha: Weight of the markers relative to continuity (Eq. 2).
     """
 
     def __init__(
@@ -66,12 +66,12 @@ class Locator:
         return self._search.visited + self._sample.visited
 
     def locate(self, state: SolverState, observation: Observation, hurried: bool = False) -> Located | None:
-        """Return root, closest examples and the start of the next search; None without a root.
+        """Return root, closest examples and the start for the next search; None if there is no root.
 
-        The first root is fitted to the state's torso: of the continued pose, the expected markers, or a typical one.
+        The first root is fitted to the state's torso: of the continued pose, the expected markers, or a typical torso.
 
         Args:
-            hurried: Use the closest frames of the sample, and their neighbours in time.
+            hurried: Only use the closest frames of the sample and their neighbours in time.
         """
         continued = state.continued_pose
         if continued is not None:
@@ -96,7 +96,7 @@ class Locator:
             if root is None:
                 return None
             query = self._query(observation, root, continued)
-            # after the first pass the root moves little: rank the same candidates again
+            # after the first pass the root moves little, so rank the same candidates again
             if is_first:
                 frames, distances = self._search.nearest(query, self._examples * _SPARE_CANDIDATES, found)
                 found = frames
@@ -112,7 +112,7 @@ class Locator:
             self._factors is not None
         ):  # people move more like themselves than like others: prefer the subject's own frames
             distances = np.maximum(distances, 0.0)
-            distances[1:] *= self._factors[frames[1:]]  # the closest stays first, as poses are judged by it
+            distances[1:] *= self._factors[frames[1:]]  # the closest stays first, because poses are judged by it
             order = np.argsort(distances)
             frames, distances = frames[order], distances[order]
         chosen = frames[: self._examples]

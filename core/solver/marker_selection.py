@@ -1,7 +1,7 @@
-"""Selection of a few markers that determine the body best.
+"""Selection of a few markers that best determine the body.
 
 The database's poses give a Gaussian of joints and markers in the root's frame, which is itself free. Markers are chosen
-greedily: each reduces the conditional variance of the joints in the world most (Krause, Singh and Guestrin 2008).
+greedily: each minimises the remaining variance of the joints in the world (Krause, Singh and Guestrin 2008).
 """
 
 import contextlib
@@ -20,16 +20,16 @@ from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from .subject_model import ROOT_AT_REST, SubjectModel
 
-_SAMPLES = 4096  # poses of the database that give the covariance
+_SAMPLES = 4096  # number of database poses used for the covariance
 _MARKER_SIGMA_M = 0.005  # standard deviation of a marker: skin motion and calibration
 _ROOT_SIGMA_M, _ROOT_SIGMA_RAD = 10.0, 3.0  # standard deviations of an unknown root
 _TORSO = 4  # torso markers that find the root reliably: two pairs, as in the paper's sets
-_PELVIS = 2  # number of these on the pelvis: with one alone a bent back looks like a turned root
+_PELVIS = 2  # number of these on the pelvis: with only one, a bent back looks like a turned root
 
 
 @dataclass(frozen=True)
 class MarkerChoice:
-    """Markers in the order of their choice."""
+    """Markers in the order in which they were chosen."""
 
     names: tuple[str, ...]
     expected_m: Array  # (N,) expected RMS error of the joints with the markers up to each
@@ -38,15 +38,15 @@ class MarkerChoice:
 def choose_markers(
     subject: Subject, database: Database, count: int, among: Sequence[str] | None = None
 ) -> MarkerChoice:
-    """Return the markers of a subject that together determine the body best.
+    """Return the markers of a subject that together best determine the body.
 
-    The first four are on the torso, and two of these on the pelvis, if the subject wears as many there.
+    The first four are on the torso, two of these on the pelvis, if the subject wears as many there.
 
     Args:
         subject: Subject with all markers calibrated.
-        database: Motion of the kind to solve.
+        database: Motion of the kind to be solved.
         count: Number of markers.
-        among: Names to choose from; default all.
+        among: Names to choose from; by default all.
 
     Raises:
         MarkerSetError: There are fewer markers than `count`, or fewer than three on the torso.
@@ -77,7 +77,7 @@ def choose_markers(
 
 
 def with_markers(subject: Subject, names: Sequence[str]) -> Subject:
-    """Return the subject with these markers only; MarkerSetError for unknown or too few."""
+    """Return the subject with only these markers; MarkerSetError if one is unknown or there are too few."""
     unknown = [name for name in names if name not in subject.marker_set.names]
     if unknown:
         raise MarkerSetError(
@@ -119,7 +119,7 @@ def _covariance(subject: Subject, database: Database) -> Array:
 
 
 def _seen(covariance: Array, size: int, marker: int) -> tuple[Array, Array]:
-    """Return the covariances (N, 3) of all entries with a marker, and that of its measurement (3, 3)."""
+    """Return the covariances (N, 3) of all entries with a marker, and the covariance of its measurement (3, 3)."""
     columns = slice(size + 3 * marker, size + 3 * marker + 3)
     return covariance[:, columns], covariance[columns, columns] + _MARKER_SIGMA_M**2 * np.eye(3)
 
@@ -131,6 +131,6 @@ def _gain(covariance: Array, size: int, marker: int) -> float:
 
 
 def _given(covariance: Array, size: int, marker: int) -> Array:
-    """Return the covariance given a marker."""
+    """Return the covariance after a marker has been measured."""
     across, own = _seen(covariance, size, marker)
     return np.asarray(covariance - across @ np.linalg.solve(own, across.T))

@@ -23,9 +23,9 @@ class Method(Protocol):
 
     Attributes:
         examples: Number of closest examples to search.
-        fits_markers: Its poses are fitted to the markers.
-        query_pose_m_per_rad: Weight of a radian of pose against a metre of marker distance in its search.
-        others_distance: Factor of the distances of other bodies' frames, where the database has the subject's.
+        fits_markers: Whether its poses are fitted to the markers.
+        query_pose_m_per_rad: Weight of a radian of pose relative to a metre of marker distance in its search.
+        others_distance: Factor for the distances of other bodies' frames if the database contains the subject's.
         longest_s: Longest lag of earlier markers and solved poses.
     """
 
@@ -36,4 +36,4 @@ class Method(Protocol):
     longest_s: float
 
     def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose of a frame."""
+        """Return the pose for a frame."""

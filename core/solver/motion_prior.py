@@ -1,8 +1,8 @@
-"""Learned prior: a Gaussian of pose and root from the markers of the last half second.
+"""Learned prior: a Gaussian of pose and root, given the markers of the last half second.
 
 A small network, trained by `tools/train_prior.py` on recorded motion with random bodies and marker sets. Each marker
-passes one layer with weights of its joint; markers are summed by part of the body; three layers follow. All inputs are
-relative to a body frame fitted to the torso markers, so position and heading do not matter.
+passes through one layer with weights of its joint; markers are summed by part of the body; three layers follow. All
+inputs are relative to a body frame fitted to the torso markers, so position and heading do not matter.
 """
 
 import json
@@ -30,9 +30,9 @@ VERSION = 1
 _OFFSET_SCALE = 10.0  # brings offsets (centimetres) to the range of the other inputs (decimetres to metres)
 _LAG_FLOOR_S = 0.03  # added to a lag when movements are divided by it
 _BY_ONE_CAMERA = 0.5  # certainty of a marker on a ray, whose depth is a guess
-_FASTEST_M_S = 12.0  # speed from which an earlier marker does not count: a cut, or another label
-LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits of the outputs' log deviations and means, in their units
-_ROOT = 6  # outputs of the root: rotation, position
+_FASTEST_M_S = 12.0  # speed above which an earlier marker does not count: a cut, or another label
+LOG_SIGMAS, FARTHEST = (-5.0, 2.0), 10.0  # limits on the outputs' log deviations and means, in their units
+_ROOT = 6  # number of outputs for the root: rotation, position
 WEIGHTS = ("marker_weights", "marker_biases", "weights", "biases", "first_weights", "output_weights", "output_biases")
 
 
@@ -50,8 +50,8 @@ class Network:
     """A trained network with F features, H and W hidden units, P parts of the body and O outputs."""
 
     lags_s: Array  # ascending lags of the markers, the first 0
-    mean_rotations: Array  # (J, 4) that its poses are relative to
-    part_of_joint: IntArray  # (J,) part that a joint's markers are summed into
+    mean_rotations: Array  # (J, 4) to which its poses are relative
+    part_of_joint: IntArray  # (J,) part in which a joint's markers are summed
     bones: FloatArray  # (2, J - 1) mean and scale of the bones' lengths
     marker_weights: FloatArray  # (J, F, H)
     marker_biases: FloatArray  # (J, H)
@@ -61,13 +61,13 @@ class Network:
     output_weights: FloatArray  # (W, 2 O) outputs and their log standard deviations
     output_biases: FloatArray  # (2 O,)
     outputs: FloatArray  # (2, O) mean and scale of the outputs
-    correlation: Array  # (O, O) of the errors on unseen people
-    spread: Array  # (2, O) factor of the standard deviations on unseen people, and their least values
-    facts: dict[str, Any]  # what it was trained on
+    correlation: Array  # (O, O) of the errors for unseen people
+    spread: Array  # (2, O) factor for the standard deviations for unseen people, and their smallest values
+    facts: dict[str, Any]  # facts about its training
 
 
 def open_network(path: Path) -> Network | None:
-    """Return the network of a file; None if there is no file.
+    """Return the network from a file; None if the file does not exist.
 
     Raises:
         FormatError: The file is damaged or of another version.
@@ -107,7 +107,7 @@ def _fits(network: Network) -> bool:
 
 @dataclass(frozen=True)
 class RecentMarkers:
-    """Markers of a frame and of earlier ones."""
+    """Markers of a frame and of earlier frames."""
 
     points_m: Array  # (L, M, 3) in the world at each lag, NaN where not located
     single: Mask  # (M,) markers seen by one camera: their current points are guesses along its rays
@@ -118,7 +118,7 @@ class MotionPrior:
 
     Args:
         subject: Body with the reference pose that its poses are relative to.
-        common_reference_pose: Reference pose (J, 4) of the database, the only one that the network was trained on.
+        common_reference_pose: Reference pose (J, 4) of the database, the only one that the network was trained with.
     """
 
     def __init__(self, network: Network, subject: SubjectModel, common_reference_pose: Array) -> None:
@@ -127,7 +127,7 @@ class MotionPrior:
         self._body = SubjectModel(subject.subject, rot.multiply(network.mean_rotations, turn))
         joints = subject.joints
         self._offsets_m = rot.rotate(turn[joints], subject.offsets_m)
-        # from the network's joint rotation to one relative to the subject's reference pose; both factors are fixed
+        # from the network's joint rotation to one relative to the subject's reference pose; both factors are constant
         self._back = rot.to_matrix(rot.conjugate(turn[1:]))
         before = rot.multiply(rot.conjugate(subject.mean_rotations), network.mean_rotations)[1:, None]
         self._change = rot.multiply(rot.multiply(before, np.eye(4)), turn[1:, None]).swapaxes(-1, -2)
@@ -137,7 +137,7 @@ class MotionPrior:
         lengths = np.linalg.norm(subject.skeleton.offsets_m[1:], axis=-1)
         bones = ((lengths - network.bones[0]) / network.bones[1]).astype(np.float32)
         parts, hidden = int(network.part_of_joint.max()) + 1, self._biases.shape[1]
-        # parts without a marker add nothing
+        # parts without markers contribute nothing
         worn = np.unique(network.part_of_joint[joints])
         self._parts = (network.part_of_joint[joints] == worn[:, None]).astype(np.float32)
         rows = network.first_weights[: parts * hidden].reshape(parts, hidden, -1)[worn]
@@ -146,14 +146,14 @@ class MotionPrior:
 
     @property
     def lags_s(self) -> tuple[float, ...]:
-        """Ascending lags, the first 0."""
+        """Ascending lags, starting with 0."""
         return tuple(self._network.lags_s.tolist())
 
     def recent(self, observation: Observation, observed: LaggedHistory, time_s: float) -> RecentMarkers:
-        """Return the markers of this frame and of earlier ones.
+        """Return the markers of this frame and of earlier frames.
 
         Args:
-            observation: Observation with back-projected single-camera markers, if these are to count.
+            observation: Observation, with back-projected single-camera markers if these are to count.
         """
         unknown = np.full_like(observation.points_m, np.nan)
         earlier = observed.before(time_s, self.lags_s[1:])
@@ -169,7 +169,7 @@ class MotionPrior:
         return self._estimates([recent], [self._frame(recent, root) or root])[0]
 
     def estimate_all(self, recent: Sequence[RecentMarkers]) -> list[PriorEstimate | None]:
-        """Return the Gaussians of many frames at once; None where too few torso markers are located."""
+        """Return the Gaussians of many frames together; None where too few torso markers are located."""
         frames = [self._frame(each, None) for each in recent]
         known = [(each, frame) for each, frame in zip(recent, frames, strict=True) if frame]
         if not known:
@@ -200,7 +200,7 @@ class MotionPrior:
         return result
 
     def _run(self, features: FloatArray, seen: Mask) -> tuple[Array, Array]:
-        """Return outputs (N, O) and their deviations for features (N, M, F) and a mask (N, M) of seen markers."""
+        """Return outputs (N, O) and their deviations for features (N, M, F) and a mask (N, M) of visible markers."""
         network = self._network
         hidden = _silu(features.swapaxes(0, 1) @ self._weights + self._biases[:, None])
         hidden[~seen.T] = 0.0
@@ -233,7 +233,7 @@ def marker_features(points_m: Array, single: Mask, rest_m: Array, offsets_m: Arr
 
     Args:
         points_m: Markers (..., L, M, 3) at each lag in the body frame, NaN where not located.
-        single: (..., M) Markers that one camera alone sees now.
+        single: Mask (..., M) of markers that only one camera sees now.
         rest_m: Markers (..., M, 3) of the mean pose.
         offsets_m: Offsets (..., M, 3) of the markers in their joints' axes.
         lags_s: Lags (L,).

@@ -1,4 +1,4 @@
-"""Labelled markers of one moment, as the solver uses them."""
+"""Observation: the labelled markers of one frame, as the solver uses them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,26 +14,26 @@ class Observation:
     """Markers of a marker set in one frame."""
 
     points_m: Array  # (M, 3) world positions, NaN where a marker was not located
-    cameras: IntArray  # (M,) index of the one camera that saw the marker, -1 where none did or it was located
+    cameras: IntArray  # (M,) index of the only camera that saw the marker, -1 if none did or it was located
     image_points: Array  # (M, 2) undistorted normalised coordinates in that camera, NaN elsewhere
-    rig: tuple[Camera, ...] = ()  # cameras that `cameras` refers to
-    noise_m: Array | None = None  # (M,) standard deviations of the positions' coordinates; None: exact
+    rig: tuple[Camera, ...] = ()  # cameras to which `cameras` refers
+    noise_m: Array | None = None  # (M,) standard deviations of the positions' coordinates; None if exact
 
     @classmethod
     def of_points(cls, points_m: Array, noise_m: Array | None = None) -> "Observation":
-        """Return the observation of located markers only."""
+        """Return an observation with located markers only."""
         count = len(points_m)
         return cls(points_m, np.full(count, -1, dtype=np.int64), np.full((count, 2), np.nan), noise_m=noise_m)
 
     def smoothed(self, points_m: Array, noise_m: Array) -> "Observation":
-        """Return the observation with other positions (M, 3) and their noise (M,); rays stay."""
+        """Return the observation with other positions (M, 3) and their noise (M,); rays are unchanged."""
         points_m = np.where(self.single[:, None], np.nan, points_m)
         return Observation(points_m, self.cameras, self.image_points, self.rig, noise_m)
 
     def back_projected(self, markers_m: Array) -> "Observation":
-        """Return the observation with single-camera markers at the points of their rays closest to markers (M, 3).
+        """Return the observation with single-camera markers on their rays, as close as possible to markers (M, 3).
 
-        Root and search use the points; the pose is fitted to the rays, as the error lies along them.
+        Root and search use these points; the pose is fitted to the rays, because the error lies along them.
         """
         if not self.single.any():
             return self
@@ -48,7 +48,7 @@ class Observation:
         """Return the observation, back-projected if it locates fewer than three torso markers.
 
         Args:
-            markers_m: Expected markers (M, 3), None if unknown.
+            markers_m: Expected markers (M, 3); None if unknown.
         """
         if markers_m is None or np.count_nonzero(torso & self.located) >= 3:
             return self
@@ -56,17 +56,17 @@ class Observation:
 
     @cached_property
     def located(self) -> Mask:
-        """(M,) located markers."""
+        """Mask (M,) of located markers."""
         return np.asarray(np.logical_and.reduce(np.isfinite(self.points_m), axis=-1))
 
     @cached_property
     def seen(self) -> Mask:
-        """(M,) markers that some camera sees."""
+        """Mask (M,) of markers that any camera sees."""
         return self.located | (self.cameras >= 0)
 
     @cached_property
     def single(self) -> Mask:
-        """(M,) markers seen by one camera only."""
+        """Mask (M,) of markers that only one camera sees."""
         return (self.cameras >= 0) & ~self.located
 
 
@@ -88,7 +88,7 @@ def control_residual(observation: Observation, markers_m: Array) -> Array:
 
 
 def control_jacobian(observation: Observation, jacobian: Array) -> Array:
-    """Return the Jacobian of `control_residual` from that of the markers (M, 3, n)."""
+    """Return the Jacobian of `control_residual` given that of the markers (M, 3, n)."""
     located, single = observation.located, observation.single
     if located.all():
         return jacobian.reshape(-1, jacobian.shape[-1])

@@ -1,4 +1,4 @@
-"""From labelled markers to poses, frame by frame."""
+"""Pose solver: from labelled markers to poses, frame by frame."""
 
 import math
 from copy import copy
@@ -24,14 +24,14 @@ from .solution import Examples, Solution, SolverState
 from .subject_model import RootPose, SubjectModel
 from .trajectory_check import INTERVAL_S, PROVEN, TrajectoryCheck
 
-_JUMP_M = 0.07  # RMS movement of the markers between two frames from which the history may mislead
-_CUT_M = 0.3  # RMS movement from which the history is of another motion: nobody moves all limbs so fast
+_JUMP_M = 0.07  # RMS movement of the markers between two frames above which the history may mislead
+_CUT_M = 0.3  # RMS movement above which the history belongs to another motion: no one moves all limbs so fast
 _RETRY_S = 0.04  # pause after a failed re-initialisation
 _NEARER = 0.6  # share of the distance to the closest example below which a re-initialised pose replaces the other
 
 
 class PoseSolver:
-    """Solves one frame after another for one subject with one database.
+    """Solves successive frames of one subject with one database.
 
     Attributes:
         initial_state: State before the first frame.
@@ -90,7 +90,7 @@ class PoseSolver:
         return _nearest_distance(in_space, *located[:2]) if located is not None else float("nan")
 
     def negative_log_likelihood(self, state: SolverState) -> float:
-        """Return minus the log density (m) of the last markers; 0 for other methods than "best"."""
+        """Return the negative log density (m) of the last markers; 0 for methods other than "best"."""
         return 0.0 if state.expectation is None else state.expectation.negative_log_likelihood(self.subject)
 
     def step(
@@ -105,10 +105,10 @@ class PoseSolver:
         """Return the pose of the next frame and the state after it.
 
         Args:
-            state: State after the last frame, or the initial one. For a first frame with rays only, it can hold the
+            state: State after the last frame, or the initial one. For a first frame with only rays, it can contain the
                 expected markers.
             time_s: Time of the frame; by default one frame of the database after the last.
-            hurried: The frame was expensive already, so a first frame's pose is not refined.
+            hurried: The frame was already expensive, so a first frame's pose is not refined.
             limit_m: Distance of the markers from the closest example at which a first frame is not solved.
             learned: Learned prior, if known (see `BestMethod.learned_priors`).
 
@@ -139,7 +139,7 @@ class PoseSolver:
         Args:
             state: State before the frame, with the frame's time.
             solution: Solution with history, returned if it is better.
-            after: State after it.
+            after: State after that solution.
             nearer: Share of its distance below which the pose without history is better.
         """
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s, learned=state.learned)
@@ -187,13 +187,13 @@ class PoseSolver:
         return (again, second) if again is not None else (first, after)
 
     def _nearer_if_misled(self, state: SolverState, observation: Observation, solution: Solution) -> float:
-        """Return `nearer` for `reinitialise`; 0 where the history is not misleading.
+        """Return `nearer` for `reinitialise`; 0 if the history is not misleading.
 
-        After a cut the pose without history must only not be farther.
+        After a cut, the pose without history only has to be no farther away.
         """
         waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
-            return 0.0  # an example's distance says nothing
+            return 0.0  # an example's distance says nothing here
         seen = observation.located
         before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
@@ -239,5 +239,5 @@ def _nearest_distance(observation: Observation, root: RootPose, examples: Exampl
 
 
 def _rms(differences_m: Array) -> float:
-    """Return the RMS length of differences (N, 3), 0 without any."""
+    """Return the RMS length of differences (N, 3), 0 if there are none."""
     return math.sqrt(float(np.vdot(differences_m, differences_m)) / max(len(differences_m), 1))

@@ -7,7 +7,7 @@ from ..geometry.rigid_transform import fit_rigid
 from .observation import Observation
 from .subject_model import RootPose, SubjectModel
 
-_CARRIED_BY_ROOT = 4.0  # weight of markers on the pelvis against those on spine and shoulders
+_CARRIED_BY_ROOT = 4.0  # weight of markers on the pelvis relative to those on spine and shoulders
 
 
 def root_from_torso(
@@ -18,11 +18,11 @@ def root_from_torso(
 ) -> RootPose | None:
     """Return the root that moves the pose's torso markers onto the observed ones.
 
-    With fewer than three torso markers the previous root is shifted; None without one.
+    With fewer than three torso markers the previous root is shifted; without a previous root, None is returned.
 
     Args:
         local_markers_m: Markers (M, 3) of the assumed pose in the root's frame.
-        previous: Root of the last frame, None at the start.
+        previous: Root of the last frame; None at the start.
     """
     seen = subject.torso & observation.located
     if np.count_nonzero(seen) >= 3:
@@ -34,7 +34,7 @@ def root_from_torso(
 
 
 def _moved(previous: RootPose, observation: Observation, local_markers_m: Array) -> RootPose:
-    """Return the previous root shifted to the located markers, with the same rotation."""
+    """Return the previous root shifted to the located markers, with its rotation unchanged."""
     seen = observation.located
     if not np.any(seen):
         return previous

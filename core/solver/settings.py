@@ -43,8 +43,8 @@ class LwrSettings(NearestSettings):
 class LocalPcaSettings:
     """Settings of "local-pca".
 
-    The defaults are the paper's where it names them. It gives no units for its terms: the two standard deviations and
-    `query_pose_m_per_rad` set ours.
+    The defaults are the paper's where it gives them. It gives no units for its terms: the two standard deviations and
+    `query_pose_m_per_rad` define ours.
     """
 
     control_alpha: Annotated[float, About("weight of the markers in the synthesis (Eq. 9)", "", 0.0, 1.0)] = 0.8
@@ -69,8 +69,8 @@ class LocalPcaSettings:
 class BestSettings:
     """Settings of "best", see `gaussian_conditioning`.
 
-    Frames of other bodies are farther by `others_distance`, as people move more like themselves. The known_ settings
-    are those of a body in the database with a marker located in space: its neighbours are closer.
+    Frames of other bodies are farther by `others_distance`: people move more like themselves. The known_ settings are
+    are those for a body in the database with a marker located in space: its neighbours are closer.
     """
 
     neighbours: Annotated[int, About("number of neighbours, K", "", 1)] = 300
@@ -112,7 +112,7 @@ class BestSettings:
         _check_ascending(self, "history_s")
 
     def for_known_body(self) -> "BestSettings":
-        """Return the settings for a body that the database knows."""
+        """Return the settings for a body that is in the database."""
         return replace(
             self,
             marker_sigma_m=self.known_marker_sigma_m,
@@ -142,10 +142,10 @@ class SolveSettings:
 
     @classmethod
     def of_table(cls, table: Mapping[str, Any]) -> "SolveSettings":
-        """Return the settings of a table, as takes and requests store them.
+        """Return the settings from a table, as takes and requests store them.
 
         Raises:
-            SettingsError: an unknown setting, or a value out of range.
+            SettingsError: A setting is unknown, or a value is out of range.
         """
         groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
         own: dict[str, Any] = {}
@@ -160,7 +160,7 @@ class SolveSettings:
         return cls(**own, **{group: _GROUPS[group](**values) for group, values in groups.items()})
 
     def table(self) -> dict[str, Any]:
-        """Return the settings that differ from the defaults, for takes."""
+        """Return the settings that differ from the defaults, for storing in takes."""
         usual = SolveSettings()
         own = {name: getattr(self, name) for name in ("method", "query_alpha", "search")}
         result = {name: value for name, value in own.items() if value != getattr(usual, name)}

@@ -26,25 +26,25 @@ class Solution:
     pose: Array  # (J - 1, 3) relative to the reference pose
     root: RootPose
     markers_m: Array  # (M, 3) the subject's markers in the world
-    neighbours: int  # K of the local model; 1 for the nearest example
-    dimensions: int  # B of the local model
+    neighbours: int  # number of neighbours, K, of the local model; 1 for the nearest example
+    dimensions: int  # number of dimensions, B, of the local model
     nearest_m: float  # RMS distance of the observed markers from those of the closest example; NaN without markers
     iterations: int  # steps of Levenberg-Marquardt or Gauss-Newton
-    sigmas_rad: Array | None = None  # (J - 1, 3) uncalibrated standard deviations; None for other methods than "best"
+    sigmas_rad: Array | None = None  # (J - 1, 3) uncalibrated standard deviations; None for methods other than "best"
     reinitialised: bool = False  # the pose was also solved without history, which is expensive
 
 
 @dataclass(frozen=True)
 class SolverState:
-    """The motion solved so far; `PoseSolver.initial_state` is the first one.
+    """The motion solved so far; `PoseSolver.initial_state` is the first state.
 
     States are immutable, so several continuations of one state are independent.
     """
 
     time_s: float = 0.0  # time of the last frame
-    learned: PriorEstimate | None = None  # learned prior of the last frame's markers, where it was given
+    learned: PriorEstimate | None = None  # learned prior for the last frame's markers, if it was given
     root: RootPose | None = None  # root of the last frame
-    markers_m: Array | None = None  # (M, 3) expected in the world, those of the last solution
+    markers_m: Array | None = None  # (M, 3) expected in the world, from the last solution
     pose: Array | None = None  # (D,) pose of the last frame
     previous_pose: Array | None = None  # (D,) pose of the frame before
     found: IntArray | None = None  # frames of the last search, from which the next may start
@@ -57,7 +57,7 @@ class SolverState:
 
     @property
     def continued_pose(self) -> Array | None:
-        """2 q_{t-1} - q_{t-2} of Eq. 2 and 8."""
+        """Continued pose 2 q_{t-1} - q_{t-2} of Eq. 2 and 8."""
         if self.pose is None:
             return None
         before = self.pose if self.previous_pose is None else self.previous_pose

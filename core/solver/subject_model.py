@@ -1,4 +1,4 @@
-"""A subject's markers as a function of the pose, with its Jacobian (Eq. 1)."""
+"""A subject's markers as a function of the pose, with their Jacobian (Eq. 1)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +28,7 @@ class RootPose:
         return (points_m - self.position_m) @ self.matrix
 
     def to_world(self, points_m: Array) -> Array:
-        """Return points (..., 3) of the root's frame in the world."""
+        """Return points (..., 3) given in the root's frame in the world."""
         return points_m @ self.matrix.T + self.position_m
 
     @cached_property
@@ -38,7 +38,7 @@ class RootPose:
 
 
 _UNIT = np.eye(3)
-_SMALLEST_RAD = 1e-5  # angle that replaces smaller ones in the divisions below, which changes them by less than 1e-11
+_SMALLEST_RAD = 1e-5  # angle that replaces smaller ones in the divisions below, changing the result by less than 1e-11
 ROOT_AT_REST = RootPose(rot.identity(), np.zeros(3))
 
 
@@ -56,7 +56,7 @@ class SubjectModel:
         self.joints = subject.marker_set.joint_indices(self.skeleton)
         self.offsets_m = subject.marker_set.offsets_m
         self.torso = subject.marker_set.torso
-        self._body, self._carrying = self.skeleton.carrying(self.joints)  # the other joints move no marker
+        self._body, self._carrying = self.skeleton.carrying(self.joints)  # the other joints do not move any marker
         self._carriers = np.argmax(self._carrying == self.joints[:, None], axis=1)
         self._moving = self.skeleton.is_ancestor[self.joints]
         self._columns = np.concatenate(([0], 1 + self._carrying))
@@ -66,17 +66,17 @@ class SubjectModel:
         """Return a mask (J - 1,) of the joints that move only hidden markers.
 
         Args:
-            seen: (M,) Markers that are not hidden.
+            seen: Mask (M,) of markers that are not hidden.
         """
         moving = self._moving
         return np.asarray(moving[~seen].any(axis=0) & ~moving[seen].any(axis=0))[1:]
 
     def rotations(self, pose: Array, root: RootPose) -> Array:
-        """Return local rotations (J, 4), the root's included."""
+        """Return local rotations (J, 4), including the root's."""
         return rotations_from_pose(pose, self.mean_rotations, root.rotation)
 
     def markers(self, pose: Array, root: RootPose = ROOT_AT_REST) -> Array:
-        """Return marker positions (..., M, 3) of poses (..., J - 1, 3)."""
+        """Return marker positions (..., M, 3) for poses (..., J - 1, 3)."""
         if pose.ndim == 2:
             return self._posed(exponential_and_right_jacobian(pose[self._carrying[1:] - 1])[0], root)[0]
         local = rotations_from_pose(pose, self.mean_rotations, root.rotation)
@@ -85,7 +85,7 @@ class SubjectModel:
     def markers_and_jacobian(self, pose: Array, root: RootPose) -> tuple[Array, Array]:
         """Return markers (..., M, 3) and their Jacobian (..., M, 3, 6 + 3 (J - 1)).
 
-        Its columns are root translation, root rotation on the right, R exp(d), and rotation vectors of the pose.
+        Its columns are root translation, root rotation on the right, R exp(d), and the pose's rotation vectors.
 
         Args:
             pose: Poses (..., J - 1, 3).
@@ -117,7 +117,7 @@ class SubjectModel:
 def exponential_and_right_jacobian(vectors: Array) -> tuple[Array, Array]:
     """Return exp(v) (..., 3, 3) and its right Jacobian (Sola 2018, Eq. 143).
 
-    Both are sums of the unit matrix, of that of the cross product with v, and of v v'.
+    Both are sums of the unit matrix, the matrix of the cross product with v, and v v'.
     """
     angle2 = np.add.reduce(vectors * vectors, axis=-1)[..., None, None]
     angle = np.maximum(np.sqrt(angle2), _SMALLEST_RAD)

@@ -1,8 +1,8 @@
 """Check whether other parts of the database explain the recent markers better than the current examples.
 
-Examples are searched near the motion so far, so a wrong start can persist for seconds even where all markers are
-explained. From time to time the markers of the last moments are compared with a sample of the whole database: on a
-right trajectory few frames are nearer than the current examples, on a wrong one some always are.
+Examples are searched near the motion so far, so a wrong start can persist for seconds even if all markers are
+explained. From time to time the recent markers are compared with a sample of the whole database: on a
+correct trajectory few frames are nearer than the current examples, on a wrong one some always are.
 """
 
 from copy import copy
@@ -18,10 +18,10 @@ from .search.sample import SampleSearch
 from .solution import SolverState
 from .subject_model import RootPose
 
-INTERVAL_S = 0.1  # wait between two comparisons
-PROVEN = 0.5  # evidence above which another trajectory is right, nats
-_USUAL = 0.85  # nearest frame's distance on a right trajectory, as a share of the nearest example's
-_NEAREST = 24  # frames of the sample that are compared with their neighbours in time
+INTERVAL_S = 0.1  # pause between two comparisons
+PROVEN = 0.5  # evidence above which another trajectory is accepted, nats
+_USUAL = 0.85  # nearest frame's distance on a correct trajectory, as a share of the nearest example's
+_NEAREST = 24  # number of sample frames that are compared together with their neighbours in time
 _PER_SAMPLE = 16  # neighbours of each compared at first, evenly spread; near the nearest ones all are compared
 _BESIDE = 8  # number of these nearest ones
 _EXAMPLES = 64  # examples compared
@@ -32,7 +32,7 @@ class TrajectoryCheck:
 
     def __init__(self, sample: SampleSearch, markers: DatabaseMarkers, earlier: LaggedMarkers) -> None:
         self._sample, self._markers, self._earlier = sample, markers, earlier
-        # successive frames are alike: all are compared only where some are near
+        # successive frames are alike: all of them are compared only where some are near
         self._apart = max(1, sample.step // _PER_SAMPLE)
 
     def backwards(self) -> "TrajectoryCheck":

@@ -1,1 +1,1 @@
-"""Measure a performer's skeleton and marker offsets."""
+"""Subjects: measuring a performer's skeleton and marker offsets."""

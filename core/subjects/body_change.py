@@ -21,9 +21,9 @@ class ChangeSigmas:
     """Usual standard deviations of changes."""
 
     size: float = 0.08  # relative size of the whole body
-    part: float = 0.04  # relative size of a part besides
-    offset_m: float = 0.02  # marker about its usual offset
-    placed_m: float = 0.05  # the same for a marker that the motion placed
+    part: float = 0.04  # additional relative size of a part
+    offset_m: float = 0.02  # marker relative to its usual offset
+    placed_m: float = 0.05  # the same for a marker that was placed from the motion
 
 
 SIGMAS = ChangeSigmas()
@@ -53,7 +53,7 @@ def observed_positions(take: MarkerTake, marker_set: MarkerSet) -> Array:
 
 
 def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Array]:
-    """Return derivatives by part sizes and by offsets (F, M, 3, ...), and the markers (F, M, 3)."""
+    """Return derivatives with respect to part sizes and offsets (F, M, 3, ...), and the markers (F, M, 3)."""
     skeleton, joints = subject.skeleton, subject.marker_set.joint_indices(subject.skeleton)
     positions, world = forward_kinematics(skeleton, rotations, np.zeros(3))
     parts = _part_of_joint(skeleton)
@@ -72,7 +72,7 @@ def linear_model(rotations: Array, subject: Subject) -> tuple[Array, Array, Arra
 
 
 def _part_of_joint(skeleton: Skeleton) -> IntArray:
-    """Return the part (J,) of the bone to each joint, or -1 for the root."""
+    """Return the part (J,) of the bone that leads to each joint, or -1 for the root."""
     result = np.full(len(skeleton), -1, dtype=np.int64)
     for number, members in enumerate(PARTS.values()):
         for joint, name in enumerate(skeleton.names):
@@ -88,7 +88,7 @@ def part_lengths_m(skeleton: Skeleton) -> Array:
 
 
 def sized(skeleton: Skeleton, parts: Array) -> Skeleton:
-    """Return the skeleton with the bones of each part longer by a relative change."""
+    """Return the skeleton with the bones of each part lengthened by a relative change."""
     part = _part_of_joint(skeleton)
     factors = np.where(part >= 0, 1.0 + parts[part], 1.0)
     offsets = skeleton.offsets_m * factors[:, None]

@@ -1,9 +1,9 @@
-"""Skeleton and marker offsets of a performer from motion alone.
+"""Estimation of a performer's skeleton and marker offsets from motion alone.
 
-Poses and body are found in turn: the solver completes the poses of the body found so far, then bone lengths and marker
-offsets are fitted to all frames at once. With fixed joint rotations the markers are linear in both, so the fit is one
-ridge regression about the usual proportions and offsets. At the end `refine_body` corrects the body, if the database
-holds such motion.
+Poses and body are found in turn: the solver completes the poses for the current body, then bone lengths and marker
+offsets are fitted to all frames together. With fixed joint rotations the markers are linear in both, so the fit is one
+ridge regression towards the usual proportions and offsets. Finally `refine_body` corrects the body, if the database
+contains similar motion.
 """
 
 import contextlib
@@ -34,15 +34,15 @@ class MotionFitSettings:
     """Settings of the fit to motion."""
 
     rounds: int = 4
-    most_frames: int = 300  # more frames tell little new about the body
-    stretches: int = 6  # number of stretches, one from each of as many parts of a take, for a variety of poses
+    most_frames: int = 300  # largest number of frames; more say little new about the body
+    stretches: int = 6  # number of stretches, one from each of equal parts of a take, for a variety of poses
     fewest_frames: int = 20
-    large_m: float = 0.06  # frames with a larger median marker error are left out
+    large_m: float = 0.06  # median marker error above which frames are left out
     large_sigmas: float = 3.0  # added to this, in standard deviations of the source's lasting errors
-    marker_sigma_m: float = 0.01  # marker about the modelled one: skin and solver
+    marker_sigma_m: float = 0.01  # marker relative to the modelled one: skin and solver
     # shares of the usual deviations for keypoints: their distances gave the bones, and they lie near joints
-    keypoint_shares: tuple[float, float] = (0.1, 0.1)  # of sizes, of offsets
-    independent_frames: float = 30.0  # weight of all frames together, as near ones repeat each other's errors
+    keypoint_shares: tuple[float, float] = (0.1, 0.1)  # for sizes and for offsets
+    independent_frames: float = 30.0  # weight of all frames together, because nearby frames repeat each other's errors
 
 
 SETTINGS = MotionFitSettings()
@@ -51,14 +51,14 @@ SETTINGS = MotionFitSettings()
 def subject_from_motion(
     take: MarkerTake, start: Subject, database: Database, progress: Progress = no_progress
 ) -> Subject:
-    """Return the subject with the bones and offsets that explain a take best.
+    """Return the subject with the bones and offsets that best explain a take.
 
     Its residual is the RMS marker error over the frames.
 
     Args:
         take: Labelled take; it need not show a held pose.
         start: First guess of the body with the usual offsets; the fit is regularised towards it.
-        database: Database with such motion.
+        database: Database with similar motion.
 
     Raises:
         SubjectError: Too few frames could be explained.
@@ -77,7 +77,7 @@ def subject_from_motion(
         if used < SETTINGS.fewest_frames:
             raise _refusal(used, observed[:, start.marker_set.torso], take)
         subject = _fitted(rotations[good], observed[good], start, noise_of(start.marker_set.points))
-    if is_keypoints:  # their errors would be taken for those of bones
+    if is_keypoints:  # their errors would be mistaken for those of bones
         return subject
     with contextlib.suppress(SubjectError):  # the motion is unlike the database
         subject = refine_body(take, subject, database).subject
@@ -85,9 +85,9 @@ def subject_from_motion(
 
 
 def _telling_frames(observed: Array, torso: Mask) -> IntArray:
-    """Return the frames to fit to: those that show the torso; of a long take, stretches spread over it.
+    """Return the frames to fit: those that show the torso; from a long take, stretches spread over its length.
 
-    In each part of the take the stretch with most markers is chosen.
+    In each part of the take, the stretch with the most markers is chosen.
     """
     seen = np.isfinite(observed[..., 0])
     shown = np.flatnonzero(seen[:, torso].sum(axis=1) >= _TORSO)
@@ -103,7 +103,7 @@ def _telling_frames(observed: Array, torso: Mask) -> IntArray:
 
 
 def _refusal(used: int, torso: Array, take: MarkerTake) -> SubjectError:
-    """Return the error for a take with only `used` frames that fit."""
+    """Return the error for a take in which only `used` frames fit."""
     shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
     needed = f"at least {SETTINGS.fewest_frames} are needed"
     if shown < SETTINGS.fewest_frames:
@@ -115,7 +115,7 @@ def _refusal(used: int, torso: Array, take: MarkerTake) -> SubjectError:
 
 
 def frames_of(take: MarkerTake, frames: slice | IntArray) -> MarkerTake:
-    """Return part of a take; raise TakeError if it is empty."""
+    """Return part of a take; TakeError if it is empty."""
     return replace(
         take,
         positions_m=take.positions_m[frames],
@@ -129,18 +129,18 @@ def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Arra
     """Return joint rotations (F, J, 4) and a mask of well solved frames."""
     session = Session(subject, database, smooth=False)
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
-    # the median, as single markers may be far from their usual offsets, which are to be found
+    # the median, because single markers may be far from their usual offsets, which are still unknown
     large_m = SETTINGS.large_m + SETTINGS.large_sigmas * noise_of(subject.marker_set.points).lasting_m
     good = np.array([_median_m(pose) < large_m and pose.confidence > 0.0 for pose in poses])
     return np.array([pose.rotations for pose in poses]), good
 
 
 def _fitted(rotations: Array, observed: Array, start: Subject, source: SourceNoise) -> Subject:
-    """Return the subject of least marker error under rotations (F, J, 4)."""
+    """Return the subject with the smallest marker error for rotations (F, J, 4)."""
     by_part, by_offset, modelled = linear_model(rotations, start)
     count, markers = observed.shape[:2]
     seen = np.all(np.isfinite(observed), axis=-1)
-    # the root's position is free in every frame: only differences from the frame's mean marker count
+    # the root's position is free in every frame, so only differences from the frame's mean marker count
     residual = _less_mean(observed - modelled, seen).reshape(-1)
     columns = _less_mean(np.concatenate((by_part, by_offset), axis=-1), seen).reshape(count * markers * 3, -1)
     variance = SETTINGS.marker_sigma_m**2 + source.lasting_m**2
@@ -155,7 +155,7 @@ def _fitted(rotations: Array, observed: Array, start: Subject, source: SourceNoi
 
 
 def _less_mean(values: Array, seen: Mask) -> Array:
-    """Return values (F, M, ...) less the mean of the seen markers, 0 for hidden ones."""
+    """Return values (F, M, ...) minus the mean over visible markers, 0 for hidden ones."""
     shown = seen.reshape(*seen.shape, *[1] * (values.ndim - 2))
     share = np.maximum(shown.sum(axis=1, keepdims=True), 1)
     mean = np.sum(values, axis=1, where=shown, keepdims=True) / share

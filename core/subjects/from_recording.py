@@ -1,4 +1,4 @@
-"""Subject from an unlabelled recording of held calibration poses."""
+"""Calibration of a subject from an unlabelled recording of held poses."""
 
 from collections.abc import Sequence
 
@@ -18,12 +18,12 @@ def subject_from_recording(
     name: str,
     poses: Sequence[str],
 ) -> SubjectCalibration:
-    """Return the subject of frames with held calibration poses.
+    """Return the subject measured in frames with held calibration poses.
 
     Args:
-        frames: Marker frames of a steady rate with points.
-        marker_set: Worn markers with their usual offsets.
-        poses: Names in `POSES`, an upright pose first.
+        frames: Marker frames with points at a steady rate.
+        marker_set: Markers that were worn, with their usual offsets.
+        poses: Names from `POSES`, with an upright pose first.
 
     Raises:
         SubjectError: A pose is unknown or not held.

@@ -1,8 +1,8 @@
 """Fit of a body and its marker offsets to the markers of held poses.
 
 The body is a mixture of prototype bodies, as in section 4.2 of Chai and Hodgins 2005, with further differences between
-bodies of one size; the left and the right side have mixtures of their own. Nobody holds a pose or places a marker
-exactly, so joint angles and offsets are unknowns too, each within its usual range. The fit is the most probable body,
+bodies of the same size; the left and the right side have mixtures of their own. No one holds a pose or places a marker
+exactly, so joint angles and offsets are unknowns too, each within its usual range. The result is the likeliest body,
 and the curvature of the cost there shows how well the poses determine it.
 """
 
@@ -22,7 +22,7 @@ from ..markers.marker_set import MarkerSet
 
 Pose = Callable[[Skeleton], Array]
 
-_STEP_RAD = 1e-5  # for derivatives by joint angles
+_STEP_RAD = 1e-5  # step for derivatives with respect to joint angles
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class PoseFitSigmas:
     """Standard deviations of the unknowns."""
 
     seen_m: float = 0.002  # marker position: measurement and skin
-    offset_m: float = 0.010  # marker about its usual offset, or
-    unknown_offset_m: float = 0.030  # about its joint if it has none
+    offset_m: float = 0.010  # marker relative to its usual offset, or
+    unknown_offset_m: float = 0.030  # relative to its joint if it has none
     least_direction_m: float = 1e-3  # smaller differences between prototypes are left out
     side_share: float = 0.25  # share of the mixture by which a side differs from the whole body
     places_m: tuple[tuple[str, float], ...] = (("femur", 0.008), ("humerus", 0.014))  # per axis, bodies of one size
@@ -43,8 +43,8 @@ class PoseFitSigmas:
         ("humerus", 8.0, "xyz"), ("hand", 6.0, "yz"), ("femur", 6.0, "xyz"), ("foot", 4.0, "xyz"),
     )  # fmt: skip
     hinge_deg: float = 8.0  # elbows and knees
-    trunk_deg: float = 8.0  # all of the back about each axis, relative to the first pose,
-    neck_deg: float = 10.0  # and all of the neck
+    trunk_deg: float = 8.0  # whole back about each axis, relative to the first pose,
+    neck_deg: float = 10.0  # and whole neck
     collar_deg: float = 10.0  # clavicles, relative to the first pose
 
 
@@ -58,7 +58,7 @@ class BodyFit:
     Args:
         rotations: Local rotations (N, J, 4) of each pose.
         root_positions_m: Root positions (N, 3).
-        astray_rad: Angle between limb and pose by the limb's first joint, for each pose.
+        astray_rad: Angle between limb and pose at the limb's first joint, for each pose.
         sigmas_m: Standard deviation (J,) of each joint's distance from its parent; 0 for a known body.
     """
 
@@ -70,10 +70,10 @@ class BodyFit:
 
 
 def fit_body(points_m: Array, marker_set: MarkerSet, prototypes: Sequence[Skeleton], poses: Sequence[Pose]) -> BodyFit:
-    """Return the body that shows the points in the poses.
+    """Return the body that explains the points in the poses.
 
     Args:
-        points_m: Markers (N, M, 3) of each pose in any world, NaN where hidden; at least three torso markers of each.
+        points_m: Markers (N, M, 3) of each pose in any world, NaN where hidden; at least three torso markers in each.
         marker_set: Markers with their joints, and their usual offsets if known.
         prototypes: Bodies of many sizes with the standard skeleton's joints; a single one is the known body.
         poses: Poses (N); the first one defines the upright trunk.
@@ -99,7 +99,7 @@ class _BodyPrior:
             self.directions = np.concatenate((mixed, *one_side, self._own()))
 
     def skeleton(self, coefficients: Array | float = 0.0) -> Skeleton:
-        """Return the body of coefficients (K)."""
+        """Return the body for coefficients (K)."""
         weights = np.broadcast_to(coefficients, len(self.directions))
         shape = self.mean + np.tensordot(weights, self.directions, 1)
         like = self.like
@@ -114,7 +114,7 @@ class _BodyPrior:
         return (deviations[kept, None] * axes[kept]).reshape(-1, *self.mean.shape)
 
     def _own(self) -> Array:
-        """Return further differences between bodies, of both sides and of each alone: joint places, bone lengths."""
+        """Return further differences between bodies, of both sides and of each alone: joint positions, bone lengths."""
         mirror = np.array([-1.0, 1.0, 1.0])
         changes = [
             (joint, sigma * axis, sigma * mirror * axis) for joint, sigma in SIGMAS.places_m for axis in np.eye(3)
@@ -129,7 +129,7 @@ class _BodyPrior:
         return np.array(result)
 
     def _moved(self, name: str, change_m: Array) -> Array:
-        """Return the change of shape (J, 6) that moves a joint and the end of the bone to it."""
+        """Return the change of shape (J, 6) that moves a joint and the end of the bone leading to it."""
         result, joint = np.zeros_like(self.mean), self.like.index(name)
         result[joint, :3] = change_m
         parent = int(self.like.parents[joint])
@@ -141,7 +141,7 @@ class _BodyPrior:
 class _HeldPose:
     """A calibration pose with the usual errors of its angles.
 
-    The feet stand flat on the floor however the legs are bent, so their orientation is relative to the root.
+    The feet stand flat on the floor even if the legs are bent, so their orientation is relative to the root.
     """
 
     def __init__(self, pose: Pose, skeleton: Skeleton, first: bool) -> None:
@@ -174,7 +174,7 @@ class _HeldPose:
         return turns, np.radians([sigma for _, _, sigma in rows])
 
     def local(self, angles_rad: Array, skeleton: Skeleton) -> Array:
-        """Return local rotations (..., J, 4) for angles (..., A) added to the pose."""
+        """Return local rotations (..., J, 4) with angles (..., A) added to the pose."""
         turn = rot.from_rotation_vector(np.tensordot(angles_rad, self.turns, 1))
         result = rot.multiply(np.broadcast_to(self.asked, turn.shape), turn)
         for foot in self.feet:
@@ -195,8 +195,8 @@ class _State:
     """Unknowns of the fit.
 
     Args:
-        values: Body, offsets, and for each pose its angles, a zero turn (3) and its place (3); all but the places in
-            units of their standard deviations.
+        values: Body, offsets, and for each pose its angles, a zero rotation (3) and its position (3); all but the
+            positions are in units of their standard deviations.
         matrices: World-from-root rotations (N, 3, 3).
     """
 
@@ -212,7 +212,7 @@ class _Fit:
         self.usual = usual_offsets(marker_set)
         known = np.array([marker.offset_m is not None for marker in marker_set.markers])
         self.offset_sigmas = np.where(known, SIGMAS.offset_m, SIGMAS.unknown_offset_m)[:, None]
-        # joints whose offsets add up to the place of a marker
+        # joints whose offsets add up to the position of a marker
         self.carried = body.like.is_ancestor[self.joints].astype(np.float64)
         self.carried[:, 0] = 0.0
         ends = np.cumsum([len(body.directions), 3 * len(self.joints), *(len(pose.turns) + 6 for pose in held)]).tolist()
@@ -247,7 +247,7 @@ class _Fit:
         for held, points, pose in zip(self.held, self.points, self.poses, strict=True):
             seen = np.isfinite(points[:, 0])
             local = self._markers(held, np.zeros(len(held.turns)), skeleton, self.usual)[0]
-            # limbs may be held elsewhere: they only decide where the torso's markers lie nearly on a line
+            # limbs may be held elsewhere: they only matter if the torso's markers lie nearly on a line
             matrix, values[pose.stop - 3 : pose.stop] = kabsch(
                 local[seen], points[seen], np.where(self.torso, 1.0, 0.05)[seen]
             )
@@ -279,9 +279,9 @@ class _Fit:
         return NormalEquations(matrix, gradient, cost)
 
     def _columns(self, state: _State, i: int, skeleton: Skeleton, offsets: Array) -> tuple[Array, Array]:
-        """Return Jacobian and error of the seen markers of a pose.
+        """Return Jacobian and error for the visible markers of a pose.
 
-        Columns: body, offsets, angles, the root's turn and place.
+        Columns: body, offsets, angles, the root's rotation and position.
         """
         held, count, matrix = self.held[i], len(self.joints), state.matrices[i]
         angles = len(held.turns)

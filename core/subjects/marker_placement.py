@@ -1,9 +1,9 @@
-"""Placement of markers that no marker set knows, by a take's motion.
+"""Placement of markers that no marker set knows, from a take's motion.
 
 A marker that is fixed in a bone's frame is worn on that bone. For bones that known markers determine, the poses show
 this directly. A limb that they leave undetermined is first fitted to the unknown markers: its first bone points at one
-of them, its second at another, the same two in all frames. The pair that leaves the markers closest to the body wins.
-Then poses and places are estimated in turn.
+them, its second at another, the same two in all frames. The pair that leaves the markers closest to the body wins.
+Then poses and positions are estimated alternately.
 """
 
 from dataclasses import dataclass, replace
@@ -32,15 +32,15 @@ class PlacementSettings:
     """Settings of the placement."""
 
     frames: int = 16  # number of frames, spread over the take
-    fewest: int = 4  # fewest of these frames that tell whether a marker keeps its place
+    fewest: int = 4  # fewest of these frames that show whether a marker keeps its position
     rounds: int = 2
-    moved_share: float = 0.5  # share of each update of the places: along a limb, poses and places can drift together
-    spread_m: float = 0.02  # usual spread of a marker's place on its bone: skin, and error of the poses
+    moved_share: float = 0.5  # share of each update of the positions: along a limb, they can drift with the poses
+    spread_m: float = 0.02  # usual spread of a marker's position on its bone: skin, and error of the poses
     flesh_m: float = 0.08  # usual distance of a marker from its bone
     largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
     farthest_m: float = 0.2  # largest distance of a worn marker from its bone
     capped_m: float = 0.3  # limit of each distance in the cost of a limb's fit
-    size_share: float = 0.4  # largest relative difference of a bone from the skeleton's
+    size_share: float = 0.4  # largest relative difference between a bone and the skeleton's
     every: int = 2  # step between the frames to which a limb is fitted
     hand_m: float = 0.15  # length of hand or foot beyond wrist or ankle
 
@@ -64,10 +64,10 @@ class _Limb:
 
 
 def place_markers(take: MarkerTake, subject: Subject, database: Database, progress: Progress = no_progress) -> Subject:
-    """Return the subject with the unknown markers of a take added, where the motion shows their places.
+    """Return the subject with the unknown markers of a take added, if the motion shows their positions.
 
     Args:
-        take: Take with y up under the names of the subject's marker set.
+        take: Take with y up and the names of the subject's marker set.
         subject: Body with usual or measured offsets; its bones are kept.
         database: Database whose poses complete those of the known markers.
     """
@@ -99,7 +99,7 @@ def _wearing(subject: Subject, places: tuple[Marker, ...]) -> Subject:
 
 
 def _posed(part: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Array]:
-    """Return joint positions (F, J, 3) and orientations (F, J, 4); each frame is solved by itself."""
+    """Return joint positions (F, J, 3) and orientations (F, J, 4); each frame is solved separately."""
     session = Session(subject, database, smooth=False)
     poses = []
     for frame in take_frames(part, subject.marker_set):
@@ -121,7 +121,7 @@ def _local_places(part: MarkerTake, subject: Subject, database: Database, points
 def _first_places(
     part: MarkerTake, start: Subject, database: Database, unknown: list[str], points_m: Array
 ) -> tuple[Marker, ...]:
-    """Return the places by the poses of the known markers, on undetermined limbs by their fits."""
+    """Return the positions given by the poses of the known markers, or on undetermined limbs by their fits."""
     skeleton = start.skeleton
     positions_m, world = _posed(part, start, database)
     local_m = _in_bones(points_m, positions_m, world)
@@ -146,7 +146,7 @@ def _nearest_on_bones(local_m: Array, skeleton: Skeleton) -> Array:
 
 
 def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
-    """Return costs (U, J) of markers on bones, inf for impossible ones, and their median places (U, J, 3)."""
+    """Return costs (U, J) of markers on bones, inf for impossible ones, and their median positions (U, J, 3)."""
     offsets_m = _median(local_m)
     spread_m = _median(np.linalg.norm(local_m - offsets_m, axis=-1))
     apart_m = np.linalg.norm(offsets_m - _nearest_on_bones(offsets_m, skeleton), axis=-1)
@@ -159,7 +159,7 @@ def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
 def _lay(
     limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, apart_m: Array, costs: Array, offsets_m: Array
 ) -> None:
-    """Fit a limb to the markers, and write its costs (U, J) and places (U, J, 3) of markers.
+    """Fit a limb to the markers, and write costs (U, J) and positions (U, J, 3) of markers.
 
     Args:
         root_m: First joint of the limb (F, 3).
@@ -212,7 +212,7 @@ def _course(root_m: Array, elbow_m: Array, wrist_m: Array, lengths_m: Array) -> 
 
 
 def _beside(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[Array, Array]:
-    """Return how far along and beside each bone of a course (F, 4, 3) the points are, (F, U, 3) each."""
+    """Return how far along and away from each bone of a course (F, 4, 3) the points are, (F, U, 3) each."""
     ways = np.diff(course_m, axis=1) / lengths_m[:, None]
     relative = points_m[:, :, None] - course_m[:, None, :3]
     along_m = np.einsum("fubx,fbx->fub", relative, ways)
@@ -223,7 +223,7 @@ def _beside(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[Array, 
 def _kept_places(
     local_m: Array, skeleton: Skeleton, unknown: list[str], places: tuple[Marker, ...]
 ) -> tuple[Marker, ...]:
-    """Return the places by new poses: each marker on its bone, a neighbouring one or none."""
+    """Return the positions given by new poses: each marker on its bone, a neighbouring bone or none."""
     costs, offsets_m = _costs(local_m, skeleton)
     allowed = np.zeros(costs.shape, dtype=bool)
     for marker in places:
@@ -235,7 +235,7 @@ def _kept_places(
 
 
 def _chosen(costs: Array, offsets_m: Array, skeleton: Skeleton, unknown: list[str]) -> tuple[Marker, ...]:
-    """Return the markers on the bones of least cost, NaN for an unknown one."""
+    """Return the markers on the bones with the least cost, NaN for an unknown one."""
     costs = np.where(np.isnan(costs), np.inf, costs)
     joints: IntArray = costs.argmin(axis=1)
     return tuple(

@@ -1,4 +1,4 @@
-"""Skeleton and marker offsets from held calibration poses (Chai and Hodgins 2005, section 4.2).
+"""Calibration of skeleton and marker offsets from held poses (Chai and Hodgins 2005, section 4.2).
 
 The skeleton is fitted to the markers by `held_pose_fit`. An offset is the position of the marker relative to its joint,
 in the joint's axes. One pose shows where limbs end, not where they begin: arms stretched out, forward and down separate
@@ -35,15 +35,15 @@ _HELD_AS = {
 class CalibrationLimits:
     """Limits for poses and their results."""
 
-    farthest_swing_deg: float = 35.0  # angle between a limb and the calibration pose
-    careless_deg: float = 15.0  # the same, from which it is mentioned
-    noise_m: float = 0.03  # spread of a still marker by measurement alone
+    farthest_swing_deg: float = 35.0  # largest angle between a limb and the calibration pose
+    careless_deg: float = 15.0  # the same, above which it is mentioned
+    noise_m: float = 0.03  # largest spread of a still marker by measurement alone
     still_m_s: float = 0.15  # markers of a held pose are slower
     like_pose_m: float = 0.20  # RMS distance from the default body's markers in the pose, for bodies of all sizes
-    as_close: float = 1.3  # factor of the smallest distance within which the stillest moment counts
-    residual_m: float = 0.015  # RMS marker error of a calibration that should be redone
-    odd_marker_m: float = 0.035  # distance of a marker from its usual place that is mentioned
-    shoulder_m: float = 0.012  # standard deviation of a shoulder's place that makes another pose worthwhile
+    as_close: float = 1.3  # factor for the smallest distance within which the stillest moment counts
+    residual_m: float = 0.015  # RMS marker error above which a calibration should be redone
+    odd_marker_m: float = 0.035  # distance of a marker from its usual position above which it is mentioned
+    shoulder_m: float = 0.012  # standard deviation of a shoulder's position above which another pose is worthwhile
 
 
 LIMITS = CalibrationLimits()
@@ -55,8 +55,8 @@ class SubjectCalibration:
 
     Args:
         sigmas_m: Standard deviation of each joint's distance from its parent, by joint name.
-        marker_residuals_m: RMS distance of each marker from its usual place on this body, by marker name.
-        verdict: "good", "usable" (another pose would tell more) or "redo".
+        marker_residuals_m: RMS distance of each marker from its usual position on this body, by marker name.
+        verdict: "good", "usable" (another pose would help) or "redo".
     """
 
     subject: Subject
@@ -73,7 +73,7 @@ def calibration_points(
 
     Args:
         take: Take that shows the calibration pose.
-        frames: Searched part of the take.
+        frames: Part of the take to search.
 
     Raises:
         SubjectError: The take lacks markers of the set, or a still moment.
@@ -83,11 +83,11 @@ def calibration_points(
 
 
 def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], seconds: float = 1.0) -> Array:
-    """Return the median markers (N, M, 3) of each held pose, from its stillest moment.
+    """Return the median markers (N, M, 3) in each held pose, from its stillest moment.
 
     Args:
         take: Take that shows the poses in any order.
-        marker_set: Wanted markers with their usual offsets.
+        marker_set: Markers to find, with their usual offsets.
         poses: Names (N) in `POSES`.
 
     Raises:
@@ -122,7 +122,7 @@ def pose_points(take: MarkerTake, marker_set: MarkerSet, poses: Sequence[str], s
 def _stillest(moments: list[tuple[float, float, Array]]) -> Array:
     """Return the points of the stillest of the moments (distance, spread, points) that are close to the pose.
 
-    The closest one may still be on the way into the pose.
+    At the closest moment the performer may still be moving into the pose.
     """
     most = LIMITS.as_close * min(distance for distance, _, _ in moments)
     return min((moment for moment in moments if moment[0] < most), key=lambda moment: moment[1])[2]
@@ -159,7 +159,7 @@ def _median(positions: Array, window: slice) -> Array:
 
 
 def _distance(points: Array, template: Array) -> float:
-    """Return the RMS distance of seen points (M, 3) from a template fitted to them."""
+    """Return the RMS distance of visible points (M, 3) from a template fitted to them."""
     seen = np.isfinite(points[:, 0])
     if seen.sum() < 3:
         return np.inf
@@ -169,7 +169,7 @@ def _distance(points: Array, template: Array) -> float:
 
 
 def _still(positions: Array, fps: float, seconds: float) -> Iterator[slice]:
-    """Yield windows with still markers in order; raise SubjectError if there are none."""
+    """Yield windows with still markers in order; SubjectError if there are none."""
     length = min(max(2, round(seconds * fps)), len(positions))
     some = seen_at_all = False
     for start in range(0, len(positions) - length + 1, max(1, length // 4)):
@@ -200,7 +200,7 @@ def calibrate_subject(
     """Return the subject that shows `points_m` in the calibration poses.
 
     Args:
-        points_m: Markers (N, M, 3), or (M, 3) of one pose, in world axes; NaN where a marker is hidden.
+        points_m: Markers (N, M, 3), or (M, 3) in one pose, in world axes; NaN where a marker is hidden.
         marker_set: Markers with their joints, and their usual offsets if known.
         prototypes: Bodies of many sizes with the standard skeleton's joints.
         poses: Names (N) in `POSES`, by default the T pose; the first one defines the upright trunk.
@@ -235,7 +235,7 @@ def calibrate_markers(
 ) -> SubjectCalibration:
     """Return a known performer with moved, added or removed markers.
 
-    The bones stay. The former offsets of markers help to find the held pose. Arguments and errors are those of
+    The bones are kept. The former marker offsets help to find the held pose. Arguments and errors are those of
     `calibrate_subject`.
 
     Args:
@@ -250,7 +250,7 @@ def calibrate_markers(
 
 
 def _check_seen(seen: Mask, marker_set: MarkerSet, name: str) -> None:
-    """Raise SubjectError for a pose without torso and for markers that no pose shows."""
+    """Raise SubjectError for a pose without torso, and for markers that no pose shows."""
     for shown in seen:
         if np.sum(shown & marker_set.torso) < 3:
             unseen = [marker for marker, there in zip(marker_set.names, shown, strict=True) if not there]

@@ -1,4 +1,4 @@
-"""Measurement of a prop from a take: the markers that keep their distances."""
+"""Measurement of a prop from a take: finding the markers that keep their distances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class PropSettings:
     rigid_m: float = 0.003  # largest median deviation of the distance between two markers of a prop
     fewest_frames: int = 10  # frames that must show both markers
     rounds: int = 5
-    poor_m: float = 0.002  # residual of a prop that bends or is badly seen
+    poor_m: float = 0.002  # residual above which a prop bends or is poorly seen
 
 
 SETTINGS = PropSettings()
@@ -32,7 +32,7 @@ class PropCalibration:
     """A measured prop.
 
     Args:
-        prop: Prop with its markers in its own frame: the origin in their middle, y along their greatest extent towards
+        prop: Prop with its markers in its own frame: the origin at their centre, y along their greatest extent towards
             the end where they are sparser, x along the next greatest.
         frames: Number of frames used.
         left_out: Markers of the take that do not belong to the prop.
@@ -45,7 +45,7 @@ class PropCalibration:
 
 
 def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> PropCalibration:
-    """Return the prop of the markers at constant distances from each other.
+    """Return the prop formed by the markers that keep their distances from each other.
 
     Args:
         take: Take of the prop, lying or moved; other markers are left out unless they move with it.
@@ -82,7 +82,7 @@ def calibrate_prop(take: MarkerTake, name: str, markers: Sequence[str] = ()) -> 
 
 
 def _largest_group(take: MarkerTake) -> list[int]:
-    """Return the markers of the largest group at constant distances."""
+    """Return the markers of the largest group that keeps its distances."""
     count = len(take.names)
     rigid = np.zeros((count, count), dtype=bool)
     for first, second in combinations(range(count), 2):
@@ -126,7 +126,7 @@ def _groups(joined: Mask) -> list[set[int]]:
 def _mean_shape(positions_m: Array, where: str) -> tuple[Array, float, int]:
     """Return the shape (M, 3) that fits all frames (F, M, 3) best, its residual, and the number of frames used.
 
-    In turn, the shape is fitted to each frame and replaced by the mean of the frames. Frames that it fits badly, in
+    The shape is alternately fitted to each frame and replaced by the mean of the frames. Frames that fit badly, in
     which markers were confused, are left out.
     """
     seen = np.all(np.isfinite(positions_m), axis=2)

@@ -1,4 +1,4 @@
-"""Prototype bodies that measured subjects interpolate (assets/skeletons.json)."""
+"""Prototype bodies from which measured subjects are interpolated (assets/skeletons.json)."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ from ..system.assets import SKELETONS
 
 
 def load_bodies(path: Path | str = SKELETONS) -> tuple[Skeleton, ...]:
-    """Return the prototype bodies of a file; the shipped ones by default.
+    """Return the prototype bodies from a file; by default the shipped ones.
 
     Raises:
         SkeletonError: The file cannot be read, is another kind of file, or has other joints.

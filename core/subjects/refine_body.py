@@ -1,9 +1,9 @@
-"""Correction of a calibrated performer's bones and marker offsets by a take's motion.
+"""Correction of a calibrated performer's bones and marker offsets from a take's motion.
 
-Poses that were solved with wrong bones have absorbed the error and tell little. Instead, single frames are solved
+Poses that were solved with wrong bones have absorbed the error and say little. Instead, single frames are solved
 without history: the database's examples predict a pose with its covariance, and the distances of the markers from that
-prediction (the innovation) show the body. The model is linear about the body found so far, and Gaussian. The usual size
-of errors is learned from the take (empirical Bayes), so that a right body stays as it is.
+prediction (the innovation) reveal the body. The model is Gaussian and linear about the current body. The usual size
+of errors is learned from the take (empirical Bayes), so that a correct body is left as it is.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from ..solver.subject_model import SubjectModel
 from ..system.progress import Progress, no_progress
 from .body_change import PARTS, SIGMAS, linear_model, observed_positions, part_lengths_m, sized
 
-_WITHOUT_HISTORY = SolveSettings(best=BestSettings(prior_share=0.0))  # the learned prior needs half a second of it
+_WITHOUT_HISTORY = SolveSettings(best=BestSettings(prior_share=0.0))  # the learned prior needs half a second of history
 
 
 @dataclass(frozen=True)
@@ -36,18 +36,18 @@ class RefineSettings:
     interval_s: float = 0.25  # between the frames used
     most_frames: int = 240  # one minute; spread over a longer take
     fewest_frames: int = 3
-    farthest_m: float = 0.12  # from the closest example; beyond it the motion is another
-    root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; wide, as examples do not tell where the body is
+    farthest_m: float = 0.12  # distance from the closest example, beyond which the motion is different
+    root_sigma: tuple[float, float] = (0.5, 0.3)  # m, rad; wide, because examples do not show where the body is
     marker_sigma_m: float = 0.01
     nearest_share: float = 0.3  # error of the predicted markers as a share of the distance to the closest example
-    frames_per_s: float = 1.2  # independent frames; near ones repeat each other's errors
+    frames_per_s: float = 1.2  # independent frames; nearby ones repeat each other's errors
     part_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5, 0.75, 1.0)  # candidates, relative to the usual deviations
     offset_scales: tuple[float, ...] = (0.05, 0.2, 0.35, 0.5)
-    # Prior deviations for which twice the reported deviation holds 19 errors of 20: chosen on right and wrong bodies of
-    # five takes, confirmed on five others.
+    # Prior deviations for which 95 % of the errors are within twice the reported deviation: chosen with right and wrong
+    # bodies on five takes, confirmed on five others.
     trusted_part_sigma: float = 0.08
     trusted_offset_sigma_m: float = 0.015
-    common_sigma: float = 0.02  # all bones are found too short by so much, whatever the take
+    common_sigma: float = 0.02  # all bones are found too short by this much, in any take
 
 
 SETTINGS = RefineSettings()
@@ -65,7 +65,7 @@ class Refinement:
         size_sigmas: Standard deviations of `sizes`.
         offset_sigmas_m: Standard deviation of each marker's offset along one axis.
         frames: Number of frames used.
-        evidence: Log likelihood ratio of a changed body against the given one.
+        evidence: Log likelihood ratio of the changed body to the given one.
     """
 
     subject: Subject
@@ -80,7 +80,7 @@ class Refinement:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """Normal equations of parts and offsets: matrix (N, N), vector (N,), and the number of frames."""
+    """Normal equations for parts and offsets: matrix (N, N), vector (N,), and the number of frames."""
 
     information: Array
     vector: Array
@@ -88,12 +88,12 @@ class _Evidence:
 
 
 def refine_body(take: MarkerTake, start: Subject, database: Database, progress: Progress = no_progress) -> Refinement:
-    """Correct a subject's bones and offsets by a take's motion.
+    """Correct a subject's bones and offsets with a take's motion.
 
     Args:
-        take: Labelled take of motion that the database knows.
+        take: Labelled take of motion similar to the database's.
         start: The calibrated body.
-        database: Database with such motion.
+        database: Database with similar motion.
 
     Raises:
         SubjectError: Too few frames are near the database's motion.
@@ -146,7 +146,7 @@ def refine_body(take: MarkerTake, start: Subject, database: Database, progress: 
 
 
 def _evidence(observed: Array, subject: Subject, database: Database, report: Callable[[float], None]) -> _Evidence:
-    """Return the evidence of frames (F, M, 3) about the subject's body; `report` gets the share done."""
+    """Return the evidence of frames (F, M, 3) about the subject's body; `report` receives the fraction done."""
     solver = PoseSolver(SubjectModel(subject, database.mean_rotations), database, _WITHOUT_HISTORY)
     model = solver.subject
     unknowns = len(PARTS) + 3 * len(subject.marker_set)
@@ -177,9 +177,9 @@ def _evidence(observed: Array, subject: Subject, database: Database, report: Cal
 
 
 def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
-    """Return the covariance of a body's change under the likeliest deviations, and their evidence.
+    """Return the covariance of a body's change with the likeliest deviations, and their evidence.
 
-    The evidence is the log likelihood ratio against the smallest deviations. The likelihood of the take is integrated
+    The evidence is the log likelihood ratio to the smallest deviations. The likelihood of the take is integrated
     over all bodies (type II maximum likelihood; MacKay 1992, "Bayesian interpolation").
     """
     best: Array = np.zeros_like(information)
@@ -189,7 +189,7 @@ def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
             factor = _factor(
                 len(vector), part_scale * SIGMAS.size, part_scale * SIGMAS.part, offset_scale * SIGMAS.offset_m
             )
-            # in units of the deviations: small ones stay well conditioned
+            # in units of the deviations, so that small ones stay well conditioned
             inner = np.eye(len(vector)) + factor.T @ information @ factor
             explained = np.linalg.solve(inner, factor.T @ vector)
             evidence = 0.5 * (vector @ factor @ explained - np.linalg.slogdet(inner)[1])
@@ -203,8 +203,8 @@ def _posterior(information: Array, vector: Array) -> tuple[Array, float]:
 def _trusted_covariance(information: Array) -> Array:
     """Return a calibrated covariance of a body's change.
 
-    It is wider than that of `_posterior`, whose likeliest deviations are uncertain: small ones would make a body that
-    seems right look certain.
+    It is wider than that of `_posterior`, because the likeliest deviations are uncertain: small ones would make a body
+    that seems right look certain.
     """
     unknowns = len(information)
     factor = _factor(unknowns, SIGMAS.size, SETTINGS.trusted_part_sigma, SETTINGS.trusted_offset_sigma_m)

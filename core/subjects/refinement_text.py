@@ -1,4 +1,4 @@
-"""Changes of a refined performer in words."""
+"""Description in words of the changes to a refined performer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from .refine_body import Refinement
 class TextSettings:
     """Settings of the text."""
 
-    least_share: float = 0.01  # smaller changes of bones do not change visible poses,
-    least_m: float = 0.003  # nor do those of markers
-    most_markers: int = 4  # named markers, to fit a panel
+    least_share: float = 0.01  # smaller changes of bones do not change poses visibly,
+    least_m: float = 0.003  # and neither do smaller changes of markers
+    most_markers: int = 4  # most markers named, to fit a panel
     least_evidence: float = 25.0  # nats; right bodies on motion unlike the database's reach 10 to 20, some more
-    sigmas: float = 2.0  # standard deviations that hold 19 values of 20,
-    sigmas_in_space: float = 2.5  # and for the length of a vector
+    sigmas: float = 2.0  # standard deviations that contain 95 % of the values,
+    sigmas_in_space: float = 2.5  # and those for the length of a vector
     shifted: float = 1.5  # stricter factor for a single marker: many are tested, and the pose explains much
 
 
@@ -38,8 +38,8 @@ class _Change:
     """A change in words.
 
     Args:
-        size: Size relative to the smallest worth a line.
-        is_sure: The change exceeds the take's uncertainty.
+        size: Size relative to the smallest change worth a line.
+        is_sure: Whether the change exceeds the take's uncertainty.
     """
 
     text: str
@@ -54,9 +54,9 @@ def worthwhile(before: Subject, found: Refinement) -> tuple[Subject, list[str]]:
 
 
 def describe_changes(before: Subject, found: Refinement) -> list[str]:
-    """Return the changes of the whole body, its parts and markers, the largest first.
+    """Return the changes of the whole body, its parts and markers, largest first.
 
-    The right value lies within the limits after ± 19 times of 20. The list is empty if no change is significant or the
+    The true value lies within the limits after ± in 95 % of cases. The list is empty if no change is significant or the
     evidence is small: the body fits, and changing a right body would make it worse.
     """
     whole = _bone("whole body", "larger", "smaller", found.whole, found.whole_sigma)
@@ -75,7 +75,7 @@ def describe_changes(before: Subject, found: Refinement) -> list[str]:
 
 
 def _worth(changes: Sequence[_Change]) -> list[_Change]:
-    """Return the changes that are worth a line, the largest first."""
+    """Return the changes that are worth a line, largest first."""
     return sorted((change for change in changes if change.size >= 1.0), key=lambda change: -change.size)
 
 

@@ -1,1 +1,1 @@
-"""Files, shipped assets, libraries, clocks and helper processes."""
+"""System services: files, shipped assets, libraries, clocks and helper processes."""

@@ -1,4 +1,4 @@
-"""Waits between attempts, doubled after each."""
+"""Waiting times between attempts, doubled after each."""
 
 import math
 
@@ -7,7 +7,7 @@ class Backoff:
     """Waiting time until the next attempt.
 
     Args:
-        first_s: Wait from the reset, or the first question, to the first attempt.
+        first_s: Wait from the reset, or from the first query, to the first attempt.
         longest_s: Longest wait.
     """
 
@@ -16,7 +16,7 @@ class Backoff:
         self.reset()
 
     def reset(self, now_s: float | None = None) -> None:
-        """Restart with the first wait, from now or from the next question."""
+        """Restart with the first wait, from now or from the next query."""
         self._since_s, self._wait_s = now_s, self._first_s
 
     def is_due(self, now_s: float) -> bool:
@@ -26,5 +26,5 @@ class Backoff:
         return now_s - self._since_s >= self._wait_s
 
     def attempt(self, now_s: float) -> None:
-        """Begin the next wait, twice as long."""
+        """Start the next wait, which is twice as long."""
         self._since_s, self._wait_s = now_s, min(2.0 * self._wait_s, self._longest_s)

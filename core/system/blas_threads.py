@@ -1,4 +1,4 @@
-"""Threads of the linear algebra inside NumPy and SciPy."""
+"""Number of threads used by the linear algebra in NumPy and SciPy."""
 
 import ctypes
 import os
@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-_CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # variables by which the user chooses; OpenBLAS has read them
-_FOLDERS = ("{}.libs", "{}/.dylibs")  # the libraries' folders in wheels for Linux and Windows, and for macOS
-_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # parts of the names of OpenBLAS' functions there
+_CHOICES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")  # variables for the user's choice, which OpenBLAS has read
+_FOLDERS = ("{}.libs", "{}/.dylibs")  # folders of the libraries in wheels for Linux and Windows, and for macOS
+_PREFIXES, _SUFFIXES = ("scipy_openblas", "openblas"), ("64_", "")  # parts of the names of OpenBLAS functions there
 
 
 @cache
 def use_one_blas_thread() -> int:
-    """Let OpenBLAS use one thread here, unless the environment sets another number.
+    """Let OpenBLAS use one thread in this process, unless the environment sets another number.
 
-    The solver's matrices are small, so threads cost more than they gain, above all beside other processes.
+    The solver's matrices are small, so threads cost more than they gain, especially next to other processes.
 
     Returns:
         Number of changed libraries: 0 if the user has chosen, or if NumPy and SciPy use another library.
@@ -32,7 +32,7 @@ def use_one_blas_thread() -> int:
 
 
 def bundled_blas() -> list[Path]:
-    """Return the OpenBLAS libraries that NumPy and SciPy have brought along."""
+    """Return the OpenBLAS libraries that come with NumPy and SciPy."""
     packages = [Path(module.__path__[0]) for module in (np, scipy)]
     folders = [package.parent / name.format(package.name) for package in packages for name in _FOLDERS]
     return sorted({path for folder in folders for path in folder.glob("*openblas*")})
@@ -41,7 +41,7 @@ def bundled_blas() -> list[Path]:
 def blas_function(path: Path, name: str) -> "ctypes._NamedFuncPointer | None":
     """Return a function of an OpenBLAS library; None if it cannot be found."""
     try:
-        library = ctypes.CDLL(str(path))  # returns the loaded one
+        library = ctypes.CDLL(str(path))  # returns the library that is already loaded
     except OSError:
         return None
     names = (f"{prefix}_{name}{suffix}" for prefix in _PREFIXES for suffix in _SUFFIXES)

@@ -1,4 +1,4 @@
-"""Functions of the add-on run in a process of their own, by Blender's Python module or a Blender program."""
+"""Functions of the add-on run in a separate process, by Blender's Python module or a Blender executable."""
 
 import importlib.util
 import json
@@ -12,7 +12,7 @@ from ..errors import CharacterError
 from . import helper_process
 from .files import is_file
 
-BLENDER_VARIABLE = "PERFANIM_BLENDER"  # environment variable: program to use where none is named
+BLENDER_VARIABLE = "PERFANIM_BLENDER"  # environment variable: executable to use if none is named
 
 
 def run_in_blender(entry: str, arguments: Sequence[str], blender: str | None = None) -> dict[str, Any]:
@@ -21,10 +21,10 @@ def run_in_blender(entry: str, arguments: Sequence[str], blender: str | None = N
     Args:
         entry: Module and function, "perfanim.perfanim_addon.export.retarget_file:main".
         arguments: Command line of the function.
-        blender: Blender's program; None for the environment's, or else its Python module (bpy).
+        blender: Blender executable; None for the environment's, or else Blender's Python module (bpy).
 
     Raises:
-        CharacterError: The function failed; the message is its own.
+        CharacterError: The function failed; the message is the function's.
     """
     done = subprocess.run(_command(blender, entry, arguments), capture_output=True, text=True, check=False)
     prefix = f"{entry.partition(':')[0].rpartition('.')[2]}: "
@@ -38,7 +38,7 @@ def run_in_blender(entry: str, arguments: Sequence[str], blender: str | None = N
 
 
 def check_blender(blender: str | None) -> None:
-    """Raise CharacterError where the named Blender, or else bpy, is missing."""
+    """Raise CharacterError if the named Blender, or else bpy, is missing."""
     blender = _chosen(blender)
     if blender is None and importlib.util.find_spec("bpy") is None:
         advice = "pip install bpy, of the same Python, or name a Blender program"

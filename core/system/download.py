@@ -1,4 +1,4 @@
-"""Downloads that resume after a cut and never leave half a file under its name."""
+"""Downloads that resume after an interruption and never leave an incomplete file under the final name."""
 
 import http.client
 import json
@@ -24,11 +24,11 @@ class DownloadSettings:
     """Limits of a download.
 
     Args:
-        stalled_s: Time without a byte after which the connection counts as cut.
-        attempts: Attempts in a row without a new byte.
+        stalled_s: Time without data after which the connection counts as lost.
+        attempts: Largest number of successive attempts without new data.
         first_wait_s: Wait before the second attempt; each further wait is twice as long.
         longest_wait_s: Longest wait between two attempts.
-        most_bytes: Size above which a file is refused.
+        most_bytes: Size above which a file is rejected.
         spare_bytes: Disk space that stays free.
     """
 
@@ -45,10 +45,10 @@ SETTINGS = DownloadSettings()
 
 @dataclass(frozen=True)
 class _Part:
-    """Facts of a file of which only a part is here.
+    """Facts about a partially downloaded file.
 
     Args:
-        validator: ETag or date of the server's file; without one it cannot be told whether the file has changed.
+        validator: ETag or date of the server's file; without one, changes of the file cannot be detected.
         total: Bytes of the whole file, -1 if unknown.
     """
 
@@ -68,13 +68,13 @@ def check_address(url: str) -> None:
 
 
 def download(url: str, target: Path, progress: Progress, settings: DownloadSettings = SETTINGS) -> Path:
-    """Get a file from the network; return `target`.
+    """Download a file; return `target`.
 
-    What has arrived is kept beside `target` (`.NAME.part`) until the file is complete. The next call resumes there if
+    Received data is kept next to `target` (`.NAME.part`) until the file is complete. The next call resumes there if
     the server still has the same file.
 
     Raises:
-        DownloadError: There is no such file or connection, it is cut again and again, or the file is too large.
+        DownloadError: The file or connection does not exist, the connection keeps failing, or the file is too large.
         FormatError: The folder cannot be written.
     """
     check_address(url)
@@ -91,12 +91,12 @@ def download(url: str, target: Path, progress: Progress, settings: DownloadSetti
             break
         try:
             known = _fetch(known, part, facts, progress, settings)
-            if known.total in (-1, part.stat().st_size):  # a server that names no length ends when it is done
+            if known.total in (-1, part.stat().st_size):  # no stated length: the end of the data counts
                 break
             reason = f"ended after {part.stat().st_size} of {known.total} bytes"
         except (OSError, http.client.HTTPException) as error:
             reason, known = _reason(error), _read_facts(facts, url)
-        # without a validator each attempt begins from nothing, so new bytes are no progress
+        # without a validator each attempt starts from scratch, so new bytes are no progress
         failures = 0 if known.validator and part.stat().st_size > had else failures + 1
         if failures >= settings.attempts:
             advice = "start it again: it resumes where it stopped"
@@ -114,7 +114,7 @@ def download(url: str, target: Path, progress: Progress, settings: DownloadSetti
 
 
 def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, settings: DownloadSettings) -> _Part:
-    """Get the missing bytes over one connection; return the facts of the server's file."""
+    """Download the missing bytes over one connection; return the facts about the server's file."""
     had = part.stat().st_size if known.validator and part.stat().st_size < known.total else 0
     request = urllib.request.Request(known.url, headers={"User-Agent": "perfanim", "Accept-Encoding": "identity"})  # noqa: S310 - checked
     if had:
@@ -146,7 +146,7 @@ def _fetch(known: _Part, part: Path, facts: Path, progress: Progress, settings: 
 
 
 def _receive(answer: Any, file: Any, total: int, progress: Progress, settings: DownloadSettings) -> None:
-    """Write pieces to a file as they come, no more than was announced."""
+    """Write data to a file as it arrives, but no more than was announced."""
     part, limit = Path(file.name), total if total >= 0 else settings.most_bytes
     while piece := answer.read1(1 << 18):
         with writing(part, "free some space, or choose another folder"):
@@ -168,7 +168,7 @@ def _too_large(url: str, settings: DownloadSettings) -> DownloadError:
 
 @contextmanager
 def _answer(request: urllib.request.Request, url: str, stalled_s: float) -> Iterator[Any]:
-    """Yield the server's answer; DownloadError where no other attempt can help."""
+    """Yield the server's answer; DownloadError if another attempt cannot help."""
     opener = urllib.request.build_opener(_Redirects)
     try:
         with opener.open(request, timeout=stalled_s) as answer:
@@ -181,7 +181,7 @@ def _answer(request: urllib.request.Request, url: str, stalled_s: float) -> Iter
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
-    """Follows addresses of the network only, and none that gives up encryption."""
+    """Follows redirects only to network addresses, and never to one without encryption."""
 
     def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
         check_address(newurl)
@@ -196,7 +196,7 @@ def _length(answer: Any) -> int | None:
 
 
 def _read_facts(path: Path, url: str) -> _Part:
-    """Return the facts of a part; none where they are missing, damaged or of another address."""
+    """Return the facts about a part; empty if they are missing, damaged or for another address."""
     with suppress(OSError, ValueError, TypeError):
         facts = _Part(**json.loads(path.read_text(encoding="utf-8")[:4096]))
         if (facts.url, type(facts.validator), type(facts.total)) == (url, str, int):

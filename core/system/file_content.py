@@ -1,12 +1,12 @@
-"""Content of foreign files: what a file really is, and its text in any encoding."""
+"""Content of foreign files: detection of what a file really is, and decoding of its text."""
 
 import re
 
 from ..errors import FormatError, PerfanimError, shorten
 
-_HEAD = 4096  # bytes that show what a file is
+_HEAD = 4096  # bytes needed to recognise a file
 _ASF_GUID = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
-# first bytes of a format, by its standard -> its name
+# first bytes of a format, as in its standard -> its name
 _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
     (_ASF_GUID, "a film (Windows Media)"),
     (b"\x1aE\xdf\xa3", "a film (Matroska or WebM)"),
@@ -47,7 +47,7 @@ _COMMENTS = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)
 
 
 def content_kind(data: bytes) -> str:
-    """Return what a file is by its first bytes, as "a web page" or "a film (AVI)"; "" if they show nothing."""
+    """Return what a file is according to its first bytes, such as "a web page" or "a film (AVI)"; "" if unclear."""
     head = data[:_HEAD]
     if head[4:8] in (b"ftyp", b"moov", b"mdat"):
         return "a picture (HEIF)" if head[8:12] in (b"heic", b"mif1", b"avif") else "a film (MP4 or QuickTime)"
@@ -61,7 +61,7 @@ def content_kind(data: bytes) -> str:
 
 
 def _markup(text: bytes) -> str:
-    """Return the name of a text that begins with markup, "" for other text."""
+    """Return the name for a text that begins with markup, "" for other text."""
     if not text.startswith(b"<"):
         return ""
     element = _ELEMENT.search(_COMMENTS.sub(b"", text))
@@ -79,11 +79,11 @@ def check_kind(
     container: str = "",
     advice: str = "it is the wrong file, or has the wrong ending",
 ) -> None:
-    """Raise an error of `kind` for a file whose first bytes show that it is something else.
+    """Raise an error of class `kind` if a file's first bytes show that it is something else.
 
     Args:
-        expected: What the reader reads, as "TRC file".
-        container: Kind of file that it is packed in, as "archive (zip)".
+        expected: What the reader expects, such as "TRC file".
+        container: Kind of archive that contains it, such as "archive (zip)".
     """
     found = content_kind(data)
     if found and (container or expected) not in found:
@@ -91,13 +91,13 @@ def check_kind(
 
 
 def decode_text(data: bytes, where: str, expected: str, kind: type[PerfanimError] = FormatError) -> str:
-    """Return a text: UTF-8, UTF-16 or UTF-32 by byte order mark or zero bytes, otherwise Windows-1252.
+    """Return a text decoded from UTF-8, UTF-16 or UTF-32 (by byte order mark or zero bytes), otherwise Windows-1252.
 
     Args:
-        expected: What the reader reads, as "TRC file".
+        expected: What the reader expects, such as "TRC file".
 
     Raises:
-        PerfanimError: Of `kind`: the file is of another kind.
+        PerfanimError: Of class `kind`: the file is of another kind.
     """
     check_kind(data, where, expected, kind)
     encoding = _wide_encoding(data)
@@ -119,9 +119,9 @@ def _wide_encoding(data: bytes) -> str:
 
 
 def utf8_text(data: bytes, where: str, expected: str) -> bytes:
-    """Return a text file's bytes in an extension of ASCII, without a byte order mark; errors as in `decode_text`.
+    """Return a text file's bytes in an extension of ASCII, without byte order mark; errors are those of `decode_text`.
 
-    Long files in such encodings are not decoded, because that takes time.
+    Long files in such encodings are not decoded, to save time.
     """
     check_kind(data, where, expected)
     encoding = _wide_encoding(data)
@@ -129,7 +129,7 @@ def utf8_text(data: bytes, where: str, expected: str) -> bytes:
 
 
 def with_decimal_points(text: bytes) -> bytes:
-    """Return a text of numbers with points for its decimal commas; unchanged if it has decimal points, too."""
+    """Return a text of numbers with decimal commas replaced by points; unchanged if it has decimal points, too."""
     if b"," not in text or re.search(rb"\d\.\d", text):
         return text
     return re.sub(rb"(?<=\d),(?=\d)", b".", text)

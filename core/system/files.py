@@ -1,4 +1,4 @@
-"""Files: written as a whole or not at all, read with care, and TOML."""
+"""Files: written as a whole or not at all, and read with care; TOML."""
 
 import errno
 import os
@@ -22,32 +22,32 @@ from .outputs import LOCK_ENDING, is_claimed, writer_lock
 from .schema import Table, plain
 
 SLACK_BYTES = 64 << 20  # memory that any input may take
-_MOST_TABLES = 30_000  # in a TOML file
-_DEEPEST_TOML = 32  # levels of tables and lists, and parts of a key
-# Text and comments of TOML. Possessive, and an end of the file ends them: one pass, without a stack.
+_MOST_TABLES = 30_000  # most tables in a TOML file
+_DEEPEST_TOML = 32  # deepest nesting of tables and lists, and most parts of a key
+# Strings and comments of TOML. Possessive, and ended by the end of the file: one pass, without a stack.
 _QUOTED = re.compile(
     r"""#[^\n]*+|\"{3}(?:[^"\\]|\\.?|"(?!""))*+"{0,5}|'{3}(?:[^']|'(?!''))*+'{0,5}"""
     r"""|"(?:[^"\\\n]|\\[^\n]?)*+"?|'[^'\n]*+'?""",
     re.DOTALL,
 )
 _DEEP_KEY = re.compile(rf"(?:\.[\w \t-]*+){{{_DEEPEST_TOML}}}")  # the parser's time and memory grow with its square
-_LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser takes a hundred bytes for a digit
-_NUMBERS = re.compile(r"\[\s+((?:[\w.+-]+,\s+)+)\]")  # list of numbers, one a line
+_LONG_WORD = re.compile(r"[\w+-]{1001}")  # the parser uses a hundred bytes per digit
+_NUMBERS = re.compile(r"\[\s+((?:[\w.+-]+,\s+)+)\]")  # list of numbers, one per line
 _LEFT_BEHIND_S = 3600.0  # age of a temporary file without a living process
-_RANDOM_LETTERS = 8  # in names by `tempfile`
-# `.NAME.RANDOM.ENDING`, of folders without an ending; words of eight letters are no random ones
+_RANDOM_LETTERS = 8  # letters that `tempfile` adds to names
+# `.NAME.RANDOM.ENDING`; folders have no ending. Words of eight letters do not count as random
 _TEMPORARY = re.compile(r"\..*\.(?=[a-z]*[0-9_])[a-z0-9_]{8}(\.\w+)?", re.DOTALL)
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
 @contextmanager
 def atomic_path(target: Path | str) -> Iterator[Path]:
-    """Yield a temporary path; on success sync and rename it onto `target`.
+    """Yield a temporary path; on success flush it to the disk and rename it to `target`.
 
-    A link stays a link: the file that it names is replaced. Temporary files of killed processes are removed.
+    A link stays a link: the file it points to is replaced. Temporary files of killed processes are removed.
 
     Raises:
-        FormatError: The target cannot be written, or another program writes it.
+        FormatError: The target cannot be written, or another program is writing it.
     """
     target = Path(os.path.realpath(target)) if os.path.islink(target) else Path(target)  # noqa: PTH114 - as is_file
     with writing(target):
@@ -58,7 +58,7 @@ def atomic_path(target: Path | str) -> Iterator[Path]:
 
 @contextmanager
 def _replacing(target: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `target`; on success sync and rename it."""
+    """Yield a temporary path next to `target`; on success flush it to the disk and rename it."""
     with writing(target):
         start, end = f".{target.stem}.", target.suffix
         if not end and target.name.startswith("."):  # ".glb": writers go by the temporary file's ending, or add theirs
@@ -70,7 +70,7 @@ def _replacing(target: Path) -> Iterator[Path]:
     try:
         yield temporary
         with writing(target, "choose another name"):
-            with temporary.open("r+b") as written:  # synced only if open for writing, on Windows
+            with temporary.open("r+b") as written:  # on Windows, only a file open for writing can be flushed
                 os.fsync(written.fileno())
             mask = os.umask(0)
             os.umask(mask)
@@ -86,7 +86,7 @@ def _replacing(target: Path) -> Iterator[Path]:
 
 
 def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _LEFT_BEHIND_S) -> None:
-    """Remove temporary files and folders that have not been written for long."""
+    """Remove temporary files and folders that have not been written for a long time."""
     oldest_s = time.time() - age_s
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -96,12 +96,12 @@ def remove_left_behind(folder: Path, start: str, end: str = "", age_s: float = _
 
 
 def clean_folder(folder: Path | str) -> None:
-    """Remove temporary files and locks of killed processes from a folder of our own.
+    """Remove temporary files and locks of killed processes from one of our own folders.
 
-    Files in use stay, and so do new ones. In other folders such a name may be a user's file.
+    Files in use are kept, and so are new ones. In other folders, a file with such a name may be the user's.
     """
     oldest_s = time.time() - _LEFT_BEHIND_S
-    with suppress(OSError), os.scandir(folder) as entries:  # not there, or not to be read
+    with suppress(OSError), os.scandir(folder) as entries:  # does not exist or cannot be read
         for entry in entries:
             is_lock = entry.name.startswith(".") and entry.name.endswith(LOCK_ENDING) and len(entry.name) > 6
             if _TEMPORARY.fullmatch(entry.name) or (is_lock and not is_locked(entry.path)):
@@ -109,7 +109,7 @@ def clean_folder(folder: Path | str) -> None:
 
 
 def _remove_old(entry: os.DirEntry[str], oldest_s: float) -> None:
-    """Remove a file or folder that has not been written since; leave links alone."""
+    """Remove a file or folder that has not been written since a time; ignore links."""
     path = Path(entry.path)
     with suppress(OSError):  # another process may have been first
         if entry.is_symlink():
@@ -125,7 +125,7 @@ def _remove_old(entry: os.DirEntry[str], oldest_s: float) -> None:
 def writing(
     target: Path | str, advice: str = "choose a folder you may write to", kind: type[PerfanimError] = FormatError
 ) -> Iterator[None]:
-    """Raise `kind` where the system cannot write."""
+    """Raise `kind` if the system cannot write."""
     try:
         yield
     except OSError as error:
@@ -133,27 +133,27 @@ def writing(
 
 
 def is_file(path: Path | str) -> bool:
-    """Return whether a regular file exists; False for impossible names."""
+    """Return whether a regular file exists; False for invalid names."""
     return os.path.isfile(path)  # noqa: PTH113 - pathlib's raises for long names and folders that may not be read
 
 
 def is_folder(path: Path | str) -> bool:
-    """Return whether a folder exists; False for impossible names."""
+    """Return whether a folder exists; False for invalid names."""
     return os.path.isdir(path)  # noqa: PTH112 - as above
 
 
 def exists(path: Path | str) -> bool:
-    """Return whether a file or folder exists; False for impossible names."""
+    """Return whether a file or folder exists; False for invalid names."""
     return os.path.exists(path)  # noqa: PTH110 - as above
 
 
 def open_foreign(path: Path | str, kind: type[PerfanimError] = FormatError) -> BinaryIO:
     """Open a regular file for reading; raise `kind` for anything else."""
     try:
-        if not stat.S_ISREG(Path(path).stat().st_mode):  # before it is opened: a pipe waits for its other end
+        if not stat.S_ISREG(Path(path).stat().st_mode):  # checked before opening: a pipe would wait for its other end
             raise OSError(errno.EINVAL, "it is a folder, a pipe or a device")
         return Path(path).open("rb")
-    except (OSError, ValueError) as error:  # ValueError: the name holds NUL, or cannot be encoded
+    except (OSError, ValueError) as error:  # ValueError: the name contains NUL, or cannot be encoded
         raise _unreadable(path, error, kind) from error
 
 
@@ -162,14 +162,14 @@ def _unreadable(path: Path | str, error: Exception, kind: type[PerfanimError]) -
 
 
 def is_over_budget(needed_bytes: int, file_bytes: int, most_times: int = 4) -> bool:
-    """Return whether foreign content declares far more than its file can hold.
+    """Return whether foreign content declares far more than its file can contain.
 
-    Every reader asks before it takes memory for what a file declares.
+    Every reader calls this before it allocates the memory that a file declares.
 
     Args:
-        needed_bytes: Memory that the content would take.
+        needed_bytes: Memory that the content would need.
         file_bytes: Size of the file, 0 for a stream.
-        most_times: Memory allowed for each byte of the file, in addition to 64 MiB.
+        most_times: Memory allowed per byte of the file, in addition to 64 MiB.
     """
     return needed_bytes > most_times * file_bytes + SLACK_BYTES
 
@@ -218,13 +218,13 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 
 def _check_toml_text(text: str) -> None:
-    """Raise ValueError for a short text that takes the parser much time or memory."""
+    """Raise ValueError for a short text that would cost the parser much time or memory."""
     bare = _QUOTED.sub("", text)
     if _DEEP_KEY.search(bare):
         raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
     if _LONG_WORD.search(bare):
         raise ValueError("a number or key without quotes has more than 1000 letters")
-    # Python's parser takes a kilobyte for a table, a fraction or eight keys
+    # Python's parser uses a kilobyte for a table, a fraction or eight keys
     if sum(map(bare.count, ".[{")) + bare.count("=") // 8 > _MOST_TABLES:
         raise ValueError(f"more than {_MOST_TABLES} tables and fractions")
 
@@ -233,7 +233,7 @@ def _check_toml_value(key: str, value: Any, levels: int) -> None:
     """Raise ValueError for values that no file needs."""
     if levels == 0:
         raise ValueError(f"nested more than {_DEEPEST_TOML} deep")
-    if isinstance(value, int | float) and not abs(value) < 1e18:  # so that its square is a number
+    if isinstance(value, int | float) and not abs(value) < 1e18:  # so that its square is finite
         raise ValueError(f"a number of {shorten(key, 40)} is not finite, or too large")
     if isinstance(value, str) and "\0" in value:  # impossible in paths
         raise ValueError(f"a text of {shorten(key, 40)} holds NUL")
@@ -246,7 +246,7 @@ def _check_toml_value(key: str, value: Any, levels: int) -> None:
 
 
 def write_toml(path: Path | str, tables: Table) -> None:
-    """Write nested mappings, lists, arrays, texts, numbers and truth values as TOML."""
+    """Write nested mappings, lists, arrays, strings, numbers and booleans as TOML."""
     text = _NUMBERS.sub(lambda found: f"[{' '.join(found[1].split())[:-1]}]", tomli_w.dumps(plain(tables)))
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")

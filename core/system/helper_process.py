@@ -1,6 +1,6 @@
-"""Start of a helper process: imports the package there and runs one function.
+"""Start of a helper process, which imports the package and runs one function.
 
-A new process cannot import the package by name, as the extension's folder may have any name (in Blender it is
+A new process cannot import the package by name, because the extension's folder may have any name (in Blender it is
 bl_ext.<repository>.perfanim). So this file is run by path, imports only the standard library, and creates the package
 from its folder. The order is one line of JSON on standard input, because other users can read a command line; only
 Blender, which runs this file by `--python`, gets it after "--".
@@ -19,18 +19,18 @@ SCRIPT = str(Path(__file__).resolve())
 
 
 def command(python: str) -> list[str]:
-    """Return the command line of a helper process; `order` goes to its input."""
+    """Return the command line of a helper process; the order is written to its input."""
     return [python, "-I", SCRIPT]
 
 
 def order(run: Callable[..., Any] | str, *arguments: Any, paths: Sequence[str] | None = None) -> str:
-    """Return the order for a helper process: one line of JSON without its end.
+    """Return the order for a helper process: one line of JSON without a line break.
 
     Args:
         run: Function at the top level of a module; its return value becomes the exit status. A string ("module:name",
             with `perfanim` for the package) names a function that this process cannot import.
-        arguments: Its arguments, which JSON can hold.
-        paths: Import path of the process; by default that of this one.
+        arguments: Its arguments; they must be representable in JSON.
+        paths: Import path of the process; by default that of this process.
     """
     package = __name__.partition(".core.")[0]
     if not isinstance(run, str):
@@ -48,7 +48,7 @@ def main() -> Any:
     if "--" in sys.argv:
         text = sys.argv[sys.argv.index("--") + 1]
     else:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one ends it
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that started this one will end it
         text = sys.stdin.readline()
     content = json.loads(text)
     sys.path.extend(path for path in content["paths"] if path not in sys.path)

@@ -12,7 +12,7 @@ from . import helper_process
 
 
 class JsonProcess:
-    """One process; every method but `kill` raises BrokenPipeError once it has ended.
+    """One process; every method except `kill` raises BrokenPipeError once it has ended.
 
     Args:
         serve: Function at the top level of a module that reads requests until its input ends.
@@ -28,11 +28,11 @@ class JsonProcess:
         )
         self._input = cast(IO[bytes], self._process.stdin)
         self._output = cast(BufferedReader, self._process.stdout)
-        with suppress(BrokenPipeError):  # the first request fails, too
+        with suppress(BrokenPipeError):  # the first request will fail, too
             self._send(helper_process.order(serve))
 
     def ask(self, request: str) -> str:
-        """Send a line and return the line of the answer."""
+        """Send a line and return the line with the answer."""
         self._send(request)
         answer = self._output.readline()
         if not answer:
@@ -58,7 +58,7 @@ class JsonProcess:
         self._process.kill()
 
     def close(self) -> None:
-        """End the process and free its pipes; no thread may read from it."""
+        """End the process and release its pipes; no thread may be reading from it."""
         self._process.kill()
         with suppress(OSError):  # a request that was not read
             self._process.communicate()

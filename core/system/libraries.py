@@ -1,6 +1,6 @@
 """Import names and package names of the libraries that Perfanim needs.
 
-Nothing is imported here, so that a fault of one of them can be reported.
+This module imports none of them, so that it can report a broken one.
 """
 
 LIBRARIES = {

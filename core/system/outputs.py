@@ -1,4 +1,4 @@
-"""Outputs of commands: not an input of theirs, and written by one program at a time."""
+"""Outputs of commands: they must differ from the inputs, and only one program may write them."""
 
 import os
 import sys
@@ -10,21 +10,21 @@ from ..errors import FormatError
 from .lock import lock
 
 LOCK_ENDING = ".lock"
-_CLAIMED = "PERFANIM_OUTPUT"  # environment variable: output locked by this process or the one that started it
+_CLAIMED = "PERFANIM_OUTPUT"  # environment variable: output locked by this process or by the one that started it
 _TRIES = 100  # attempts to lock a file that others keep removing
 
 
 def check_no_input(out: Path | str, inputs: Iterable[Path | str]) -> None:
-    """Raise FormatError where an output is the file of one of the inputs."""
+    """Raise FormatError if an output is the same file as one of the inputs."""
     for path in inputs:
-        with suppress(OSError, ValueError):  # not there, or no name of a file
+        with suppress(OSError, ValueError):  # does not exist, or is not a valid file name
             if os.path.samefile(out, path):  # noqa: PTH121 - pathlib's raises for NUL
                 raise FormatError("would be overwritten", where=str(path), advice="give the output another name")
 
 
 @contextmanager
 def writer_lock(target: Path) -> Iterator[None]:
-    """Keep other programs from writing a file, by `.NAME.lock` beside it.
+    """Keep other programs from writing a file, using a lock file `.NAME.lock` next to it.
 
     Without write access there is no lock; writing the file then reports the reason.
 
@@ -44,11 +44,11 @@ def writer_lock(target: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if sys.platform == "win32":  # an open file cannot be removed there
+        if sys.platform == "win32":  # an open file cannot be removed on Windows
             os.close(handle)
             with suppress(OSError):
                 path.unlink()
-        else:  # removed while locked: the next writer may have opened it, and checks that
+        else:  # removed while locked: the next writer may have opened it, and checks this
             with suppress(OSError):
                 path.unlink()
             os.close(handle)
@@ -85,5 +85,5 @@ def claimed(target: Path | str) -> Iterator[None]:
 
 
 def is_claimed(target: Path) -> bool:
-    """Return whether the command that this process works for has locked an output."""
+    """Return whether the command for which this process works has locked an output."""
     return os.environ.get(_CLAIMED) == os.path.realpath(target)

@@ -1,14 +1,14 @@
-"""Priority of this process among the others of the machine."""
+"""Priority of this process relative to others on the machine."""
 
 import os
 import sys
 
-_NICE = 10  # of 19: an otherwise idle processor is still used fully
+_NICE = 10  # out of 19; an otherwise idle processor is still used fully
 _BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS
 
 
 def step_back() -> None:
-    """Let other processes go first, until this one ends."""
+    """Let other processes run first until this one ends."""
     if sys.platform == "win32":
         import ctypes
 

@@ -1,4 +1,4 @@
-"""Functions that show how far long work is."""
+"""Functions that report the progress of long work."""
 
 from collections.abc import Callable
 
@@ -6,4 +6,4 @@ Progress = Callable[[float, str], None]  # fraction done (0 to 1), activity
 
 
 def no_progress(_fraction: float, _text: str) -> None:
-    """Show nothing."""
+    """Report nothing."""

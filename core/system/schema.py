@@ -1,10 +1,10 @@
-"""Schemas: dataclasses that say what each value may be, for files, requests and settings.
+"""Schemas: dataclasses that describe the possible values in files, requests and settings.
 
 A field is annotated with its meaning, unit and range:
 
     height_m: Annotated[float, About("body height", "m", least=0.5, most=2.5)] = 1.75
 
-A `Schema` reads tables (TOML, JSON) as such a dataclass, names what does not fit, and makes the manual's rows.
+A `Schema` reads tables (TOML, JSON) as such a dataclass, reports what does not fit, and makes rows for the manual.
 """
 
 import math
@@ -20,8 +20,8 @@ from ..errors import PerfanimError, SettingsError, shorten
 Table: TypeAlias = Mapping[str, Any]
 Shape: TypeAlias = tuple[int | None, ...]
 _T = TypeVar("_T")
-_VERSION = 1  # of all files with a kind
-_LARGEST = 1e300  # whole numbers have no end
+_VERSION = 1  # version of all files that state a kind
+_LARGEST = 1e300  # limit, because Python's whole numbers are unbounded
 _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
@@ -32,15 +32,15 @@ class About:
     Args:
         text: Meaning, for the manual.
         unit: Unit of the numbers.
-        least: Smallest number, or fewest characters of a text.
+        least: Smallest number, or smallest length of a string.
         most: Largest number.
         above: Number that must be exceeded.
         fewest: Fewest entries of a list.
-        choices: Possible texts; empty for any.
+        choices: Possible strings; empty for any.
         shape: Shape of an array; None for any length.
         or_shape: Another possible shape.
-        key: Key in the table, where it differs from the field's name.
-        optional: Whether the key may be left out; by default, where the field has a default value.
+        key: Key in the table, if it differs from the field's name.
+        optional: Whether the key may be left out; by default, if the field has a default value.
     """
 
     text: str
@@ -58,11 +58,11 @@ class About:
 
 @dataclass(frozen=True)
 class Via:
-    """Another form of a value in tables.
+    """Alternative form of a value in tables.
 
     Args:
         form: Type of the form.
-        read: Returns the value of a form; the second argument is the place for errors.
+        read: Returns the value of a form; the second argument is the place for error messages.
         write: Returns the form of a value.
     """
 
@@ -72,7 +72,7 @@ class Via:
 
 
 class _WrongError(Exception):
-    """A value is not what its key holds."""
+    """A value does not match its key."""
 
 
 class _MisfitError(Exception):
@@ -80,16 +80,16 @@ class _MisfitError(Exception):
 
 
 class Key:
-    """A field of a dataclass as a key of its table."""
+    """A dataclass field as a key of its table."""
 
     about = About("")
     holds: tuple[Any, ...] = ()  # str, bool, int, float, Mapping, Enums or dataclasses
     _shape: Shape = ()  # lengths of nested lists
-    _is_named = False  # a table of values under free names
+    _is_named = False  # a table of values with arbitrary names
     _array: Any = None  # type of an array's numbers
-    _or_none = False  # values of a list or table may be null
+    _or_none = False  # whether values of a list or table may be null
     _via: Via | None = None
-    _item_via: Via | None = None  # of each value of a list
+    _item_via: Via | None = None  # for each value of a list
 
     def __init__(self, field: "Field[Any]", hint: Any) -> None:
         self._add(hint)
@@ -100,7 +100,7 @@ class Key:
         self.is_table = self.holds[0] is Mapping or is_dataclass(self.holds[0])
 
     def _add(self, hint: Any) -> None:
-        """Take over the parts of an annotation."""
+        """Adopt the parts of an annotation."""
         origin, parts = get_origin(hint), get_args(hint)
         if origin is Annotated:
             self.about = next((note for note in parts if isinstance(note, About)), self.about)
@@ -129,7 +129,7 @@ class Key:
 
     @property
     def is_list(self) -> bool:
-        """Whether it holds a list of values."""
+        """Whether the field contains a list of values."""
         return bool(self._shape)
 
     @property
@@ -193,7 +193,7 @@ class Key:
                 raise
             made = self._listed(value, self.about.or_shape, where)
         if self._array is not None:
-            import numpy as np  # not above: the preferences work where NumPy is broken
+            import numpy as np  # imported here, so that the preferences work even if NumPy is broken
 
             made = np.array(made, dtype=self._array)
         return made if self._via is None else self._via.read(made, where)
@@ -230,7 +230,7 @@ class Key:
         return kinds[kind]
 
     def _single(self, value: Any) -> Any:
-        """Return a text, a truth value or a number."""
+        """Return a string, a boolean or a number."""
         about = self.about
         for kind in self.holds:
             if kind is str or _members(kind):
@@ -239,7 +239,7 @@ class Key:
             elif kind is bool:
                 fits = isinstance(value, bool)
             else:
-                fits = _is_number(value) and abs(value) <= _LARGEST  # nor NaN
+                fits = _is_number(value) and abs(value) <= _LARGEST  # false for NaN, too
                 fits = fits and about.least <= value <= about.most and value > about.above
                 fits = fits and (kind is float or type(value) is int or (len(self.holds) == 1 and value == int(value)))
             if fits:
@@ -247,7 +247,7 @@ class Key:
         raise _WrongError
 
     def form(self, value: Any) -> Any:
-        """Return a value of the field as tables hold it."""
+        """Return a value of the field in the form that tables use."""
         if self._item_via is not None:
             return [plain(self._item_via.write(item)) for item in value]
         return plain(value if self._via is None else self._via.write(value))
@@ -255,16 +255,16 @@ class Key:
 
 @dataclass(frozen=True)
 class Schema(Generic[_T]):
-    """Tables of a kind of file or request.
+    """Tables of one kind of file or request.
 
     Args:
         cls: Dataclass that the tables become.
         title: Kind of file.
         about: Origin of the file and further rules, for the manual.
-        error: Error of tables that do not fit.
-        advice: Advice of these errors.
-        closed: Whether unknown keys are refused, where a slip of the pen would pass unseen.
-        kind: Value of the key "kind", which such a file has beside its "version".
+        error: Class of the error raised for tables that do not fit.
+        advice: Advice in these errors.
+        closed: Whether unknown keys are rejected, used where a typing error would go unnoticed.
+        kind: Value of the key "kind", which such a file has in addition to its "version".
     """
 
     cls: type[_T]
@@ -276,10 +276,10 @@ class Schema(Generic[_T]):
     kind: str = ""
 
     def read(self, table: Table, where: str) -> _T:
-        """Return what a table describes; ignore unknown keys, unless the schema is closed.
+        """Return what a table describes; unknown keys are ignored unless the schema is closed.
 
         Raises:
-            PerfanimError: A value does not fit; the schema's error.
+            PerfanimError: A value does not fit; the class is the schema's `error`.
         """
         if self.kind and (table.get("kind") != self.kind or table.get("version") != _VERSION):
             kind = self.kind.removeprefix("perfanim ")
@@ -296,7 +296,7 @@ class Schema(Generic[_T]):
             raise self.error(fact, where=place, advice=self.advice) from None
 
     def read_each(self, tables: Table, where: str) -> dict[str, _T]:
-        """Return what each of several tables describes, by default under their names; errors as of `read`."""
+        """Return what each of several tables describes, by default with their names; errors are those of `read`."""
         for name, table in tables.items():
             if not isinstance(table, Mapping):
                 raise self.error(f"{shorten(name, 40)} must be a table", where=where, advice=self.advice)
@@ -304,18 +304,18 @@ class Schema(Generic[_T]):
         return {name: self.read(table, f"{where}, {shorten(name, 40)}") for name, table in named.items()}
 
     def table(self, value: _T) -> dict[str, Any]:
-        """Return the table of a value, with kind and version."""
+        """Return the table for a value, with kind and version."""
         return ({"kind": self.kind, "version": _VERSION} if self.kind else {}) | table_of(value)
 
     def manual_lines(self) -> list[str]:
-        """Return the section of the manual, Markdown."""
+        """Return the section for the manual, in Markdown."""
         lines = [f"## {self.title}", "", self.about, "", "| key | holds | value |", "|---|---|---|"]
         kind = [f'| `kind` | "{self.kind}" | a text |', f"| `version` | {_VERSION} | a whole number |"]
         return [*lines, *(kind if self.kind else []), *_rows(self.cls, ""), ""]
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, Real) and value is not True and value is not False  # bool is a Real
+    return isinstance(value, Real) and value is not True and value is not False  # bool is a Real, too
 
 
 def table_of(value: Any) -> dict[str, Any]:
@@ -330,7 +330,7 @@ def table_of(value: Any) -> dict[str, Any]:
 
 
 def check_ranges(value: Any) -> None:
-    """Raise SettingsError where a number or text of a dataclass is out of its range."""
+    """Raise SettingsError if a number or string of a dataclass is out of range."""
     for key in keys_of(type(value)):
         own = getattr(value, key.field)
         try:
@@ -344,7 +344,7 @@ _known_keys: dict[Any, Sequence[Key]] = {}
 
 
 def _read(cls: type[_T], table: Table, where: str) -> _T:
-    """Return what a table describes; a dataclass with `is_closed` refuses unknown keys."""
+    """Return what a table describes; a dataclass with `is_closed` rejects unknown keys."""
     unknown = sorted(set(table) - {key.name for key in keys_of(cls)}) if getattr(cls, "is_closed", False) else ()
     if unknown:
         raise _MisfitError(where, f"unknown setting {shorten(unknown[0], 40)}")
@@ -363,12 +363,12 @@ def _read(cls: type[_T], table: Table, where: str) -> _T:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as tables hold it: of Python's own types."""
+    """Return a value in the form that tables use, with Python's own types."""
     if is_dataclass(value):
         return table_of(value)
     if isinstance(value, Enum):
         return value.value
-    if hasattr(value, "tolist"):  # of NumPy
+    if hasattr(value, "tolist"):  # a NumPy value
         return value.tolist()
     if isinstance(value, Mapping):
         return {name: plain(item) for name, item in value.items()}
@@ -392,7 +392,7 @@ def keys_of(cls: Any) -> Sequence[Key]:
 
 
 def _members(kind: Any) -> list[Enum]:
-    """Return the members of an Enum, none of another type."""
+    """Return the members of an Enum, or none for another type."""
     return list(kind) if isinstance(kind, type) and issubclass(kind, Enum) else []
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SlownessSettings:
-    """Measurement of a process' slowness."""
+    """Settings for measuring a process's slowness."""
 
-    busy: float = 2.5  # slowness from which the user is told
-    memory_s: float = 0.5  # time constant of forgetting, of work
-    least_s: float = 0.05  # work before the measurement counts
+    busy: float = 2.5  # slowness above which the user is told
+    memory_s: float = 0.5  # amount of work over which earlier measurements are forgotten
+    least_s: float = 0.05  # amount of work before the measurement counts
     most: float = 50.0  # largest slowness
 
 
@@ -18,7 +18,7 @@ SLOWNESS = SlownessSettings()
 
 
 class Slowness:
-    """Duration of work relative to an idle machine: wall time over processor time.
+    """Duration of work relative to an idle machine: wall time divided by processor time.
 
     With four other processes on each processor it is about 5, on every system and in containers.
 
@@ -31,7 +31,7 @@ class Slowness:
         self._work_s = self._processor_s = 0.0
 
     def add(self, work_s: float, processor_s: float) -> None:
-        """Add work without waits: its duration and its thread's processor time."""
+        """Add work without waiting times: its duration and its thread's processor time."""
         kept = math.exp(-work_s / SLOWNESS.memory_s)
         self._work_s = kept * self._work_s + work_s
         self._processor_s = kept * self._processor_s + processor_s

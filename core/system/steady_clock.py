@@ -8,11 +8,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class SteadyClockSettings:
-    """Fit of time stamps."""
+    """Settings for fitting time stamps."""
 
-    stamps: int = 60  # latest stamps that are fitted
-    fewest: int = 8  # stamps before the fit is used
-    astray: float = 0.3  # distance from the fit, in periods, that shows that the camera's rate has changed
+    stamps: int = 60  # number of latest stamps that are fitted
+    fewest: int = 8  # number of stamps before the fit is used
+    astray: float = 0.3  # distance from the fit, in periods, which shows that the camera's rate has changed
 
 
 _SETTINGS = SteadyClockSettings()
@@ -21,7 +21,7 @@ _SETTINGS = SteadyClockSettings()
 class SteadyClock:
     """Fits a line through the latest time stamps of a camera.
 
-    Cameras take images at a steady rate; stamps come late by random delays.
+    Cameras take images at a steady rate, but stamps are late by random delays.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class SteadyClock:
         self._counts: deque[int] = deque(maxlen=_SETTINGS.stamps)
 
     def steady(self, stamp_s: float) -> float:
-        """Return the time of the next image; its stamp until the rate is known."""
+        """Return the time of the next image; its own stamp until the rate is known."""
         period_s = float(np.median(np.diff(self._stamps_s))) if len(self._stamps_s) > 1 else 0.0
         passed = round((stamp_s - self._stamps_s[-1]) / period_s) if period_s > 0.0 else 1
         self._counts.append(self._counts[-1] + max(passed, 1) if self._counts else 0)

@@ -1,10 +1,10 @@
-"""The paper's graph search (section 5.1), made able to leave its last frames.
+"""The paper's graph search (section 5.1), extended so that it can leave the last frame's neighbourhood.
 
-The paper searches the last frame's neighbours and their neighbours in the graph of Eq. 4 only, so it never notices a
-motion that comes near from elsewhere in the database. Here the graph is followed from the closest frames on for as
-long as that leads closer (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
-of poses) are visited in every frame too, more of them where nothing in the database is really close. The first frame is
-searched from all representatives. The cost of a search is bounded.
+The paper only searches the last frame's neighbours and their neighbours in the graph of Eq. 4, so it never notices
+similar motion elsewhere in the database. Here the graph is followed from the closest frames for as
+long as this leads closer (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
+of poses) are visited in every frame too, more of them if nothing in the database is very close. For the first frame
+all representatives are searched. The cost of a search is bounded.
 """
 
 import numpy as np
@@ -19,9 +19,9 @@ _VISITED = 6.0  # frames visited per frame wanted, in addition to the first repr
 _EXPANDED = 0.15  # share of the frames wanted that are expanded at once
 _STEPS = 3  # steps from a representative to closer and closer frames
 _BEAM, _START_BEAM = 2, 128  # frames expanded in each such step, later and at the start
-_IDLE = 3  # successive expansions without a closer frame after which the graph is left
+_IDLE = 3  # successive expansions without a closer frame after which the graph is abandoned
 _PROMISING = 2.0  # distance up to which a representative is followed, relative to the last frame's median
-_SAMPLED = 16  # frames of a cluster, the most central of which represents it
+_SAMPLED = 16  # frames of a cluster from which the most central is chosen to represent it
 
 
 class GraphSearch:
@@ -65,7 +65,7 @@ class GraphSearch:
         return self.nearest(query, count, start)[0]
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
-        """Return the candidate frames sorted by their Eq. 2 distances, and these."""
+        """Return the candidate frames and their Eq. 2 distances, sorted by distance."""
         return self._frames.nearest_among(query, candidates)
 
     def _enter(self, visit: "_Visit", representatives: IntArray, limit: float) -> None:
@@ -75,7 +75,7 @@ class GraphSearch:
         self._descend(visit, representatives[near], distances[near], _BEAM)
 
     def _descend(self, visit: "_Visit", frames: IntArray, distances: FloatArray, beam: int) -> None:
-        """Visit the neighbours of the closest frames, then the neighbours of these."""
+        """Visit the neighbours of the closest frames, then the neighbours of those."""
         for _ in range(_STEPS):
             if len(frames) == 0:
                 return
@@ -117,10 +117,10 @@ class GraphSearch:
 
 
 class _Visit:
-    """Frames visited for one query, each once, and the closest of them.
+    """Frames visited for one query, without duplicates, and the closest of them.
 
     Args:
-        seen: Mask (F,) that is false everywhere, and again after `end`.
+        seen: Mask (F,) that is false everywhere, and is cleared again by `end`.
         wanted: Number of closest frames to keep.
     """
 
@@ -132,7 +132,7 @@ class _Visit:
         self.count = 0
 
     def add(self, frames: IntArray) -> tuple[IntArray, FloatArray]:
-        """Return the frames not visited before, each once, and their Eq. 2 distances."""
+        """Return the frames not visited before, without duplicates, and their Eq. 2 distances."""
         frames = frames[frames >= 0]
         unseen = np.unique(frames[~self._seen[frames]]).astype(np.int64)
         distances = self._database.distances(self._query, unseen)
@@ -162,7 +162,7 @@ class _Visit:
 
 
 class _ClusterRepresentatives:
-    """One frame of every cluster of poses, in groups of similar ones.
+    """One frame from every cluster of poses, in groups of similar ones.
 
     Args:
         poses: Poses (F, D) of the database frames.

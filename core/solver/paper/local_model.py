@@ -1,4 +1,4 @@
-"""The paper's local model: PCA of the nearest poses (Eq. 3), cross-validated."""
+"""The paper's local model: PCA of the nearest poses (Eq. 3), with cross-validation."""
 
 from dataclasses import dataclass
 
@@ -6,37 +6,37 @@ import numpy as np
 
 from ...geometry.arrays import Array, IntArray, Mask
 
-_VARIANCE_FLOOR = 1e-8  # least variance, rad^2: directions in which the neighbours agree are not infinitely stiff
-_VALIDATION_DIRECTIONS = 32  # principal directions used in the cross-validation, which hold nearly all variance
+_VARIANCE_FLOOR = 1e-8  # smallest variance, rad^2: where the neighbours agree, no direction is infinitely stiff
+_VALIDATION_DIRECTIONS = 32  # principal directions used in the cross-validation, which contain nearly all variance
 _FEWEST_KEPT = 8  # fewest neighbours that give a model
 
 
 @dataclass(frozen=True)
 class LocalModel:
-    """q = mean + basis w, with the variances of w among the neighbours."""
+    """Model q = mean + basis w, with the variances of w among the neighbours."""
 
-    mean: Array  # (D,) p_t of Eq. 3
+    mean: Array  # (D,) p_t in Eq. 3
     basis: Array  # (D, B) U_t, orthonormal columns
     variances: Array  # (B,) eigenvalues, descending
-    neighbours: int  # K
+    neighbours: int  # number of neighbours, K
 
     @property
     def dimensions(self) -> int:
-        """B."""
+        """Number of dimensions, B."""
         return self.basis.shape[1]
 
     def pose(self, weights: Array) -> Array:
-        """Return the pose (D,) of weights (B,)."""
+        """Return the pose (D,) for weights (B,)."""
         return self.mean + self.basis @ weights
 
     def weights(self, pose: Array) -> Array:
-        """Return the weights (B,) of the model's pose closest to `pose` (D,)."""
+        """Return the weights (B,) of the model's pose that is closest to `pose` (D,)."""
         return self.basis.T @ (pose - self.mean)
 
 
 @dataclass(frozen=True)
 class Validation:
-    """Model of the best K and B; mean squared errors (K, B), rad^2, inf if not tried."""
+    """Model with the best K and B; mean squared errors (K, B), rad^2, inf if not tried."""
 
     model: LocalModel
     scores: Array
@@ -67,9 +67,9 @@ def cross_validate(
     marker_variance_m2: float,
     examples: int,
 ) -> Validation:
-    """Choose K and B by leaving out the examples closest to the query.
+    """Choose K and B by leave-one-out cross-validation with the examples closest to the query.
 
-    Each is left out with its whole clip, as a frame's neighbours in its own clip are near copies of it. For each K the
+    Each is left out with its whole clip, because a frame's neighbours in its own clip are near copies of it. For each K
     model is learned without the clip; each left-out example is then reconstructed for every B from its markers, with
     the prior of Eq. 6 and the control term of Eq. 7 in their linear form (markers as a linear function of the weights,
     by least squares).
@@ -77,7 +77,7 @@ def cross_validate(
     Args:
         poses: Neighbours (K_max, D), closest first.
         markers: Their marker coordinates (K_max, m), metres.
-        groups: Group (K_max,) of each; a group is left out together.
+        groups: Group (K_max,) of each; a group is left out as a whole.
         neighbours: Ascending candidates for K.
         dimensions: Ascending candidates for B.
         marker_variance_m2: Variance of a marker coordinate in the control term.
@@ -95,12 +95,12 @@ def cross_validate(
                              marker_variance_m2, min(examples, sizes[0]))
             for group in tested
         ]  # fmt: skip
-        # all K are scored by the same examples: one too small without a clip is not tried
+        # all K are scored with the same examples: one that is too small without a clip is not tried
         known = [error for error in errors if error is not None]
         if len(known) == len(errors):
             scores[row] = np.mean(np.concatenate(known, axis=1), axis=1)
     scores += np.maximum(outside[:examples], 0.0).mean()
-    if np.all(np.isinf(scores)):  # one clip only: nothing can be left out, take the largest model
+    if np.all(np.isinf(scores)):  # only one clip: nothing can be left out, so take the largest model
         return Validation(fit(poses[: sizes[-1]], dimensions[-1]), scores)
     best_row, best_column = divmod(int(np.argmin(scores)), len(dimensions))
     return Validation(fit(poses[: sizes[best_row]], dimensions[best_column]), scores)

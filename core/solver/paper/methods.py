@@ -1,4 +1,4 @@
-"""Methods of the paper and its comparisons: local-pca, lwr and nearest."""
+"""The paper's method and the methods it is compared with: local-pca, lwr and nearest."""
 
 import numpy as np
 
@@ -11,11 +11,11 @@ from ..solution import Estimate, Examples
 from ..subject_model import RootPose, SubjectModel
 from . import local_model, synthesis
 
-_SYNTHESIS_PASSES = 2  # alternations: the synthesis depends on the root, and the root on the synthesized torso
+_SYNTHESIS_PASSES = 2  # alternations: the synthesis depends on the root, and the root on the synthesised torso
 
 
 def _settle_root(subject: SubjectModel, observation: Observation, pose: Array, root: RootPose) -> RootPose:
-    """Return z_t under a pose (D,)."""
+    """Return z_t for a pose (D,)."""
     return root_from_torso(observation, subject.markers(pose.reshape(-1, 3)), subject, root) or root
 
 
@@ -38,7 +38,7 @@ class NearestMethod:
 
 
 class LwrMethod(NearestMethod):
-    """Mean of the nearby examples by distance (Atkeson et al. 1997, tricube kernel)."""
+    """Mean of the nearby examples, weighted by distance (Atkeson et al. 1997, tricube kernel)."""
 
     def __init__(self, settings: LwrSettings, subject: SubjectModel) -> None:
         super().__init__(settings, subject)
@@ -68,7 +68,7 @@ class LocalPcaMethod:
         self.query_pose_m_per_rad = settings.query_pose_m_per_rad
 
     def estimate(self, problem: FrameProblem) -> Estimate:
-        """Return the pose of least energy in the local model, and its root, in turn."""
+        """Return the pose of least energy in the local model, and its root, in alternation."""
         settings, observation, root = self._settings, problem.observation, problem.root
         model = self._local_model(problem.examples, observation)
         weights = model.weights(problem.examples.poses[0].astype(np.float64))

@@ -1,9 +1,9 @@
 """Neighbour graph of a motion database (Eq. 4), built from coarse clusters.
 
-The paper joins every two frames closer than a threshold, so its graph grows with the square of the density. Here every
-frame keeps a bounded number of neighbours: the frames before and after it, then the closest ones, one for each time
-that a clip comes near before a second of the same pass. Neighbours are searched within coarse clusters of poses and the
-clusters beside them, not among all pairs. Distances weigh each joint by how far it moves head, hands and feet, because
+The paper joins any two frames closer than a threshold, so its graph grows with the square of the density. Here every
+frame keeps a bounded number of neighbours: the frames before and after it, then the closest ones, but only one for each
+pass of a clip. Neighbours are searched within coarse clusters of poses and the
+clusters next to them, not among all pairs. Distances weigh each joint by how far it moves head, hands and feet, because
 the search compares those (Eq. 2).
 """
 
@@ -21,18 +21,18 @@ from ...geometry.arrays import FloatArray
 
 IntArray = NDArray[np.int32]
 
-_NEIGHBOURS = 24  # neighbours of a frame
+_NEIGHBOURS = 24  # number of neighbours of a frame
 _ONE_CLUSTER = 2048  # number of frames up to which all pairs are compared
-_MOST_COMPARED = 4096  # frames that a cluster's are compared with; larger sets are thinned
+_MOST_COMPARED = 4096  # number of frames with which a cluster's frames are compared; larger sets are thinned
 _CLUSTERS_PER_ROOT = 2.0  # clusters per square root of the number of frames
-_BESIDE = 3  # further clusters that are searched for a frame's neighbours
-_STRETCH = 4  # length of the stretches of a pass, the closest frame of each of which is a candidate
+_BESIDE = 3  # number of further clusters that are searched for a frame's neighbours
+_STRETCH = 4  # length of the stretches of a pass; the closest frame of each stretch is a candidate
 _STRETCHES_PER_NEIGHBOUR = 4  # fewest stretches per neighbour; with fewer every frame is a candidate
 _SAME_PASS = np.float32(1e6)  # penalty for frames that are not a local minimum of the distance, squared radians
-_NEVER = np.float32(1e30)  # squared distance of excluded frames; infinity would make matrix products NaN
-_BLOCK = 1 << 20  # distances held at once by each thread
+_NEVER = np.float32(1e30)  # squared distance of excluded frames; infinity would turn matrix products into NaN
+_BLOCK = 1 << 20  # distances held by each thread at once
 _EXTREMITIES = ("head", "lhumerus", "lhand", "rhumerus", "rhand", "lfoot", "rfoot")
-_OWN_WEIGHT = 0.1  # weight of a joint's rotation in addition to what it moves, m^2 per rad^2
+_OWN_WEIGHT = 0.1  # weight of a joint's rotation in addition to that of what it moves, m^2 per rad^2
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class NeighbourGraph:
 
     Args:
         neighbours: Frame indices (F, N), -1 where there are fewer.
-        clusters: Cluster (F,) of each frame, all from 0 up to the largest in use.
+        clusters: Cluster (F,) of each frame, numbered from 0 without gaps.
     """
 
     neighbours: IntArray
@@ -49,7 +49,7 @@ class NeighbourGraph:
 
 
 def weigh_poses(poses: FloatArray) -> FloatArray:
-    """Scale poses (..., D) so that their L2 distance is about that of markers, metres."""
+    """Scale poses (..., D) so that their L2 distance is about that of the markers, metres."""
     skeleton = default_skeleton()
     positions = skeleton.rest_positions_m
     moved = np.full(len(skeleton), _OWN_WEIGHT)
@@ -67,7 +67,7 @@ def build_graph(poses: FloatArray, clip_of_frame: NDArray[Any], most: int = _NEI
     Args:
         poses: Float32 rotation vectors (F, D) relative to the reference pose.
         clip_of_frame: Clip (F,) of each frame; successive frames of a clip are always joined.
-        most: Neighbours kept per frame, at least 2, however far they are. Eq. 4 joins those within a radius only, which
+        most: Neighbours kept per frame, at least 2, however far they are. Eq. 4 only joins those within a radius, which
             isolates unusual motion; this search was 2.6 times as close to the exhaustive one for as many visits.
     """
     scaled = weigh_poses(poses)
@@ -111,7 +111,7 @@ def _clusters_beside(centres: FloatArray) -> NDArray[np.int64]:
 
 
 def _join_consecutive(neighbours: IntArray, clip_of_frame: NDArray[Any]) -> None:
-    """Write each frame's predecessor and successor into the first two columns."""
+    """Write each frame's predecessor and successor to the first two columns."""
     frames = np.arange(len(neighbours), dtype=np.int32)
     joined = np.asarray(clip_of_frame[1:]) == np.asarray(clip_of_frame[:-1])
     neighbours[1:, 0] = np.where(joined, frames[:-1], -1)
@@ -119,18 +119,18 @@ def _join_consecutive(neighbours: IntArray, clip_of_frame: NDArray[Any]) -> None
 
 
 class _Candidates:
-    """Frames that the frames of a cluster are compared with.
+    """Frames with which the frames of a cluster are compared.
 
     Args:
         frames: Candidates (C,), ascending.
-        stride: Largest difference of two successive candidates of one pass of a clip.
+        stride: Largest difference between two successive candidates in one pass of a clip.
     """
 
     def __init__(self, poses: FloatArray, frames: NDArray[np.int64], stride: int, most: int) -> None:
         self._poses = poses
         self._most = min(most, len(frames))
         self._length = _STRETCH if len(frames) > _STRETCHES_PER_NEIGHBOUR * _STRETCH * most else 1
-        # passes are cut into stretches of equal length; the last one is filled up with its last frame
+        # passes are cut into stretches of equal length; the last one is padded with its last frame
         last = np.diff(frames, append=frames[-1] + stride + 1) > stride
         lacking = -np.diff(np.flatnonzero(last), prepend=-1) % self._length
         copies = np.ones(len(frames), dtype=np.int64)
@@ -145,7 +145,7 @@ class _Candidates:
         self._near = np.column_stack((near, squares))
 
     def closest(self, rows: NDArray[np.int64]) -> IntArray:
-        """Return the candidates (R, most or all) closest to each frame, closest first, filled up with -1.
+        """Return the candidates (R, most or all) closest to each frame, closest first, padded with -1.
 
         There is one per pass if there are enough passes. A frame, its predecessor and its successor are excluded.
         """

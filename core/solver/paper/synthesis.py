@@ -17,23 +17,23 @@ _DAMPING_START, _DAMPING_DOWN, _DAMPING_UP, _DAMPING_MAX = 1e-3, 0.3, 8.0, 1e6
 
 @dataclass(frozen=True)
 class SynthesisProblem:
-    """Eq. 9 for one frame."""
+    """Terms of Eq. 9 for one frame."""
 
-    model: LocalModel  # hard constraint of Eq. 9
+    model: LocalModel  # hard constraint in Eq. 9
     subject: SubjectModel  # markers from poses
     root: RootPose  # z_t
     observation: Observation  # c_t
     continued_pose: Array | None  # (D,) 2 q_{t-1} - q_{t-2}, None at the start
-    control_weight: float  # factor of the squared marker distances, 1/m^2
-    smoothness_weight: float  # factor of the squared pose differences, 1/rad^2
+    control_weight: float  # factor for the squared marker distances, 1/m^2
+    smoothness_weight: float  # factor for the squared pose differences, 1/rad^2
 
     def residual(self, weights: Array) -> Array:
-        """Return prior, control and smoothness; the squared sum is Eq. 9 + constant."""
+        """Return prior, control and smoothness terms; their squared sum is Eq. 9 plus a constant."""
         markers = self.subject.markers(self.model.pose(weights).reshape(-1, 3), self.root)
         return self._stacked(weights, control_residual(self.observation, markers))
 
     def residual_and_jacobian(self, weights: Array) -> tuple[Array, Array]:
-        """Return `residual` and its derivative by the weights (rows, B)."""
+        """Return `residual` and its derivative with respect to the weights (rows, B)."""
         pose = self.model.pose(weights).reshape(-1, 3)
         markers, by_pose = self.subject.markers_and_jacobian(pose, self.root)
         by_weights = by_pose[:, :, 6:] @ self.model.basis
@@ -61,7 +61,7 @@ class SynthesisProblem:
 
 
 def solve(problem: SynthesisProblem, start: Array) -> tuple[Array, int]:
-    """Return the weights (B,) of least energy and the iterations from `start`.
+    """Return the weights (B,) with the least energy, and the number of iterations from `start`.
 
     Levenberg-Marquardt with Marquardt's scaling; the paper starts from the closest example.
     """

@@ -1,1 +1,1 @@
-"""Nearest-neighbour searches in the motion database."""
+"""Nearest-neighbour search in the motion database."""

@@ -1,4 +1,4 @@
-"""Search for the database frames closest to markers and motion (Eq. 2)."""
+"""Exhaustive search for the database frames closest to markers and motion (Eq. 2)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,7 +30,7 @@ class Query:
 
 
 class Search(Protocol):
-    """A search of the closest database frames.
+    """Interface of searches for the closest database frames.
 
     Attributes:
         visited: Number of distances computed by `nearest` so far.
@@ -42,18 +42,18 @@ class Search(Protocol):
         """Return the `count` closest frames found (ascending) and their Eq. 2 distances.
 
         Args:
-            start: Unique frames found for the last frame, from which a search may start.
+            start: Distinct frames found for the last frame, from which a search may start.
         """
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
         """Return at least the `count` closest frames found, closest first."""
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
-        """Return the candidate frames sorted by their Eq. 2 distances, and these."""
+        """Return the candidate frames and their Eq. 2 distances, sorted by distance."""
 
 
 class ExhaustiveSearch:
-    """Compares the query with every frame.
+    """Search that compares the query with every frame.
 
     Args:
         markers_m: Markers (F, M, 3) of the database frames with the root at rest.
@@ -74,9 +74,9 @@ class ExhaustiveSearch:
 
     @cached_property
     def marker_norms(self) -> FloatArray:
-        """(F, 3 M) squares of the markers' coordinates.
+        """Squares (F, 3 M) of the markers' coordinates.
 
-        Distances of single frames need none.
+        They are not needed for distances of single frames.
         """
         return np.square(self._markers)
 
@@ -84,14 +84,14 @@ class ExhaustiveSearch:
         """Return the `count` closest frames (ascending) and their Eq. 2 distances."""
         found, _ = closest(self.distances(query), count)
         self.visited += len(self)
-        return self.nearest_among(query, found)  # distances of single frames round less
+        return self.nearest_among(query, found)  # distances of single frames have smaller rounding errors
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
         """Return the `count` closest frames."""
         return self.nearest(query, count)[0]
 
     def nearest_among(self, query: Query, candidates: IntArray) -> tuple[IntArray, Array]:
-        """Return the candidate frames sorted by their Eq. 2 distances, and these."""
+        """Return the candidate frames and their Eq. 2 distances, sorted by distance."""
         order, distances = closest(self.distances(query, candidates), len(candidates))
         return candidates[order], distances
 
@@ -128,14 +128,14 @@ def distances_between(query: Query, markers_m: FloatArray, poses: FloatArray, fr
 
 
 def times(rows: NDArray[Any], vector: FloatArray) -> FloatArray:
-    """Return rows @ vector by SciPy's OpenBLAS; Blender's NumPy may be slow."""
+    """Return rows @ vector computed by SciPy's OpenBLAS; Blender's NumPy may be slow."""
     if len(rows) == 0:  # BLAS rejects empty matrices
         return np.zeros(0, dtype=np.float32)
     return np.asarray(sgemv(1.0, rows.T, vector, trans=1))
 
 
 def closest(distances: FloatArray, count: int) -> tuple[IntArray, Array]:
-    """Return the indices of the `count` smallest distances, ascending, and these."""
+    """Return the indices of the `count` smallest distances, ascending, and these distances."""
     count = min(count, len(distances))
     chosen = np.argpartition(distances, count - 1)[:count]
     chosen = chosen[np.argsort(distances[chosen], kind="stable")]

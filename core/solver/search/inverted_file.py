@@ -1,8 +1,8 @@
-"""Search in the cells nearest to the query, an inverted file (Jegou, Douze and Schmid 2011).
+"""Search in the cells nearest to the query: an inverted file (Jegou, Douze and Schmid 2011).
 
 The cells' frames are ranked by markers and the strongest principal components of poses; only the best are compared in
-full. So the time of a search hardly grows with the database (the number of cells grows with its root), and no frame
-depends on the last one.
+full. So the search time hardly grows with the database (the number of cells grows with its square root), and no frame
+depends on the previous one.
 """
 
 import math
@@ -15,16 +15,16 @@ from ...geometry.principal_components import principal_components
 from ..database_markers import BESIDE, MOST, DatabaseMarkers
 from .exhaustive import Query, closest, distances_between, times
 
-_SCANNED = 6144  # frames in the cells that are scanned, about
-_FIRST_SCANNED = 2  # factor of this number for queries without a pose
+_SCANNED = 6144  # approximate number of frames in the cells that are scanned
+_FIRST_SCANNED = 2  # factor for this number in queries without a pose
 _COMPONENTS = BESIDE - 1
-_SAMPLES = 4096  # frames that give the components
+_SAMPLES = 4096  # number of frames used for the components
 _COMPARED = 2.0  # frames compared in full per frame wanted
-_FIRST = 64  # closest frames that are sorted
-# Assumed cosine between the remainders of the query's pose and of a near one, which the components leave out. With this
-# value the estimated distances rank frames best, on takes that a database lacks.
+_FIRST = 64  # number of closest frames that are sorted
+# Assumed cosine between the parts of the query's pose and of a near pose that the components leave out. With this
+# value, the estimated distances rank frames best on takes that a database lacks.
 _ALIKE = 0.5
-_ROOM = 1.25  # largest stored fact relative to those of the sample; larger ones are clipped
+_ROOM = 1.25  # largest stored value relative to those of the sample; larger ones are clipped
 _CHUNK = 8192  # frames processed at once
 
 
@@ -32,7 +32,7 @@ class CellSearch:
     """Searches the cells nearest to the query.
 
     Args:
-        markers: Markers that this search alone uses; it stores its numbers beside them.
+        markers: Markers used by this search only; it stores its numbers next to them.
         poses: Poses (F, D) of the database frames.
         scanned: Approximate number of frames to scan.
     """
@@ -57,7 +57,7 @@ class CellSearch:
         return self.nearest_among(query, self.near(query, count), count)
 
     def near(self, query: Query, count: int, start: IntArray | None = None) -> IntArray:
-        """Return the frames most likely among the `count` closest, and as many more; the first ones are sorted."""
+        """Return frames most likely among the `count` closest, and as many more; the first ones are sorted."""
         target, weights = self._target(query)
         rows = self._rows_near(query, target, weights, count)
         stored = self._markers.rows.take(rows, axis=0).astype(np.float32)

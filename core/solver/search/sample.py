@@ -10,7 +10,7 @@ _FRAMES = 8192  # largest sample
 
 
 class SampleSearch:
-    """Search of a limited number of frames in a database of any size.
+    """Search among a limited number of frames in a database of any size.
 
     Args:
         poses: Poses (F, D) of the database frames.
@@ -37,8 +37,8 @@ class SampleSearch:
         """Return the database frames that frames of the sample represent.
 
         Args:
-            least: Number of frames wanted, from the first of the sample; by default those of all.
-            apart: One frame in so many is returned.
+            least: Number of frames wanted, starting with those of the sample's first frame; by default all.
+            apart: Step between the frames that are returned.
         """
         chosen = frames[: -(-least // self.step)] if least else frames
         before, after = self.step // 2 // apart, -(-(self.step - self.step // 2) // apart)

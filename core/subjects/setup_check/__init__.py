@@ -1,1 +1,1 @@
-"""Check of cameras, light and markers before a capture."""
+"""Setup check: faults of cameras, light and markers, found before a capture."""

@@ -1,4 +1,4 @@
-"""Faults of the calibration board in pictures of it."""
+"""Faults of the calibration board, found in pictures of it."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,7 +7,7 @@ import numpy as np
 from ...vision.calibration.calibration_board import Board, BoardView
 from .finding import Fault, Finding
 
-_SMALLEST_SQUARE_PX = 12.0  # smaller squares disturb each other's corners and show little of the lens
+_SMALLEST_SQUARE_PX = 12.0  # smaller squares disturb each other's corners and show little of the lens's distortion
 
 
 def board_faults(board: Board, views: Mapping[str, Sequence[BoardView]]) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""Findings of the check in plain words."""
+"""Findings of the setup check in plain words."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,7 +7,7 @@ Place = tuple[int, float, float]  # index of the camera, pixel
 
 
 class Fault(StrEnum):
-    """Faults that pictures show."""
+    """Faults that pictures can show."""
 
     DARK = "too dark"
     BRIGHT = "too bright"
@@ -30,12 +30,12 @@ PICTURE_FAULTS = frozenset({Fault.DARK, Fault.BRIGHT, Fault.BLURRED, Fault.SHUTT
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault, its place and advice.
+    """A fault, its location and advice.
 
     Args:
         where: Camera, or "" for all.
         text: Fact and advice as a sentence.
-        places: Places in images to draw rings around.
+        places: Positions in images around which rings are drawn.
     """
 
     fault: Fault

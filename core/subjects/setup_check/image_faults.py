@@ -16,30 +16,30 @@ class ImageLimits:
     """Limits for pictures without faults."""
 
     bright_room: float = 110.0  # median grey level of the empty image: reflectors hardly rise above it
-    saturated: float = 250.0  # grey level
+    saturated: float = 250.0  # grey level that counts as saturated
     most_saturated: float = 0.06  # share of saturated pixels in the empty image
-    dim_marker: float = 110.0  # grey level of a marker that is lost when it turns or moves away
-    small_rise: float = 50.0  # grey levels of a marker of less than two pixels; a dim one has less
+    dim_marker: float = 110.0  # grey level below which a marker is lost when it turns or moves away
+    small_rise: float = 50.0  # rise of a marker smaller than two pixels, grey levels; a dim marker has less
     small_px: float = 1.4  # radius below which a spot has no measurable edge,
     tiny_px: float = 1.15  # and no measurable streak: noise would look like an exposure of 40 ms
-    most_empty: float = 0.5  # share of images with hardly any spots, beyond which markers are not judged
+    most_empty: float = 0.5  # share of images with hardly any spots above which markers are not judged
     blunt_px: float = 3.2  # width of a blurred edge; a sharp one has about 2
     still_px_s: float = 40.0
-    fast_px_s: tuple[float, float] = (120.0, 80.0)  # of moving markers; of slow performers, with streaks at 14 ms
+    fast_px_s: tuple[float, float] = (120.0, 80.0)  # speed of moving markers; of slow performers, with streaks at 14 ms
     fewest_fast: int = 15
-    long_s: float = 0.009  # exposure: 3 cm at 3 m/s
+    long_s: float = 0.009  # exposure that is too long: 3 cm at 3 m/s
     streak_px: float = 1.0  # visible motion during the exposure
     unmoved_px: float = 0.7
-    moving_px_s: float = 60.0  # median speed of the spots when the performer moves
+    moving_px_s: float = 60.0  # median speed of the spots above which the performer moves
     fewest_moving: int = 15  # images: half a second at 30 Hz
-    always: float = 0.85  # share of these images that show a reflection; a foot stands in half of them at most
+    always: float = 0.85  # share of these images that show a reflection; a foot stands in at most half of them
 
 
 LIMITS = ImageLimits()
 
 
 def room_faults(camera: str, background: Background) -> list[Finding]:
-    """Return a finding on an empty room that is too bright."""
+    """Return a finding if the empty room is too bright."""
     level = background.mean.max(axis=2)
     saturated = float(np.mean(level > LIMITS.saturated))
     if float(np.median(level)) > LIMITS.bright_room or saturated > LIMITS.most_saturated:
@@ -49,7 +49,7 @@ def room_faults(camera: str, background: Background) -> list[Finding]:
 
 
 def marker_light_faults(camera: str, spots: Spots, rises: Sequence[float], images: int) -> list[Finding]:
-    """Return findings on markers that are too dim or too small.
+    """Return findings if markers are too dim or too small.
 
     Args:
         rises: Grey levels of the brightest pixels above the empty room, for images with hardly any spots.
@@ -73,7 +73,7 @@ def marker_light_faults(camera: str, spots: Spots, rises: Sequence[float], image
 
 
 def sharpness_faults(camera: str, spots: Spots) -> list[Finding]:
-    """Return findings on focus and shutter of a camera."""
+    """Return findings on the focus and shutter of a camera."""
     radius_px = float(np.median(spots.radius_px)) if len(spots.radius_px) else 0.0
     slow = spots.speed_px_s < LIMITS.still_px_s
     edges = spots.edge_px[slow & np.isfinite(spots.edge_px)]
@@ -125,7 +125,7 @@ def moving_images(cameras: Sequence[Spots]) -> IntArray:
 
 
 def reflections(index: int, camera: str, spots: Spots, moving: IntArray) -> list[Finding]:
-    """Return a finding on spots that stay in place in the images `moving` with a moving performer."""
+    """Return a finding on spots that stay in place in images `moving`, in which the performer moves."""
     still = _still_places(spots, moving)
     if not len(still):
         return []
@@ -135,7 +135,7 @@ def reflections(index: int, camera: str, spots: Spots, moving: IntArray) -> list
 
 
 def _still_places(spots: Spots, moving: IntArray) -> Array:
-    """Return places (K, 2) with a spot in almost all images with motion."""
+    """Return positions (K, 2) with a spot in almost all images with motion."""
     taking_part = np.isin(spots.images, moving)
     images, pixels = spots.images[taking_part], spots.pixels[taking_part]
     places: list[Array] = []

@@ -1,4 +1,4 @@
-"""Faults of the places of cameras and performer."""
+"""Faults of the positions of cameras and performer."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -15,15 +15,15 @@ from ...vision.matching.camera_swap import ImageMismatch
 from .finding import Fault, Finding
 
 # A turn almost along the epipolar lines adds little error, but a correction removes nearly all of it: a bump is clear
-# from this error in pixels, and this ratio of the errors before and after the correction.
+# above this error in pixels and this ratio of the errors before and after the correction.
 _CLEAR = (0.4, 6.0)
-_SHARES = (0.2, 0.05)  # smallest shares of moments that show exchanged, and flipped, images
+_SHARES = (0.2, 0.05)  # smallest shares of moments that reveal exchanged and flipped images
 
 
 def mismatch_fault(mismatches: Sequence[ImageMismatch | None]) -> list[Finding]:
-    """Return a finding if the images seem exchanged, mirrored or turned in many moments."""
+    """Return a finding if the images seem exchanged, mirrored or upside down in many moments."""
     for mismatch, noted in Counter(each for each in mismatches if each is not None).most_common():
-        # flips are tested in turn, so that they show later
+        # flips are tested one after another, so they need fewer moments
         if noted < (_SHARES[0] if mismatch.is_exchange else _SHARES[1]) * len(mismatches):
             continue
         if mismatch.is_exchange:
@@ -35,11 +35,11 @@ def mismatch_fault(mismatches: Sequence[ImageMismatch | None]) -> list[Finding]:
 
 
 def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
-    """Return a finding if a camera no longer stands as it was calibrated."""
+    """Return a finding if a camera no longer stands where it was calibrated."""
     try:
         found = refine_rig(rig, [frame.blobs for frame in frames])
     except CalibrationError:
-        return []  # too few markers to tell
+        return []  # too few markers to decide
     clear = found.before_px > max(_CLEAR[0], _CLEAR[1] * found.after_px)
     if not (found.bumped or clear):
         return []
@@ -48,11 +48,11 @@ def bump_fault(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[Finding]:
 
 
 def place_fault(rig: CameraRig, torso_m: Array, height_m: float) -> list[Finding]:
-    """Return a finding if the cameras cut the performer off, or show the markers too small.
+    """Return a finding if the performer is cut off by the image's edge, or the markers look too small.
 
     Args:
         rig: Cameras in a world with the floor at y = 0.
-        torso_m: Middle (3,) of the torso.
+        torso_m: Centre (3,) of the torso.
     """
     space = common_space(rig, height_m)
     nearest, farthest = _depths_m(space, rig, float(torso_m[0]))
@@ -69,7 +69,7 @@ def place_fault(rig: CameraRig, torso_m: Array, height_m: float) -> list[Finding
 
 
 def _depths_m(space: CommonSpace, rig: CameraRig, x_m: float) -> tuple[float | None, float]:
-    """Return the least and the greatest visible distance from the cameras at the nearest visible x."""
+    """Return the smallest and the largest visible distance from the cameras at the nearest visible x."""
     columns = np.flatnonzero(space.seen.any(axis=0))
     if not len(columns):
         return None, 0.0
@@ -80,6 +80,6 @@ def _depths_m(space: CommonSpace, rig: CameraRig, x_m: float) -> tuple[float | N
 
 
 def _depth_m(rig: CameraRig, point_m: Array) -> float:
-    """Return the horizontal distance from the middle of the cameras."""
+    """Return the horizontal distance from the midpoint of the cameras."""
     middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     return float(np.hypot(*(point_m - middle)[[0, 2]]))

@@ -8,8 +8,8 @@ import numpy as np
 from ...geometry.arrays import Array, FloatArray, Image, IntArray
 from ...vision.matching.image_tracks import BlobLinker
 
-_FEWEST_SPOTS = 3  # spots of an image that shows markers
-_LEAST_PEAK = 20.0  # grey levels above the surroundings of a spot with a measurable edge
+_FEWEST_SPOTS = 3  # fewest spots in an image that shows markers
+_LEAST_PEAK = 20.0  # rise of a spot with a measurable edge above its surroundings, grey levels
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class SpotRecorder:
         self.rises: list[float] = []
 
     def add(self, time_s: float, image: Image, blobs: FloatArray) -> None:
-        """Add the next image and its blobs (n, 5) of `Detector.detect`."""
+        """Add the next image and its blobs (n, 5) from `Detector.detect`."""
         if len(blobs) < _FEWEST_SPOTS:
             rise = (image.max(axis=2) - self._level).ravel()
             self.rises.append(float(np.partition(rise, -6)[-6]))  # brighter pixels may be faults of the sensor
@@ -106,7 +106,7 @@ def _shape(image: Image, row: FloatArray) -> tuple[float, Array]:
 
 
 def _velocities(ids: IntArray, numbers: IntArray, pixels: Array, times_s: Array) -> Array:
-    """Return velocities (N, 2) from the images before and after, NaN if the spot is missing there."""
+    """Return velocities (N, 2) from the previous and next image, NaN if the spot is missing there."""
     place = {
         (track, number): row for row, (track, number) in enumerate(zip(ids.tolist(), numbers.tolist(), strict=True))
     }

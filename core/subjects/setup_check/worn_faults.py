@@ -1,4 +1,4 @@
-"""Faults that a performer in a T pose shows: a missing marker, a wrong scale."""
+"""Faults that a performer in a T pose reveals: a missing marker, a wrong scale."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from .finding import Fault, Finding
 
 @dataclass(frozen=True)
 class TPoseSettings:
-    """Settings of the faults that a T pose shows."""
+    """Settings for the faults that a T pose reveals."""
 
-    sizes: tuple[float, ...] = (1.0, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0)  # tried scales of the world
+    sizes: tuple[float, ...] = (1.0, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0)  # scales of the world to try
     like_pose_m: float = 0.05  # RMS distance from a T pose
-    searched: int = 16  # moments
+    searched: int = 16  # number of moments searched
     fewest_markers: int = 4
     fewest_moments: int = 3
-    never: float = 0.2  # largest share of the moments that show a missing marker
+    never: float = 0.2  # largest share of the moments in which a missing marker may appear
     near_px: float = 25.0  # distance of a blob that may be an expected marker
     known_scale: float = 0.10  # largest deviation of the scale if the height is known,
     unknown_scale: float = 0.22  # and if it is not
@@ -40,7 +40,7 @@ class TPose:
     """A performer recognised in a T pose.
 
     Args:
-        size: Scale of the world, 1 if it is right.
+        size: Scale of the world, 1 if it is correct.
         labelled: Mask (M,) of the markers found as points.
         markers_m: Expected positions (M, 3) of the markers in world axes.
     """
@@ -73,7 +73,7 @@ def _count(poses: Sequence[tuple[MarkerFrame, TPose]]) -> int:
 
 
 def _recognise(points_m: Array, template_m: Array, size: float) -> TPose | None:
-    """Return the T pose that points show in a world of a size, or None for another pose."""
+    """Return the T pose that points show in a world of a given scale, or None for another pose."""
     labels = label_by_template(points_m / size, template_m)
     known = np.flatnonzero(labels >= 0)
     if len(known) < SETTINGS.fewest_markers:
@@ -118,7 +118,7 @@ def missing_fault(rig: CameraRig, poses: Sequence[tuple[MarkerFrame, TPose]], ma
 
 
 def _has_blob(rig: CameraRig, frame: MarkerFrame, pose: TPose) -> Mask:
-    """Return a mask (M,) of the markers with an unused blob near their expected place."""
+    """Return a mask (M,) of the markers with an unused blob near their expected position."""
     found = np.zeros(len(pose.markers_m), dtype=bool)
     for camera, view in enumerate(rig.cameras):
         free = np.setdiff1d(np.arange(len(frame.blobs[camera])), frame.point_blobs[:, camera])
