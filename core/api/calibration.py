@@ -1,12 +1,13 @@
 """Calibration of cameras and performers, for commands and scripts."""
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..body.standard_skeleton import default_skeleton
 from ..database.store import Database
-from ..errors import SettingsError
+from ..errors import SettingsError, SubjectError
 from ..labelling.take_import import import_take
 from ..markers.label_faults import correct_labels
 from ..markers.label_matching import AUTO
@@ -15,7 +16,7 @@ from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from ..subjects import pose_calibration
-from ..subjects.from_motion import subject_from_motion
+from ..subjects.from_motion import fitted_body, subject_from_motion
 from ..subjects.marker_placement import place_markers
 from ..subjects.pose_calibration import SubjectCalibration, calibrate_markers, calibration_points, pose_points
 from ..subjects.prototype_bodies import load_bodies
@@ -123,6 +124,8 @@ def fit_subject(
     take = import_take(take, worn, "auto")
     if not is_unnamed(take):
         take, _ = correct_labels(take, start)
-    if marker_set == AUTO:
+    if marker_set == AUTO and not set(take.names) <= set(worn.names):
+        with contextlib.suppress(SubjectError):  # unknown markers would adapt to a body of the wrong size
+            start = fitted_body(take, start, database, progress)
         start = place_markers(take, start, database, progress)
     return subject_from_motion(take, start, database, progress)

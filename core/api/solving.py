@@ -193,7 +193,7 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
     held = f"no marker holds the {', the '.join(lacking)}: {'it is' if len(lacking) == 1 else 'they are'} guessed"
     findings = [Reason(ReasonKind.LIMB, held)] if lacking else []
-    share = 1.0 - len(lacking) / len(LIMBS)
+    share = max(0.0, 1.0 - len(lacking) / len(LIMBS))
     poses = tuple(
         replace(pose, performers=tuple(replace(each, confidence=share * each.confidence) for each in pose.performers))
         for pose in solved.poses

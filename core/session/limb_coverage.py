@@ -10,7 +10,7 @@ import numpy as np
 from ..body.body_parts import PART_JOINTS
 from ..body.motion import Motion
 from ..body.skeleton import forward_kinematics
-from ..body.standard_skeleton import JOINT_NAMES
+from ..body.standard_skeleton import JOINT_NAMES, SPINE_JOINTS
 from ..geometry.arrays import Array, evenly
 from ..markers.marker_set import MarkerSet
 
@@ -21,6 +21,7 @@ LIMBS = {
     for side in ("left", "right")
     for limb, joints in _LIMBS.items()
 }
+_HELD = LIMBS | {"trunk": (*SPINE_JOINTS, *(side + joint for side in "lr" for joint in ("clavicle", "humerus")))}
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def coverage_text(marker_set: MarkerSet, shown: Sequence[str], lacking: Sequence
 
 
 def open_limbs(marker_set: MarkerSet, names: Sequence[str]) -> list[str]:
-    """Return the limbs that the markers `names` leave undetermined although the complete set determines them."""
+    """Return the limbs, and the trunk, that the complete set determines, but not its markers `names` alone."""
     carried = {marker.joint for marker in marker_set.markers}
     shown = {marker.joint for marker in marker_set.markers if marker.name in names}
-    return [limb for limb, joints in LIMBS.items() if carried & set(joints) and not shown & set(joints)]
+    return [limb for limb, joints in _HELD.items() if carried & set(joints) and not shown & set(joints)]

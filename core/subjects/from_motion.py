@@ -64,10 +64,19 @@ def subject_from_motion(
         SubjectError: Too few frames could be explained.
         TakeError: The take lacks torso markers.
     """
+    subject = fitted_body(take, start, database, progress)
+    if start.marker_set.points is PointKind.KEYPOINTS:  # their errors would be mistaken for those of bones
+        return subject
+    with contextlib.suppress(SubjectError):  # the motion is unlike the database
+        subject = refine_body(take, subject, database).subject
+    return subject
+
+
+def fitted_body(take: MarkerTake, start: Subject, database: Database, progress: Progress = no_progress) -> Subject:
+    """Return the subject without the final correction; arguments and errors are those of `subject_from_motion`."""
     part = frames_of(take, _telling_frames(observed_positions(take, start.marker_set), start.marker_set.torso))
     observed = observed_positions(part, start.marker_set)
-    is_keypoints = start.marker_set.points is PointKind.KEYPOINTS
-    if is_keypoints:
+    if start.marker_set.points is PointKind.KEYPOINTS:
         start = sized_by_distances(start, observed_positions(take, start.marker_set))
     subject = start
     for round_ in range(SETTINGS.rounds):
@@ -77,10 +86,6 @@ def subject_from_motion(
         if used < SETTINGS.fewest_frames:
             raise _refusal(used, observed[:, start.marker_set.torso], take)
         subject = _fitted(rotations[good], observed[good], start, noise_of(start.marker_set.points))
-    if is_keypoints:  # their errors would be mistaken for those of bones
-        return subject
-    with contextlib.suppress(SubjectError):  # the motion is unlike the database
-        subject = refine_body(take, subject, database).subject
     return subject
 
 

@@ -37,6 +37,7 @@ class PlacementSettings:
     moved_share: float = 0.5  # share of each update of the positions: along a limb, they can drift with the poses
     spread_m: float = 0.02  # usual spread of a marker's position on its bone: skin, and error of the poses
     flesh_m: float = 0.08  # usual distance of a marker from its bone
+    explained: float = 2.0  # cost of a marker on a determined bone, below which it is on no undetermined limb
     largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
     farthest_m: float = 0.2  # largest distance of a worn marker from its bone
     capped_m: float = 0.3  # limit of each distance in the cost of a limb's fit
@@ -131,10 +132,12 @@ def _first_places(
     is_open = skeleton.is_ancestor[:, [limb.first for limb in limbs]].any(axis=1)
     costs, offsets_m = _costs(local_m, skeleton)
     costs[:, is_open] = np.inf
+    free = ~(costs.min(axis=1) < _S.explained)
     bones_m = np.linalg.norm(local_m - _nearest_on_bones(local_m, skeleton), axis=-1)
     bones_m[:, :, is_open] = np.inf
     for limb in limbs:
-        _lay(limb, skeleton, points_m, positions_m[:, limb.first], bones_m.min(axis=2), costs, offsets_m)
+        laid = np.where(free[:, None], points_m, np.nan)
+        _lay(limb, skeleton, laid, positions_m[:, limb.first], bones_m.min(axis=2), costs, offsets_m)
     return _chosen(costs, offsets_m, skeleton, unknown)
 
 

@@ -5,8 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from perfanim.core.api.calibration import fit_subject
-from perfanim.core.api.solving import solve_markers
+from perfanim.core.api.solving import solve
 from perfanim.core.api.take_reading import choose_worn, fit_take, read_labelled
 from perfanim.core.body.body_parts import PART_JOINTS
 from perfanim.core.body.skeleton import forward_kinematics
@@ -15,7 +14,8 @@ from perfanim.core.errors import FormatError, PerfanimError
 from perfanim.core.formats.markers.marker_files import READABLE
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, Image, evenly
-from perfanim.core.markers.label_matching import AUTO
+from perfanim.core.markers.label_matching import AUTO, normalise_label
+from perfanim.core.markers.marker_set import MarkerSet
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.session.solved_take import SolvedTake
 from perfanim.core.subjects.from_motion import frames_of
@@ -23,6 +23,17 @@ from perfanim.core.subjects.from_motion import frames_of
 from .run import Run
 
 _FOLDERS = ("c3d", "trc")
+# joint -> labels of its centre in files of Plug-in Gait, of Davis' protocol, and of others
+_CENTRES = {
+    side + joint: [side + ending for ending in endings]
+    for side in "lr"
+    for joint, endings in {
+        "femur": ("fep", "hjc", "hip"),
+        "tibia": ("feo", "kjc", "knee"),
+        "foot": ("tio", "ajc", "ankle"),
+    }.items()
+}
+_COLUMNS = ("frames", "markers", "set", "known", "placed", "left_out", "residual_mm", "joints_mm", "moved_mm")
 _POSES = 6  # in a picture
 _CELL = (200, 240)  # pixels, width and height
 _TALL_M = 2.2  # height that a cell shows
@@ -44,7 +55,8 @@ def marker_takes(run: Run, frames: int | None = None, only_takes: list[str] | No
         only_takes: Texts of which a take's path has one; default all takes.
 
     Returns:
-        rows (take, frames, markers, set, known, placed, left_out, residual_mm, millimetres of each limb, verdict, or
+        rows (take, frames, markers, set, known, placed, left_out, residual_mm, joints_mm from the centres that the file
+        has itself, moved_mm of the known marker farthest from its usual place, millimetres of each limb, verdict, or
         refusal in its place), outputs.
 
     Raises:
@@ -68,7 +80,7 @@ def marker_takes(run: Run, frames: int | None = None, only_takes: list[str] | No
 def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int | None) -> dict[str, Any]:
     """Return the row of a take, in the other process."""
     name = str(path.relative_to(folder))
-    empty = dict.fromkeys(("frames", "markers", "set", "known", "placed", "left_out", "residual_mm", *PART_JOINTS), "")
+    empty = dict.fromkeys((*_COLUMNS, *PART_JOINTS), "")
     row: dict[str, Any] = {"take": name, **empty, "verdict": "", "refusal": ""}
     try:
         read = read_labelled(path, None)
@@ -76,9 +88,7 @@ def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int |
         worn = choose_worn(AUTO, read, str(path))
         row["set"] = worn.name
         take = fit_take(_middle(read, frames), worn, "auto")
-        opened = open_database(database)
-        subject = fit_subject(take, opened)
-        solved = solve_markers(take, subject, opened)
+        solved = solve(take, None, open_database(database))
     except PerfanimError as error:
         return row | {"refusal": str(error).replace(str(folder), "")}
     limbs = solved.verdict.limbs
@@ -86,7 +96,37 @@ def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int |
     row |= {limb.limb: round(1e3 * limb.distance_m, 1) for limb in limbs if limb.markers}
     picture = pictures / f"{name.replace('/', '_')}.png"
     cv2.imencode(".png", _picture(solved))[1].tofile(str(picture))
-    return row | {"residual_mm": round(1e3 * subject.residual_m, 1), "verdict": solved.verdict.text}
+    row["joints_mm"], row["moved_mm"] = _joints_mm(solved, take), _moved_mm(solved, worn)
+    return row | {"residual_mm": round(solved.report["residual_mm"], 1), "verdict": solved.verdict.text}
+
+
+def _moved_mm(solved: SolvedTake, usual: MarkerSet) -> str:
+    """Return the known marker that was found farthest from its usual place, and how far."""
+    assert solved.setup is not None  # noqa: S101 - it was solved here
+    found = {marker.name: marker.offset_m for marker in solved.setup.performers[0].marker_set.markers}
+    moved_m = {
+        marker.name: float(np.linalg.norm(np.subtract(found[marker.name], marker.offset_m)))
+        for marker in usual.markers
+        if marker.offset_m is not None and found.get(marker.name) is not None
+    }
+    farthest = max(moved_m, key=moved_m.__getitem__)
+    return f"{farthest} {1e3 * moved_m[farthest]:.0f}"
+
+
+def _joints_mm(solved: SolvedTake, take: MarkerTake) -> float | str:
+    """Return the median distance of solved joints from the centres that the file's own program computed, "" without."""
+    motion, poses = solved.motion, solved.poses_of()
+    rotations, roots_m = (
+        np.array([pose.rotations for pose in poses]),
+        np.array([pose.root_position_m for pose in poses]),
+    )
+    joints_m = forward_kinematics(motion.skeleton, rotations, roots_m)[0]
+    labels = {normalise_label(name.rpartition(":")[2]): at for at, name in enumerate(take.names)}
+    known = {joint: [labels[name] for name in names if name in labels][:1] for joint, names in _CENTRES.items()}
+    if not all(known.values()):
+        return ""
+    apart = [take.positions_m[:, at] - joints_m[:, motion.skeleton.index(joint)] for joint, (at,) in known.items()]
+    return round(1e3 * float(np.nanmedian(np.linalg.norm(apart, axis=-1))), 1)
 
 
 def _middle(take: MarkerTake, frames: int | None) -> MarkerTake:

@@ -42,6 +42,8 @@ def test_a_limb_without_markers_beyond_its_hinge_is_open():
     assert open_limbs(SUIT, [*worn, "LUPA"]) == ["left arm"]
     legs = SUIT.worn([name for name in worn if not name.startswith("R")])
     assert open_limbs(legs, legs.names) == []  # the set itself leaves the arms to the database
+    lower = [marker.name for marker in SUIT.markers if marker.joint == "root" or marker.joint[1:] in ("tibia", "foot")]
+    assert open_limbs(SUIT, lower) == ["left arm", "right arm", "trunk"]
 
 
 def test_an_open_limb_is_told_and_lowers_the_confidence(take, walker, database):

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from perfanim.core.body.motion import sliced
+from perfanim.core.body.calibration_poses import standing
+from perfanim.core.body.motion import Motion, sliced
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.markers.label_matching import rename_labels
 from perfanim.core.markers.marker_set import load_marker_set
@@ -47,6 +48,21 @@ def test_unknown_markers_are_placed_on_the_bones_that_carry_them(renamed, placed
         joint = markers[label].joint
         assert joint[0] == true_name[0].lower(), (true_name, joint)
         assert joint[1:] in (("femur", "tibia") if true_name == "LKNE" else ARM), (true_name, joint)
+
+
+def test_markers_on_an_arm_lay_no_leg_that_has_none(truth, walker, database):
+    legs = [marker.name for marker in SUIT.markers if marker.joint[1:] in ("femur", "tibia", "foot", "toes")]
+    arms = {side + name: f"X{side}{name}" for side in "LR" for name in ("FRM", "WRA")}
+    pose = standing(truth.skeleton)
+    still = Motion("still", 60.0, truth.skeleton, np.tile(pose, (60, 1, 1)), np.tile([0.0, 1.0, 0.0], (60, 1)))
+    take = simulate_markers(still, SUIT, noise_mm=1.0, seed=2)[0]
+    upper = [i for i, name in enumerate(take.names) if name not in legs]
+    names = tuple(take.names[i] for i in upper)
+    take = rename_labels(replace(take, names=names, positions_m=take.positions_m[:, upper]), arms)
+    found = place_markers(take, walker, database).marker_set.markers
+    joints = {marker.name: marker.joint for marker in found if marker.placed}
+    assert set(joints) == set(arms.values())
+    assert all(joint[1:] in ARM for joint in joints.values())
 
 
 def test_markers_that_are_rarely_seen_are_not_placed_and_do_not_disturb_the_others(renamed, walker, database):
