@@ -19,6 +19,7 @@ from ..body.clock import Clock, clock_of
 from ..body.motion import Motion
 from ..body.pose_notes import NoteKind
 from ..body.scene_pose import PerformerPose
+from ..body.skeleton import forward_kinematics
 from ..database.store import pose_from_rotations
 from ..formats.markers.recorded_take import take_of_poses
 from ..geometry import rotations as rot
@@ -42,6 +43,7 @@ _WEIGHT_S = 0.25  # standard deviation of the time window in which these errors 
 _UNKNOWN_DEG = 90.0  # assumed for parts with an unknown error
 _SMOOTH_HZ = 8.0  # cut-off for the trajectory of whatever no marker shows
 _CALM_SHARE = 0.27  # highest cut-off for the fitted poses, which follow remaining marker noise, share of the frame rate
+_CALM_STEP_HZ = 0.25  # step between the cut-offs that are tried
 _REPORT_EVERY = 30  # frames between two reports of progress
 _TOGETHER = 128  # frames for which priors or fits are computed at once
 _TORSO = list(PARTS).index("torso")  # part that contains the root
@@ -130,10 +132,22 @@ class TwoWaySolver:
         return fitted
 
     def _calm(self, poses: list[PerformerPose], clock: Clock) -> list[PerformerPose]:
-        """Return the poses of a stretch without jitter faster than bodies move."""
-        rotations = np.array([pose.rotations for pose in poses])
+        """Return the poses of a stretch without jitter faster than this body moves.
+
+        The cut-off falls while that changes no joint by more than the source's lasting errors hide.
+        """
+        rotations, roots_m = (
+            np.array([getattr(pose, of) for pose in poses]) for of in ("rotations", "root_position_m")
+        )
         cutoff_hz = min(self._source.calm_hz, _CALM_SHARE * clock.fps)
-        motion = self._low_passed(rotations, np.array([pose.root_position_m for pose in poses]), clock, cutoff_hz)
+        motion = self._low_passed(rotations, roots_m, clock, cutoff_hz)
+        moving_m = _joints_m(motion)
+        while (cutoff_hz := cutoff_hz - _CALM_STEP_HZ) >= self._source.calmest_hz:
+            calmer = self._low_passed(rotations, roots_m, clock, cutoff_hz)
+            changes_m = np.sqrt(np.mean(np.sum((_joints_m(calmer) - moving_m) ** 2, axis=-1), axis=0))
+            if changes_m.max() > self._source.calmed_m:
+                break
+            motion = calmer
         shown = zip(poses, motion.rotations, motion.root_positions_m, strict=True)
         return [replace(pose, rotations=turns, root_position_m=root_m) for pose, turns, root_m in shown]
 
@@ -143,6 +157,10 @@ class TwoWaySolver:
         if clock.fps > 2.0 * cutoff_hz:
             poses = smooth_poses(clock, *poses, cutoff_hz)
         return Motion("", clock.fps, self._solver.subject.skeleton, *poses)
+
+
+def _joints_m(motion: Motion) -> Array:
+    return forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
 
 
 def _has_note(pose: PerformerPose, *kinds: NoteKind) -> bool:

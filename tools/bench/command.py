@@ -34,7 +34,8 @@ _BENCHES = {
         "cuts, a T pose before takes, noise and unseen subjects; worst frames", options=("full", "only", "seed")
     ),
     "suits": _Bench(
-        "recorded suits solved with nine of their markers: distance of the others", options=("suits", "baseline")
+        "recorded suits solved with nine of their markers: distance of the others; simulated keypoints",
+        options=("suits", "baseline"),
     ),
     "marker-takes": _Bench(
         "every marker take of a folder, solved without any setting: suit, coverage, fit, verdict, picture",

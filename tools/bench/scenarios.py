@@ -110,6 +110,16 @@ SUITS = {
     "gait": "trc/BTKData/TRCSamples/Gait.trc",
     "ballet": "trc/BTKData/TRCSamples/MOTEK/ballet_reduced.trc",
 }
+# people whom no database of these takes holds, each seen as the points of a markerless tool; the settings of keypoints
+# were chosen on 07_01, 14_02, 14_08, 49_04, 49_10, 13_30, 91_47 and 135_05
+KEYPOINT_TAKES = (
+    (Take("walk (07_08)", "07_08"), "coco-17"),
+    (Take("figure eight (91_01)", "91_01", 0.4, 0.6), "blazepose-33"),
+    (Take("jumping jacks and squats (13_29)", "13_29", 0.05, 0.15), "halpe-26"),
+    (Take("karate (135_11)", "135_11", 0.3, 0.5), "body-25"),
+    (Take("hop on one foot (49_02)", "49_02", 0.3, 0.5), "opencap"),
+    (Take("climb steps (14_21)", "14_21", 0.2, 0.6), "halpe-26"),
+)
 # CMU subjects that the settings of label faults were chosen on
 LABELS_CHOSEN_ON = ("05", "14", "16", "127", "135")
 # faults of labels by the marker set that they are put into, see `with_faults`

@@ -1,4 +1,4 @@
-"""People in suits of many markers, solved with nine: how far off the others are."""
+"""People in suits of many markers, solved with nine: how far off the others are. Keypoints beside them."""
 
 import json
 from pathlib import Path
@@ -9,6 +9,7 @@ from perfanim.core import PACKAGE_ROOT
 from perfanim.core.errors import FormatError
 
 from .baseline import Baseline
+from .keypoints import keypoints
 from .run import Rows, Run
 from .scenarios import BASELINE, CMU, LIVE, OFFLINE, SUITS
 from .tables import geometric_mean, interval
@@ -35,7 +36,7 @@ def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> 
 
     Returns:
         rows (take, method, used markers, left_out_rms_mm), ratios (to the other version: geometric mean with its 95 %
-        interval, worst take), missing (takes that the folder lacks), outputs.
+        interval, worst take), missing (takes that the folder lacks), keypoints (see `keypoints`), outputs.
 
     Raises:
         FormatError: The folder holds none of the takes.
@@ -55,7 +56,8 @@ def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> 
     rows = [row for each in run.each("suits", _solve, jobs, lambda rows: rows) for row in each]
     figures: dict[str, Any] = {"rows": rows, "ratios": [_ratio(rows, way) for way in (LIVE, OFFLINE)] if theirs else []}
     figures["missing"] = [name for name in SUITS if name not in there]
-    return run.write("suits", figures, {"": rows})
+    figures["keypoints"], strips = keypoints(run)
+    return run.write("suits", figures, {"": rows, "keypoints": figures["keypoints"]}, strips)
 
 
 def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folder: Path) -> list[dict[str, Any]]:

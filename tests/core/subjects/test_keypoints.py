@@ -1,17 +1,20 @@
 """Keypoints of a person whom nobody measured: body, poses and confidence, with errors of centimetres."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take
+from perfanim.core.simulate.simulated_keypoints import KeypointErrors, simulate_keypoints
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.from_motion import subject_from_motion
 from perfanim.core.subjects.keypoint_bones import sized_by_distances
-from simulated_keypoints import simulate_keypoints
 
 FRAMES = 90
 
@@ -53,6 +56,17 @@ def test_bones_come_from_the_distances_of_joints(fitted, walk):
         assert found == pytest.approx(true, rel=0.06), name
     sides = [np.linalg.norm(fitted.skeleton.offsets_m[fitted.skeleton.index(side + "tibia")]) for side in "lr"]
     assert sides[0] == pytest.approx(sides[1], rel=1e-6)
+
+
+def test_a_calm_body_is_smoothed_more_than_a_moving_one(walk, database):
+    still = replace(walk, rotations=walk.rotations[:1].repeat(FRAMES, 0), root_positions_m=0.0 * walk.root_positions_m)
+    subject, shares = Subject("walker", walk.skeleton, load_marker_set("halpe-26")), []
+    for motion in (walk, still):
+        take = simulate_keypoints(motion, subject.marker_set, 5, KeypointErrors(slow_m=0.01, fast_m=0.002))
+        solved = solve_take(take, subject, database, SolveSettings(), lambda *_: None).motion
+        joints_m = forward_kinematics(solved.skeleton, solved.rotations, solved.root_positions_m)[0]
+        shares.append(third_differences_m(joints_m) / third_differences_m(take.positions_m))
+    assert shares[1] < 0.5 * shares[0]
 
 
 @pytest.mark.parametrize("causal", [True, False])

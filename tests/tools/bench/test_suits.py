@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from bench.run import Run
+from bench.scenarios import Take
 from bench.suits import suits
 from perfanim.core.body.motion import sliced
 from perfanim.core.errors import FormatError
@@ -18,7 +19,7 @@ def data(embedded_motion, tmp_path):
     """Folder with two clips as CMU's and a walk in a suit."""
     folder = tmp_path / "data"
     (folder / "cmu").mkdir(parents=True)
-    for trial, name in (("16_15", "walking-01-neutral"), ("16_17", "walking-03-relaxed")):
+    for trial, name in (("16_15", "walking-01-neutral"), ("35_01", "walking-03-relaxed")):
         write_bvh(sliced(embedded_motion[name], 0, 40), folder / "cmu" / f"{trial}.bvh")
     walk = sliced(embedded_motion["walking-02-energetic"], 10, 40)
     write_take(simulate_markers(walk, load_marker_set("plug-in-gait"))[0], folder / "walk.trc")
@@ -27,6 +28,7 @@ def data(embedded_motion, tmp_path):
 
 def test_suits_are_solved_with_the_same_nine_markers_by_both_versions(data, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.suits.SUITS", {"walk": "walk.trc", "run": "run.trc"})
+    monkeypatch.setattr("bench.keypoints.KEYPOINT_TAKES", ((Take("walk", "16_15"), "halpe-26"),))
     figures = suits(Run(data, tmp_path, 1), Path(__file__).parents[3])
     rows = {row["method"]: row for row in figures["rows"]}
     assert set(rows) == {"live", "offline", "best of the other version"}
@@ -37,6 +39,10 @@ def test_suits_are_solved_with_the_same_nine_markers_by_both_versions(data, tmp_
     # this checkout stands in for the other version: offline is as it is
     assert by_way["offline"]["left_out"] == pytest.approx(1.0, abs=0.05)
     assert by_way["live"]["worst"] == by_way["live"]["left_out"]
+    keypoints = {row["way"]: row for row in figures["keypoints"]}
+    assert keypoints["offline"]["jitter_of_points"] < 0.1 and keypoints["offline"]["mpjpe_mm"] < 100.0
+    assert keypoints["offline"]["tilt_deg"] < 15.0 and abs(keypoints["offline"]["feet_above_mm"]) < 60.0
+    assert figures["outputs"][-1].endswith("keypoint-strips.png")
 
 
 def test_a_folder_without_suits_is_told(tmp_path):

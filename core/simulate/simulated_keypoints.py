@@ -3,10 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from perfanim.core.body.motion import Motion
-from perfanim.core.markers.marker_set import MarkerSet
-from perfanim.core.markers.marker_take import MarkerTake
-from perfanim.core.simulate.simulated_markers import simulate_markers
+
+from ..body.motion import Motion
+from ..markers.marker_set import MarkerSet
+from ..markers.marker_take import MarkerTake
+from .simulated_markers import simulate_markers
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,12 @@ USUAL = KeypointErrors()
 def simulate_keypoints(
     motion: Motion, keypoints: MarkerSet, seed: int = 0, errors: KeypointErrors = USUAL
 ) -> MarkerTake:
-    """Return the keypoints of a moving person with a random person's offsets and errors."""
+    """Return the keypoints of a moving person with a random person's offsets and errors.
+
+    Args:
+        keypoints: Set of keypoints with their usual offsets.
+        seed: Seed of the offsets and errors.
+    """
     random = np.random.default_rng(seed)
     count = len(keypoints)
     own = random.normal(size=(count, 3))
