@@ -1,4 +1,4 @@
-"""The Blender side: thin operators and panels over `core`."""
+"""The Blender side: thin operators and panels on top of `core`."""
 
 from .registration import register, unregister
 

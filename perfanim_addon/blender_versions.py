@@ -1,7 +1,7 @@
 """Parts of Blender's API that differ between the supported versions.
 
-Up to Blender 4.3 an action holds its curves itself, from 4.4 on in a channel bag per slot; `Action.fcurves` is gone in
-5.0.
+Up to Blender 4.3 an action holds its curves itself, from 4.4 on in one channel bag per slot; `Action.fcurves` was
+removed in 5.0.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,7 +22,7 @@ def new_channels(action: bpy.types.Action, animated: bpy.types.Object) -> Any:
 
 
 def new_curve(channels: Any, path: str, component: int, group: str) -> bpy.types.FCurve:
-    """Add the curve of one property component to a curve container."""
+    """Add the curve for one component of a property to a curve container."""
     if not _HAS_SLOTS:
         return channels.fcurves.new(path, index=component, action_group=group)
     curve = channels.fcurves.new(path, index=component)
@@ -31,7 +31,7 @@ def new_curve(channels: Any, path: str, component: int, group: str) -> bpy.types
 
 
 def slot_of(animated: bpy.types.AnimData | bpy.types.NlaStrip) -> Any:
-    """Return the slot of the action that is played, or None before 4.4."""
+    """Return the slot of the action that is being played, or None before 4.4."""
     return animated.action_slot if _HAS_SLOTS else None
 
 
@@ -41,7 +41,7 @@ def first_slot(action: bpy.types.Action) -> Any:
 
 
 def set_slot(animated: bpy.types.AnimData | bpy.types.NlaStrip, slot: Any) -> None:
-    """Play a slot of the action; None leaves the choice to Blender."""
+    """Play a slot of the action; None lets Blender choose."""
     if slot is not None:
         animated.action_slot = slot
 
@@ -64,7 +64,7 @@ def curves_of(action: bpy.types.Action, slot: Any) -> list[bpy.types.FCurve]:
 
 
 def action_curves(animated: bpy.types.Object) -> list[bpy.types.FCurve]:
-    """Return the curves of an object's action, none without one."""
+    """Return the curves of an object's action, none if it has no action."""
     animation = animated.animation_data
     if animation is None or animation.action is None:
         return []
@@ -77,21 +77,21 @@ def by_channel(curves: Iterable[bpy.types.FCurve]) -> dict[tuple[str, int], bpy.
 
 
 def detach_action(animation: bpy.types.AnimData) -> None:
-    """Detach the active action, if any; a fake user keeps it in the file."""
+    """Detach the active action, if there is one; a fake user keeps it in the file."""
     if animation.action is not None:
         animation.action.use_fake_user = True
         animation.action = None
 
 
 def assign(animation: bpy.types.AnimData, action: bpy.types.Action) -> None:
-    """Make an action the active one; the earlier one stays in the file."""
+    """Make an action the active one; the previous one stays in the file."""
     detach_action(animation)
     animation.action = action
     set_slot(animation, first_slot(action))
 
 
 def played(animated: bpy.types.Object) -> tuple[Any, ...] | None:
-    """Return an object's animation for `play`, None without any."""
+    """Return an object's animation for `play`, or None if there is none."""
     animation = animated.animation_data
     return None if animation is None else (animation.action, slot_of(animation), animation.use_nla)
 

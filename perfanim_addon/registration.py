@@ -1,7 +1,7 @@
 """Registration in two steps.
 
 Preferences and diagnostics come first and need only Blender and the standard library; the rest needs numpy and the
-bundled scipy. If the rest fails, the first step stays, and the sidebar shows the error.
+bundled scipy. If the rest fails, the first step remains, and the sidebar shows the error.
 """
 
 import traceback
@@ -63,14 +63,14 @@ _undo: list[Callable[[], None]] = []
 
 
 def register() -> None:
-    """Register everything; with a broken library, preferences and diagnostics only."""
+    """Register everything; if a library is broken, only preferences and diagnostics."""
     _add_all((preferences, diagnostics_ui, manual))
     diagnostics.problem = ""
     count = len(_undo)
     try:
         _add_all(_other_modules())
         clean_up()
-    except Exception as error:  # a broken library may raise anything
+    except Exception as error:  # a broken library may raise any exception
         traceback.print_exc()
         _remove_down_to(count)
         name = error.name if isinstance(error, ImportError) else None

@@ -14,13 +14,13 @@ from ..core.session.pose_filters import FilterSettings
 from ..core.system.lock import is_locked
 from .preferences.paths import user_folder
 
-RECOVERED_SUFFIX = ".cut"  # of damaged files that were recovered
-_DELETED = "deleted"  # trash folder
+RECOVERED_SUFFIX = ".cut"  # suffix of damaged files that were recovered
+_DELETED = "deleted"  # name of the trash folder
 
 
 @dataclass
 class _Known:
-    """Content of the folder at the last reading."""
+    """Contents of the folder when it was last read."""
 
     stamp: int = -1
     takes: list[TakeSummary] = field(default_factory=list)
@@ -38,14 +38,14 @@ def folder() -> Path:
 
 
 def new_path() -> Path:
-    """Return an unused file, named after the present time."""
+    """Return an unused file, named after the current time."""
     return unused_path(folder(), datetime.now().astimezone().strftime("%Y-%m-%d %H.%M.%S"))
 
 
 def listed() -> list[TakeSummary]:
     """Return the takes, newest first, without empty ones and those being recorded.
 
-    Panels ask often: the folder is read again only after a change of its entries or `forget`.
+    Panels ask often: the folder is only read again after a change of its entries, or after `forget`.
     """
     try:
         stamp = folder().stat().st_mtime_ns
@@ -60,7 +60,7 @@ def listed() -> list[TakeSummary]:
 
 
 def disk_space() -> tuple[int, int]:
-    """Return the bytes of the listed takes, and of the files in the trash."""
+    """Return the size of the listed takes, and of the files in the trash, in bytes."""
     listed()
     return _known.bytes, _known.gone_bytes
 
@@ -79,7 +79,7 @@ def forget() -> None:
 def cut_off() -> list[TakeSummary]:
     """Return the takes to offer for recovery, newest first.
 
-    Either their worker died, so that they have no end mark, or they outlived Blender and were not played since.
+    Either their worker died, so that they have no end mark, or they outlived Blender and have not been used since.
     """
     return [take for take in listed() if not take.complete or (take.orphaned and not take.notes.played)]
 
@@ -95,7 +95,7 @@ def mark_captured(path: Path | str, filters: FilterSettings, recorded: tuple[int
 
 
 def mark_played(path: Path | str, character: str) -> None:
-    """Store that a take was put onto a character, and end its recovery offer; TakeError if it cannot be written."""
+    """Store that a take was put on a character, and end its recovery offer; TakeError if it cannot be written."""
     take = summarise(path)
     notes = replace(take.notes, played=take.notes.played or take.orphaned, character=character)
     if notes != take.notes:
@@ -178,7 +178,7 @@ def _is_cut_off(path: Path) -> bool:
 
 
 def _summaries(where: Path) -> list[TakeSummary]:
-    """Return the readable takes of a folder, newest first; names of temporary files begin with a dot."""
+    """Return the readable takes in a folder, newest first; names of temporary files begin with a dot."""
     found = []
     for path in sorted(where.glob(f"[!.]*{ENDING}")):
         with suppress(TakeError):
@@ -187,7 +187,7 @@ def _summaries(where: Path) -> list[TakeSummary]:
 
 
 def _created(take: TakeSummary) -> datetime:
-    """Return the start time of a take, else the time of its last change."""
+    """Return the start time of a take, or else the time of its last change."""
     try:
         return datetime.fromisoformat(take.created).astimezone(UTC)
     except ValueError:

@@ -11,7 +11,8 @@ from ..solver.solution import Solution
 from ..solver.subject_model import SubjectModel
 
 # Expected errors of parts with standard deviations of 1 degree, 1 m from the closest example; 95 % of the errors are
-# twice that. Scales and powers were fitted to 64 CMU takes that the database lacked, alone or with their performers.
+# within twice that. Scales and powers were fitted to 64 CMU takes that the database lacked, with or without their
+# performers.
 _ERRORS_DEG = {"torso": 6.2, "head": 7.7, "arm": 6.7, "hand": 13.0, "leg": 9.1, "foot": 12.4}
 _SIGMA_POWER, _NEAREST_POWER, _NEAREST_M = 0.8, 0.3, 0.01
 # The same for joints of either side, fitted to 80 frames of each of 28 CMU takes (without the take, its performer or

@@ -1,7 +1,7 @@
 """Gaussian of neighbouring poses, conditioned on the past and fitted to markers.
 
 The neighbours' poses, their earlier markers and their earlier poses have a joint Gaussian distribution, widened by a
-share of the whole database's covariance, which allows only movements of bodies (a knee bends, it does not twist). The
+share of the whole database's covariance, which allows only movements that bodies make (a knee does not twist).
 The pose given the past is a linear regression (Bishop 2006, Eq. 2.81); the continued change of pose is a second
 observation. Then pose and root are fitted together to the current markers by Gauss-Newton steps under that prior, in
 the dual form, which inverts a matrix of the size of the markers, not of the pose (iterated Kalman update, Bell and

@@ -70,7 +70,7 @@ class BestSettings:
     """Settings of "best", see `gaussian_conditioning`.
 
     Frames of other bodies are farther by `others_distance`: people move more like themselves. The known_ settings are
-    are those for a body in the database with a marker located in space: its neighbours are closer.
+    those for a body in the database with a marker located in space: its neighbours are closer.
     """
 
     neighbours: Annotated[int, About("number of neighbours, K", "", 1)] = 300

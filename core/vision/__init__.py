@@ -1,1 +1,1 @@
-"""From images to marker frames."""
+"""Vision: from images to marker frames."""

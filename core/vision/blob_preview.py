@@ -10,7 +10,7 @@ from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from .detection.blob_detector import ignored_radius_px
 
-# BGR
+# colours are BGR
 _GREEN, _ORANGE, _RED, _BROWN = (80, 255, 80), (60, 170, 255), (80, 80, 255), (40, 110, 165)
 _WHITE, _LIGHT, _GREY = (255, 255, 255), (200, 200, 200), (150, 150, 150)
 
@@ -20,8 +20,8 @@ def draw_blobs(
 ) -> None:
     """Ring detected blobs in a camera's reduced picture (BGR), in place.
 
-    Rings are green where another camera sees the blob too, orange where this one sees it alone, red where it is not
-    taken for a marker. A marker that another camera alone sees has its epipolar line, an ignored place a cross.
+    Rings are green if another camera sees the blob too, orange if only this one sees it, red if it is not taken for a
+    marker. A marker that only another camera sees gets its epipolar line, an ignored position a cross.
     """
     write_line(picture, f"threshold {thresholds[camera]:.0f}")
     cross_out(rig.cameras[camera].ignored_px.tolist(), picture, image_width)
@@ -32,7 +32,7 @@ def draw_blobs(
             source = rig.cameras[other]
             line = rig.cameras[camera].project(source.centre_m + depths_m * source.rays(seen))
             points = (line + 0.5) * scale - 0.5
-            near = np.all(np.abs(points) < 4.0 * max(picture.shape), axis=1)  # NaN is not
+            near = np.all(np.abs(points) < 4.0 * max(picture.shape), axis=1)  # false for NaN
             drawn = np.rint(points[near]).astype(np.int32).reshape(-1, 1, 2)
             cv2.polylines(picture, [drawn], False, _BROWN, 1, cv2.LINE_AA)
     in_space = set(frame.point_blobs[:, camera].tolist())
@@ -44,7 +44,7 @@ def draw_blobs(
 
 
 def cross_out(places: Sequence[Sequence[float]], picture: Image, image_width: int) -> None:
-    """Draw a cross on each ignored place of a camera's reduced picture."""
+    """Draw a cross on each ignored position in a camera's reduced picture."""
     side = round(2.0 * ignored_radius_px(image_width) * picture.shape[1] / image_width) + 4
     for place in places:
         centre = reduced(place, picture, image_width)
@@ -52,13 +52,13 @@ def cross_out(places: Sequence[Sequence[float]], picture: Image, image_width: in
 
 
 def reduced(place: Sequence[float], picture: Image, image_width: int) -> tuple[int, int]:
-    """Return the pixel of a reduced picture that shows a place of its image."""
+    """Return the pixel of a reduced picture that shows a position in its image."""
     scale = picture.shape[1] / image_width
     return round((place[0] + 0.5) * scale - 0.5), round((place[1] + 0.5) * scale - 0.5)
 
 
 def write_line(picture: Image, text: str) -> None:
-    """Write a text into the lower left corner of a camera's reduced picture."""
+    """Write a text in the lower left corner of a camera's reduced picture."""
     place = (6, picture.shape[0] - 8)
     cv2.putText(picture, text, place, cv2.FONT_HERSHEY_PLAIN, 0.9, _WHITE, 1, cv2.LINE_AA)
 

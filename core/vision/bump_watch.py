@@ -21,27 +21,27 @@ Start = Callable[..., "Future[Refinement | None]"]
 
 @dataclass(frozen=True)
 class BumpSettings:
-    """When cameras are suspected to have moved."""
+    """Conditions for suspecting that cameras have moved."""
 
-    fewest_blobs: int = 4  # fewest blobs of a moment that counts
+    fewest_blobs: int = 4  # fewest blobs in a moment that counts
     judged: int = 30  # moments whose median error is compared: half a second at 60 Hz
-    suspect_px: float = 0.9  # suspicious error; unsynchronised rolling shutters have a third to a half of it
-    suspect_s: float = 3.0  # duration after which the cameras' places are estimated
-    used: int = 60  # moments in that estimate, spread over the suspect time
+    suspect_px: float = 0.9  # suspicious error; unsynchronised rolling shutters cause a third to a half of it
+    suspect_s: float = 3.0  # duration after which the cameras' positions are estimated
+    used: int = 60  # moments used in that estimate, spread over the suspect period
     remembered_s: float = 10.0  # age of the oldest of them
-    again_s: float = 4.0  # pause after an estimate without result; doubled each time
+    again_s: float = 4.0  # pause after an unsuccessful estimate; doubled each time
 
 
 _BUMPS = BumpSettings()
 
 
 class BumpDetector:
-    """Search for moved cameras, when rays meet badly for a while.
+    """Check for moved cameras, run when rays have met badly for a while.
 
-    Clutter, a lamp or wrong times make rays meet badly, too, but no other places of the cameras improve that.
+    Clutter, a lamp or wrong times make rays meet badly, too, but other camera positions do not improve that.
 
     Args:
-        start: Begins a computation that must not delay the cameras, as `Executor.submit` does.
+        start: Starts a computation that must not delay the cameras, like `Executor.submit`.
     """
 
     def __init__(self, rig: CameraRig, start: Start) -> None:
@@ -56,10 +56,10 @@ class BumpDetector:
         self._has_warned = False
 
     def update(self, frame: MarkerFrame, errors_px: Array) -> str:
-        """Take a moment; return a warning when a bump has just been found, else "".
+        """Process a moment; return a warning if a bump has just been found, else "".
 
         Args:
-            frame: Frame with blobs of one time.
+            frame: Frame with blobs moved to one time.
             errors_px: Reprojection errors (N, C) of the points, 0 where a camera does not see one.
         """
         if len(self._rig) < 2:
@@ -105,9 +105,9 @@ class BumpDetector:
 
 
 def meeting_error_px(blobs: Sequence[FloatArray], errors_px: Array) -> float | None:
-    """Return the mean reprojection error of blobs, pixels; None with too few blobs.
+    """Return the mean reprojection error of blobs, pixels; None if there are too few blobs.
 
-    As many should match as the camera with the second most blobs has; one without a partner has the largest error.
+    As many blobs should match as the camera with the second most has; one without a partner gets the largest error.
     """
     seen = sorted(map(len, blobs))[-2]
     if seen < _BUMPS.fewest_blobs:
@@ -118,7 +118,7 @@ def meeting_error_px(blobs: Sequence[FloatArray], errors_px: Array) -> float | N
 
 
 def _refine(rig: CameraRig, moments: Sequence[Sequence[FloatArray]]) -> Refinement | None:
-    """Return the cameras' places, None with too few markers."""
+    """Return the cameras' positions; None if there are too few markers."""
     try:
         return refine_rig(rig, moments)
     except CalibrationError:

@@ -1,4 +1,4 @@
-"""Floor area where all cameras see a performer from head to foot."""
+"""Floor area in which all cameras see a performer from head to foot."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ from ..geometry.triangulation import depths
 class CommonSpace:
     """Floor positions that all cameras see, on a grid in the world."""
 
-    x_m: Array  # (X,)
-    z_m: Array  # (Z,)
-    seen: Mask  # (Z, X) places where all cameras see a whole performer
-    rectangle_m: tuple[float, float, float, float]  # largest of these: least x and z, greatest x and z; zeros without
+    x_m: Array  # (X,) of the grid's columns
+    z_m: Array  # (Z,) of the grid's rows
+    seen: Mask  # (Z, X) positions where all cameras see a whole performer
+    rectangle_m: tuple[float, float, float, float]  # largest of these: smallest x and z, largest x and z; zeros if none
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -26,9 +26,9 @@ class CommonSpace:
 
     @property
     def outline_m(self) -> Array:
-        """Closed line (K, 3) around the rectangle, on the floor; empty without one.
+        """Closed line (K, 3) around the rectangle, on the floor; empty if there is none.
 
-        Many points: lenses bend lines, and a part may lie behind the viewer.
+        It has many points, because lenses bend lines and a part may lie behind the viewer.
         """
         left, back, right, front = self.rectangle_m
         if min(self.size_m) <= 0.0:
@@ -60,7 +60,7 @@ def common_space(
         rig: Cameras in a world with the floor at y = 0.
         height_m: Height of the performer.
         around_m: Space for arms and steps on each side.
-        smallest_px: Least radius of a marker in the image that has an exact centre.
+        smallest_px: Smallest radius of a marker in the image whose centre can be measured accurately.
     """
     middle = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     steps = np.linspace(-6.0, 6.0, 241)
@@ -75,7 +75,7 @@ def common_space(
 
 
 def _largest_rectangle(seen: Mask, x_m: Array, z_m: Array) -> tuple[float, float, float, float]:
-    """Return the largest rectangle of seen cells, by histograms of open columns."""
+    """Return the largest rectangle of seen cells, using histograms of open columns."""
     best, found = 0, (0.0, 0.0, 0.0, 0.0)
     heights = np.zeros(len(x_m) + 1, dtype=np.int64)
     for row in range(len(z_m)):

@@ -1,4 +1,4 @@
-"""Marker frames of a live capture, with watches of time offsets and bumped cameras."""
+"""Marker frames of a live capture, with monitoring of time offsets and bumped cameras."""
 
 import time
 from collections import deque
@@ -20,22 +20,22 @@ Start = Callable[..., "Future[tuple[TimeOffset, ...]]"]
 
 @dataclass(frozen=True)
 class LiveSettings:
-    """How the cameras of a live capture are followed."""
+    """Settings for monitoring the cameras of a live capture."""
 
-    whole_every: int = 4  # one in so many images is searched as a whole: 50 ms at 60 Hz until a new marker is found
+    whole_every: int = 4  # every nth image is searched completely: up to 50 ms at 60 Hz until a new marker is found
     first_s: float = 4.0  # time until the first estimate of time offsets
     every_s: float = 5.0  # time between estimates
     remembered_s: float = 10.0  # age of the oldest images in an estimate
-    least_apart_s: float = 0.012  # smallest distance in time of these images
-    largest_s: float = 0.1  # largest offset; stamps are from one clock, so it is how long images are on their way
-    change_s: float = 0.012  # largest change of a certain offset
+    least_apart_s: float = 0.012  # shortest interval between these images
+    largest_s: float = 0.1  # largest offset; stamps are from one clock, so it is the delay of the images
+    change_s: float = 0.012  # largest change of an offset that counts as certain
 
 
 _LIVE = LiveSettings()
 
 
 def live_settings(threshold: float | None = None) -> DetectionSettings:
-    """Return detection settings of a live capture; the default threshold is automatic."""
+    """Return detection settings for a live capture; the default threshold is automatic."""
     return DetectionSettings(None if threshold is None else float(threshold), whole_every=_LIVE.whole_every)
 
 
@@ -45,7 +45,7 @@ def live_frames(
     """Yield the `time.perf_counter()` and the markers of each image set.
 
     Args:
-        exact: The time stamps are exact and the cameras do not move, so neither is watched.
+        exact: The time stamps are exact and the cameras do not move, so neither is monitored.
     """
     with ThreadPoolExecutor(1) as later:
         offsets = bumps = None
@@ -65,11 +65,11 @@ def live_frames(
 
 
 class TimeOffsetWatch:
-    """Estimation of the cameras' time offsets from the last seconds.
+    """Estimation of the cameras' time offsets from the last few seconds.
 
     Args:
-        aligner: Receives certain offsets.
-        start: Begins a computation that must not delay the cameras, as `Executor.submit` does.
+        aligner: Receives offsets once they are certain.
+        start: Starts a computation that must not delay the cameras, like `Executor.submit`.
     """
 
     def __init__(self, rig: CameraRig, aligner: TimeAligner, start: Start) -> None:
@@ -81,7 +81,7 @@ class TimeOffsetWatch:
         self._due_s: float | None = None
 
     def update(self, frame: MarkerFrame) -> None:
-        """Take a frame with the blobs' places in the images."""
+        """Process a frame with the blobs' positions in the images."""
         if not self._frames or frame.time_s - self._frames[-1].time_s >= _LIVE.least_apart_s:
             self._frames.append(frame)
         while frame.time_s - self._frames[0].time_s > _LIVE.remembered_s:

@@ -23,11 +23,11 @@ _NO_BLOBS = np.empty((0, 5), dtype=np.float32)
 class MarkerPipeline:
     """Detection, matching and triangulation for one rig.
 
-    Backgrounds are learned by the `learn_*` methods, or left out in the dark. An `aligner` moves the cameras' blobs to
+    Backgrounds are learned by the `learn_*` methods, or omitted in the dark. An `aligner` moves the cameras' blobs to
     one time before they are matched.
 
     Attributes:
-        mismatch: What seems to be wrong with the images: exchanged, mirrored or turned; None for nothing.
+        mismatch: What seems to be wrong with the images (exchanged, mirrored or upside down), or None.
     """
 
     def __init__(self, rig: CameraRig, detection: DetectionSettings | None = None) -> None:
@@ -42,7 +42,7 @@ class MarkerPipeline:
         self.set_backgrounds([None] * len(rig))
 
     def set_backgrounds(self, backgrounds: Sequence[Background | None]) -> None:
-        """Use a background for each camera, None in the dark."""
+        """Use a background for each camera, or None in the dark."""
         self._check_count(len(backgrounds))
         self.backgrounds = tuple(backgrounds)
         self.detectors = tuple(
@@ -70,7 +70,7 @@ class MarkerPipeline:
         """Return the blobs of one image set; none where an image is unusable.
 
         Raises:
-            CaptureError: The number or the size of the images is not the calibration's.
+            CaptureError: The number or the size of the images does not match the calibration.
         """
         self._check_count(len(images.images))
         for camera, image in zip(self.rig.cameras, images.images, strict=True):
@@ -94,7 +94,7 @@ class MarkerPipeline:
         return MarkerFrame(images.number, time_s, blobs=blobs, camera_times_s=stamps_s, notes=images.notes)
 
     def locate(self, seen: MarkerFrame) -> MarkerFrame:
-        """Return the markers of one moment from the blobs of `detect`."""
+        """Return the markers of one moment from the blobs that `detect` returned."""
         time_s, blobs = seen.time_s, seen.blobs
         if self.aligner is not None:
             time_s, blobs = self.aligner.align(time_s, seen.camera_times_s, blobs)

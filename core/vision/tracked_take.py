@@ -1,4 +1,4 @@
-"""Frames of a whole take: synchronised, triangulated again, compared with the images; the take of one camera."""
+"""Processing of a complete take's frames: synchronisation, triangulation, comparison with images, one-camera takes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,9 +19,9 @@ from .pipeline import MarkerPipeline
 def synchronise_frames(
     rig: CameraRig, frames: Sequence[MarkerFrame]
 ) -> tuple[list[MarkerFrame], tuple[TimeOffset, ...]]:
-    """Return frames with blobs of one time, triangulated again, and the time offsets.
+    """Return frames with blobs moved to one time and triangulated again, and the time offsets.
 
-    Without a certain offset, the frames stay as they are.
+    Without a certain offset, the frames are unchanged.
     """
     offsets = estimate_time_offsets(rig, frames, largest_s=0.25)
     if not any(offset.is_certain for offset in offsets):
@@ -32,10 +32,10 @@ def synchronise_frames(
 
 
 def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerFrame]:
-    """Return synchronised frames with points from the detected blobs only.
+    """Return synchronised frames with points triangulated from the detected blobs only.
 
     Raises:
-        TakeError: The frames come from another number of cameras.
+        TakeError: The frames come from a different number of cameras.
     """
     for frame in frames:
         if len(frame.detected) != len(rig):
@@ -50,7 +50,7 @@ def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerF
 
 
 def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Sequence[IntArray]) -> float:
-    """Return the RMS reprojection error of labelled points, pixels; NaN without any."""
+    """Return the RMS reprojection error of labelled points, pixels; NaN if there are none."""
     squares = []
     for frame, row in zip(frames, labels, strict=True):
         for index, camera in enumerate(rig.cameras):
@@ -62,7 +62,7 @@ def labelled_rms_px(rig: CameraRig, frames: Sequence[MarkerFrame], labels: Seque
 
 
 def image_take(frames: Sequence[MarkerFrame], rig: CameraRig, name: str, fps: float) -> MarkerTake:
-    """Return the image trajectories of one camera, those that do not overlap in one column.
+    """Return the image trajectories of one camera; those that do not overlap share a column.
 
     They are labelled when the take is solved (see `markers.take_frames`).
 

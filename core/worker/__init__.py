@@ -1,1 +1,1 @@
-"""The process that runs the cameras beside Blender."""
+"""Worker: the processes next to Blender that run cameras, solver and jobs."""

@@ -1,6 +1,6 @@
 """The worker's end of the connection to Blender.
 
-One thread sends from an unlimited queue, so that a slow Blender never makes a camera lose frames; another receives.
+One thread sends from an unlimited queue, so that a slow Blender never makes a camera lose frames; another one receives.
 """
 
 import faulthandler
@@ -43,14 +43,14 @@ def open_when_free(open_source: Callable[[], _Source], takes_place: bool, stop: 
 class Channel:
     """Connection to Blender.
 
-    Sending never waits. A STOP message sets `stop_requested`, and so does the end of Blender.
+    Sending never waits. A STOP message sets `stop_requested`; so does the end of Blender.
 
     Attributes:
         disconnected: Set once Blender has closed the connection or died.
         frames: Frames or poses sent.
         acknowledged: Frames or poses that Blender has processed.
-        progress_s: `time.monotonic()` of the job's last progress; None if the job reports none.
-        final: Content of the END message.
+        progress_s: `time.monotonic()` of the job's last progress; None if the job does not report progress.
+        final: Contents of the END message.
     """
 
     def __init__(self, port: int, token: str) -> None:
@@ -69,7 +69,7 @@ class Channel:
         self.final: dict[str, Any] = {}
         self.progress_s: float | None = None
         self._filter_settings: dict[str, Any] | None = None
-        self._times = WORKER  # at the start: tests end before the threads do
+        self._times = WORKER  # read here because tests end before the threads do
         self._socket.sendall(encode_json(MessageKind.HELLO, {"token": token, "process": os.getpid()}))
         self._sender = threading.Thread(target=self._send_loop, name="send")
         self._sender.start()
@@ -80,7 +80,7 @@ class Channel:
         return self._requests.get().json()
 
     def newest_request(self) -> dict[str, Any]:
-        """Wait for further requests; return the newest, {} when Blender is gone."""
+        """Wait for further requests; return the newest, or {} if Blender is gone."""
         message = self._requests.get()
         while not self._requests.empty():
             message = self._requests.get()
@@ -88,13 +88,13 @@ class Channel:
 
     @property
     def has_request(self) -> bool:
-        """Whether a further request waits."""
+        """Whether a further request is waiting."""
         return not self._requests.empty()
 
     def wait_for_ack(self, in_flight: int, limit_s: float | None = None) -> None:
         """Wait until at most `in_flight` frames are not acknowledged, a stop is requested, or `limit_s` has passed.
 
-        Sleeps until a message comes: polling every millisecond would take a tenth of the time that Blender needs.
+        It sleeps until a message arrives: polling every millisecond would take a tenth of the time that Blender needs.
         """
         with self._state_changed:
             self._state_changed.wait_for(
@@ -121,14 +121,14 @@ class Channel:
         self._queue.put(encode_preview(picture))
 
     def send_status(self, activity: str, fraction: float | None = None, **details: Any) -> None:
-        """Send the current activity and the fraction that is done, if known; `details` are fields of `JobStatus`."""
+        """Send the current activity and the fraction done, if known; `details` are fields of `JobStatus`."""
         self.activity = activity
         queued = self._queue.qsize()
         status = JobStatus(activity, fraction, frames=self.frames, queued=queued, **details)
         self._queue.put(encode_json(MessageKind.STATUS, table_of(status)))
 
     def send_warning(self, text: str, standing: bool = False) -> None:
-        """Send a warning; a `standing` one is replaced by the next standing one and withdrawn by ""."""
+        """Send a warning; a `standing` warning is replaced by the next standing one and withdrawn by ""."""
         self._queue.put(encode_json(MessageKind.WARNING, {"text": text, "standing": standing}))
 
     def send_result(self, summary: Mapping[str, Any]) -> None:
@@ -163,7 +163,7 @@ class Channel:
                 faulthandler.cancel_dump_traceback_later()
                 return
             if is_due:
-                data = self._heartbeat() + data  # END stays the last message
+                data = self._heartbeat() + data  # END remains the last message
             try:
                 self._socket.sendall(data)
             except OSError:  # Blender is gone
@@ -203,9 +203,9 @@ class Channel:
             try:
                 for message in decoder.feed(data):
                     self._receive(message)
-            except PerfanimError:  # the stream is unreadable from here on
+            except PerfanimError:  # the stream cannot be read from here on
                 break
-        # a job that does not end by itself would stay as an orphan
+        # a job that does not end by itself would be left behind as an orphan
         self.disconnected.set()
         self._request_stop()
         self._requests.put(Message(MessageKind.REQUEST))

@@ -1,4 +1,4 @@
-"""The process of one worker, its output kept for error messages."""
+"""The process of one worker; its output is kept for error messages."""
 
 import contextlib
 import importlib.util
@@ -17,7 +17,7 @@ from .worker_settings import WORKER
 
 
 def library_paths() -> list[str]:
-    """Return the folders of this process' libraries, for the worker to import."""
+    """Return the library folders of this process, for the worker to import from."""
     folders: list[str] = []
     for name in LIBRARIES:
         spec = importlib.util.find_spec(name)
@@ -37,7 +37,7 @@ class ChildProcess:
     """A Python process that runs `process.main`.
 
     Args:
-        python: Interpreter; by default that of this process. Not Blender's own program.
+        python: Interpreter; by default that of this process. It must not be Blender's own executable.
 
     Raises:
         CaptureError: The process could not be started.
@@ -53,7 +53,7 @@ class ChildProcess:
             raise _not_started(program, str(error.strerror)) from error
         try:
             self._send_order(port, token, job)
-        except OSError as error:  # it ended before it read its order
+        except OSError as error:  # the process ended before it read its order
             self.end(WORKER.dying_s)
             reason = f"ended at once with status {self.status}{self.last_line()}"
             self.release()
@@ -87,13 +87,13 @@ class ChildProcess:
         return self._process.poll()
 
     def last_line(self) -> str:
-        """Return ": " and the last line that the process printed; "" for none."""
+        """Return ": " and the last line that the process printed; "" if there is none."""
         self._log.seek(0)
         lines = self._log.read().decode("utf-8", "replace").strip().splitlines()
         return f": {lines[-1]}" if lines else ""
 
     def end(self, grace_s: float) -> None:
-        """Close the process' input; `grace_s` later terminate it, then kill it."""
+        """Close the process's input; `grace_s` later terminate it, then kill it."""
         self._close_input()
         for force in (self._process.terminate, self._process.kill):
             try:
@@ -117,5 +117,5 @@ class ChildProcess:
 
     def _close_input(self) -> None:
         if self._process.stdin is not None:
-            with contextlib.suppress(OSError):  # the buffer may hold bytes that the ended process has not read
+            with contextlib.suppress(OSError):  # the buffer may contain bytes that the ended process has not read
                 self._process.stdin.close()

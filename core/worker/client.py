@@ -21,7 +21,7 @@ from .worker_settings import WORKER
 
 
 class RestartPolicy:
-    """Allows a few restarts a minute, and more of a process that works."""
+    """Allows a few restarts a minute, and more for a process that works."""
 
     def __init__(self) -> None:
         self._restarts_s: deque[float] = deque(maxlen=WORKER.restarts)
@@ -31,7 +31,7 @@ class RestartPolicy:
         self._restarts_s.append(time.monotonic())
 
     def allows_restart(self, works: bool) -> bool:
-        """Return whether one more restart is not too many."""
+        """Return whether another restart is allowed."""
         is_full = len(self._restarts_s) == WORKER.restarts
         return not is_full or (works and time.monotonic() - self._restarts_s[0] >= WORKER.restarts_within_s)
 
@@ -43,7 +43,7 @@ class WorkerClient:
 
     Args:
         request: Request of the job, or its JSON object.
-        python: Interpreter; not Blender's own program.
+        python: Interpreter; must not be Blender's own executable.
 
     Raises:
         CaptureError: The process could not be started.
@@ -54,12 +54,12 @@ class WorkerClient:
         self._python = python
         self._policy = RestartPolicy()
         self._stop_asked = False
-        self.earlier_frames = 0  # frames or poses of the processes that were replaced
+        self.earlier_frames = 0  # frames or poses from the processes that were replaced
         self._launch()
 
     def _launch(self) -> None:
-        self.ended = False  # the worker has said that nothing follows
-        self._early: list[Message] = []  # messages from before the first poll
+        self.ended = False  # the worker has announced that nothing follows
+        self._early: list[Message] = []  # messages received before the first poll
         self._liveness = Liveness()
         self._connection = WorkerConnection(self._request)
         job = str(self._request.get("job", ""))
@@ -71,19 +71,19 @@ class WorkerClient:
 
     @property
     def process_id(self) -> int:
-        """Id of the present process."""
+        """Id of the current process."""
         return self._process.id
 
     @property
     def running(self) -> bool:
-        """Whether the process runs."""
+        """Whether the process is running."""
         return self._process.status is None
 
     def ask(self, after: RestartPoint | None) -> None:
         """Wait until the process takes its request; after that it works on its own.
 
         Args:
-            after: Last frame of the process before.
+            after: Last frame of the previous process.
 
         Raises:
             CaptureError: As in `poll`.
@@ -94,10 +94,10 @@ class WorkerClient:
             self._early = self.poll()
 
     def poll(self) -> list[Message]:
-        """Return all whole messages that have arrived since the last call; never waits.
+        """Return all complete messages that have arrived since the last call; never waits.
 
         Raises:
-            CaptureError: the worker died, hangs, or sent a damaged message.
+            CaptureError: The worker died, hangs, or sent a damaged message.
         """
         early, self._early = self._early, []
         if self.ended:
@@ -116,7 +116,7 @@ class WorkerClient:
 
     @property
     def slowness(self) -> float:
-        """Duration of the process' work relative to an idle machine."""
+        """Duration of the process's work relative to an idle machine."""
         return self._liveness.slowness
 
     def wait(self, limit_s: float) -> None:
@@ -125,16 +125,16 @@ class WorkerClient:
 
     @property
     def may_restart(self) -> bool:
-        """Whether a worker that died can be replaced: it, or one before it, has sent frames."""
+        """Whether a worker that died can be replaced: it, or a predecessor, has sent frames."""
         works = self._liveness.frames > 0
         return (works or self.earlier_frames > 0) and not self._stop_asked and self._policy.allows_restart(works)
 
     def restart(self, after: RestartPoint | None = None, cause: str = "") -> None:
-        """Replace the process by a new one.
+        """Replace the process with a new one.
 
         Args:
-            after: Last frame of the process before.
-            cause: Reason of the replacement, for the user.
+            after: Last frame of the previous process.
+            cause: Reason for the replacement, for the user.
 
         Raises:
             CaptureError: The process could not be started.
@@ -152,11 +152,11 @@ class WorkerClient:
             self._request["after"] = table_of(point)
 
     def acknowledge(self, frames: int) -> None:
-        """Tell the worker how many frames are processed, those of earlier processes included."""
+        """Tell the worker how many frames have been processed, including those of earlier processes."""
         self._connection.send(encode_json(MessageKind.ACK, {"frames": max(frames - self.earlier_frames, 0)}))
 
     def set_filter(self, settings: FilterSettings) -> None:
-        """Set the pose filter of this process and of those that replace it."""
+        """Set the pose filter of this process and of its replacements."""
         self._request["shape"] = settings.table()
         if self._connection.is_authenticated:
             self._connection.send(encode_json(MessageKind.FILTER, settings.table()))
@@ -167,16 +167,16 @@ class WorkerClient:
 
     @property
     def connected(self) -> bool:
-        """Whether the process is connected and has its first request."""
+        """Whether the process is connected and has received its first request."""
         return self._connection.is_authenticated
 
     def request_stop(self) -> None:
-        """Ask the worker to end cleanly; go on calling `poll` until `ended`."""
+        """Ask the worker to end cleanly; keep calling `poll` until `ended`."""
         self._stop_asked = True
         self._connection.send(encode(MessageKind.STOP))
 
     def close(self, grace_s: float = 1.0) -> None:
-        """End the process and free everything; safe to call twice."""
+        """End the process and release everything; safe to call twice."""
         self._connection.close()
         self._process.end(grace_s)
         self._process.release()

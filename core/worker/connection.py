@@ -1,8 +1,8 @@
 """Blender's end of the loopback connection to one worker process.
 
-A plain socket, as it can be read without waiting on Linux, macOS and Windows. `multiprocessing.connection` cannot:
-`accept` blocks in its handshake with any program that connects, and `recv_bytes` blocks once a part of a message has
-come, so a worker that hangs in the middle of a picture would freeze Blender's window.
+It is a plain socket, because that can be read without waiting on Linux, macOS and Windows. `multiprocessing.connection`
+cannot: `accept` blocks in its handshake with any program that connects, and `recv_bytes` blocks once part of a message
+has arrived, so a worker that hangs in the middle of a picture would freeze Blender's window.
 """
 
 import hmac
@@ -17,7 +17,7 @@ from ..errors import CaptureError
 from .protocol import MAGIC, Decoder, Message, MessageKind, encode_json
 from .worker_settings import WORKER
 
-_CHUNK = 1 << 16  # bytes received at once
+_CHUNK = 1 << 16  # bytes received in one call
 
 
 class WorkerConnection:
@@ -29,7 +29,7 @@ class WorkerConnection:
 
     def __init__(self, request: Mapping[str, Any]) -> None:
         self.token = secrets.token_hex(16)
-        self.is_authenticated = False  # stays True once the worker has closed the connection
+        self.is_authenticated = False  # stays True after the worker has closed the connection
         self._request = request
         self._decoder = Decoder()
         self._outgoing = bytearray()
@@ -40,11 +40,11 @@ class WorkerConnection:
 
     @property
     def port(self) -> int:
-        """Port for the worker."""
+        """Port on which the worker connects."""
         return int(self._listener.getsockname()[1])
 
     def receive(self) -> list[Message]:
-        """Return whole messages that have arrived, a limited number per call.
+        """Return complete messages that have arrived, a limited number per call.
 
         Raises:
             CaptureError: The stream is damaged or of another version.
@@ -71,7 +71,7 @@ class WorkerConnection:
         return messages
 
     def _accept(self) -> None:
-        """Accept the next program, unless the present one may still send its token."""
+        """Accept the next program, unless the current one may still send its token."""
         now_s = time.monotonic()
         if self._socket is not None and now_s - self._accepted_s < WORKER.greeting_s:
             return
@@ -86,7 +86,7 @@ class WorkerConnection:
         self._socket, self._accepted_s = connection, now_s
 
     def _authenticate(self, messages: Sequence[Message]) -> list[Message]:
-        """Return the messages after the greeting; drop a program without the token."""
+        """Return the messages after the greeting; disconnect a program without the token."""
         hello = messages[0]
         try:
             token = str(hello.json().get("token", "")) if hello.kind is MessageKind.HELLO else ""
@@ -109,7 +109,7 @@ class WorkerConnection:
         try:
             sent = self._socket.send(self._outgoing)
         except (BlockingIOError, ConnectionError):
-            return  # a lost connection shows on reading
+            return  # a lost connection is noticed when reading
         del self._outgoing[:sent]
 
     def wait(self, limit_s: float) -> None:
@@ -128,6 +128,6 @@ class WorkerConnection:
         self._socket = None
 
     def close(self) -> None:
-        """Close the connection and free the port; safe to call twice."""
+        """Close the connection and release the port; safe to call twice."""
         self._listener.close()
         self.disconnect()

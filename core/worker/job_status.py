@@ -1,4 +1,4 @@
-"""Status of a job."""
+"""Status of a job, as sent to Blender."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -11,7 +11,7 @@ _MOST = 1e12
 
 
 class PoseStage(Enum):
-    """Stages of the recording of a calibration pose."""
+    """Stages in the recording of a calibration pose."""
 
     GET_READY = "get ready"
     HOLD = "hold"
@@ -19,7 +19,7 @@ class PoseStage(Enum):
 
 @dataclass(frozen=True)
 class PoseCue:
-    """Present instruction for the performer."""
+    """Current instruction for the performer."""
 
     stage: Annotated[PoseStage, About("stage of the pose")]
     left_s: Annotated[int, About("whole seconds until the next stage", "s", 0, 1e6)]

@@ -1,4 +1,4 @@
-"""Signs of life of a worker: tells a hung process from a slow one."""
+"""Signs of life of a worker, used to tell a hung process from a slow one."""
 
 import time
 from collections.abc import Callable, Sequence

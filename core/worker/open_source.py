@@ -1,4 +1,4 @@
-"""Opening of image sources, the simulated studio included."""
+"""Opening of image sources, including the simulated studio."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ def open_source(asked: SourceRequest | Table) -> ImageSource:
     """Return an image source.
 
     Raises:
-        SettingsError: The description of the source is wrong.
+        SettingsError: The description of the source is invalid.
         CaptureError: The source cannot be opened.
     """
     if isinstance(asked, Mapping):

@@ -1,4 +1,4 @@
-"""Main program of a worker process, for one job."""
+"""Main program of a worker process, which does one job."""
 
 import signal
 import sys
@@ -55,7 +55,7 @@ def main(port: int, token: str, name: str) -> int:
 
 
 def _job(name: str) -> ModuleType:
-    """Import and return the module of a job; the others' libraries are slow to load."""
+    """Import and return the module of a job; other jobs' libraries would be slow to load."""
     if name not in JOBS:
         raise CaptureError(f"does not know the job {name!r}", where="worker", advice="restart Blender")
     return import_module(f".jobs.{JOBS[name]}", __package__)

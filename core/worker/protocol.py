@@ -1,8 +1,8 @@
-"""Messages between Blender and its worker processes; never pickle.
+"""Messages between Blender and its worker processes, without pickle.
 
-A message is a version, a kind, a length and bytes.
+A message consists of a version, a kind, a length and bytes.
 Control messages carry JSON. Frames and poses carry the time at which their images arrived (`time.perf_counter`, one
-clock for all processes of a machine), which gives the latency.
+clock for all processes on a machine), which gives the latency.
 """
 
 import json
@@ -34,11 +34,11 @@ MAGIC = b"PA"
 
 
 class MessageKind(IntEnum):
-    """Kinds of messages; the first four go to the worker, the others come from it."""
+    """Kinds of messages; the first four are sent to the worker, the others come from it."""
 
     REQUEST = 1  # JSON: the job
-    STOP = 2  # end cleanly, send the remaining frames
-    ACK = 3  # JSON: frames that the receiver has dealt with, so that a source that can wait does not run ahead
+    STOP = 2  # end cleanly, after sending the remaining frames
+    ACK = 3  # JSON: number of frames that the receiver has processed, so that a source that can wait does not run ahead
     FILTER = 4  # JSON: settings of the pose filter from now on (`session.pose_filters`)
     HELLO = 10  # JSON: token, process id
     STATUS = 11  # JSON: `JobStatus`
@@ -48,7 +48,7 @@ class MessageKind(IntEnum):
     WARNING = 15  # JSON: text
     END = 16  # JSON: frames sent; nothing follows
     POSE = 17  # stamp, time in the solver, frames waiting, and pose frame
-    PREVIEW = 18  # width, height and RGB bytes of a picture to show, row after row from the top
+    PREVIEW = 18  # width, height and RGB bytes of a picture to show, row by row from the top
 
 
 _LONG_KINDS = (
@@ -58,7 +58,7 @@ _LONG_KINDS = (
 
 @dataclass(frozen=True)
 class Message:
-    """One whole message."""
+    """One complete message."""
 
     kind: MessageKind
     payload: bytes = b""
@@ -78,25 +78,25 @@ class Message:
         return STATUS.read(self.json(), "worker")
 
     def count(self, key: str) -> int:
-        """Return a number of frames that an ACK or END message carries, or -1 without one."""
+        """Return the number of frames in an ACK or END message, or -1 if there is none."""
         value = self.json().get(key)
         return value if isinstance(value, int) and 0 <= value < 1 << 53 else -1
 
     def error(self) -> CaptureError:
-        """Return the error of an ERROR message."""
+        """Return the error from an ERROR message."""
         content = {key: str(value) for key, value in self.json().items()}
         return CaptureError(
             content.get("what", "failed"), where=content.get("where", ""), advice=content.get("advice", "")
         )
 
     def pose(self) -> TimedPose:
-        """Return the pose of a POSE message."""
+        """Return the pose from a POSE message."""
         if self.kind is not MessageKind.POSE:
             raise CaptureError(f"a {self.kind.name} message holds no pose", where="worker")
         return unpack_solved(self.payload)
 
     def preview(self) -> Image:
-        """Return the picture (height, width, 3), RGB, of a PREVIEW message."""
+        """Return the picture (height, width, 3), RGB, from a PREVIEW message."""
         if self.kind is not MessageKind.PREVIEW or len(self.payload) < _PICTURE.size:
             raise CaptureError(f"a {self.kind.name} message holds no picture", where="worker")
         width, height = _PICTURE.unpack_from(self.payload)
@@ -130,16 +130,16 @@ def encode_preview(picture: Image) -> bytes:
 
 
 class Decoder:
-    """Cuts a stream of bytes into messages."""
+    """Splits a stream of bytes into messages."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Message]:
-        """Add bytes; return the messages that are now whole.
+        """Add bytes; return the messages that are now complete.
 
         Raises:
-            CaptureError: the stream is not ours, of another version, or damaged.
+            CaptureError: The stream is not ours, has another version, or is damaged.
         """
         self._buffer += data
         messages: list[Message] = []

@@ -1,6 +1,6 @@
-"""Requests of the worker's jobs, as they go to its process.
+"""Requests for the worker's jobs, as they are sent to its process.
 
-The add-on makes them, and the job's module in `jobs` documents their effect. They are sent as JSON and checked on
+The add-on creates them; the job's module in `jobs` documents their effect. They are sent as JSON and checked on
 arrival.
 """
 
@@ -26,7 +26,7 @@ _PORT = About("UDP port", "", 0, 65_535)
 
 @dataclass(frozen=True)
 class TrackerSource:
-    """Trackers of another program, by VMC."""
+    """Another program's trackers, received by VMC."""
 
     port: Annotated[int, _PORT]
     kind: Annotated[str, About("kind of source", choices=("vmc",), optional=False)] = "vmc"
@@ -41,7 +41,7 @@ SourceRequest: TypeAlias = ImageSourceRequest | TrackerSource
 
 @dataclass(frozen=True)
 class VmcTarget:
-    """Program that gets the poses."""
+    """Program to which the poses are sent."""
 
     host: Annotated[str, About("name or address of its computer")]
     port: Annotated[int, _PORT]
@@ -49,7 +49,7 @@ class VmcTarget:
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Request of a job."""
+    """Request for a job."""
 
     job: ClassVar[str] = ""
 
@@ -60,10 +60,10 @@ class Request:
 
 @dataclass(frozen=True, kw_only=True)
 class CamerasRequest(Request):
-    """Images to marker frames, or trackers where the source is one.
+    """Turn images, or trackers if the source is one, into marker frames.
 
-    A process that replaces another one gets `after`. It reuses the earlier backgrounds, as the performer is in view
-    now.
+    A replacement for another process gets `after`. It reuses the earlier backgrounds, because the performer is now in
+    view.
     """
 
     job: ClassVar[str] = "cameras"
@@ -85,7 +85,7 @@ class CamerasRequest(Request):
 
 @dataclass(frozen=True, kw_only=True)
 class TrackersRequest(Request):
-    """Trackers of another program to marker frames."""
+    """Turn another program's trackers into marker frames."""
 
     job: ClassVar[str] = "trackers"
     source: Annotated[TrackerSource, About("trackers")]
@@ -95,7 +95,7 @@ class TrackersRequest(Request):
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureRequest(Request):
-    """Live capture: images to poses."""
+    """Live capture: turn images into poses."""
 
     job: ClassVar[str] = "capture"
     cameras: Annotated[CamerasRequest, About("cameras or trackers")]
@@ -115,7 +115,7 @@ class CaptureRequest(Request):
 
 @dataclass(frozen=True, kw_only=True)
 class CommandRequest(Request):
-    """A command of the command line."""
+    """Run a command of the command line."""
 
     job: ClassVar[str] = "command"
     arguments: Annotated[tuple[str, ...], About("arguments of the command line")]
@@ -131,7 +131,7 @@ class _BoardRequest(Request):
 
 @dataclass(frozen=True, kw_only=True)
 class RecordBoardRequest(_BoardRequest):
-    """Cameras calibrated from a board that is carried before them."""
+    """Calibrate cameras from a board that is carried in front of them."""
 
     job: ClassVar[str] = "record board"
     limit: Annotated[int, About("views at which it ends though the result is not good", "", 1, 10_000)]
@@ -143,7 +143,7 @@ class RecordBoardRequest(_BoardRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class RecordFloorRequest(_BoardRequest):
-    """Floor from the board lying on it."""
+    """Find the floor from the board lying on it."""
 
     job: ClassVar[str] = "record floor"
     rig: Annotated[RigTables, About("calibration")]
@@ -151,7 +151,7 @@ class RecordFloorRequest(_BoardRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class FloorMarkersRequest(CamerasRequest):
-    """Floor, and optionally the scale, from markers lying on it."""
+    """Find the floor, and optionally the scale, from markers lying on it."""
 
     job: ClassVar[str] = "record floor markers"
     rig: Annotated[RigTables, About("calibration")] = field()
@@ -164,7 +164,7 @@ class FloorMarkersRequest(CamerasRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class RecordPoseRequest(CamerasRequest):
-    """Take of the performer's calibration poses."""
+    """Record a take of the performer's calibration poses."""
 
     job: ClassVar[str] = "record pose"
     marker_set: Annotated[str, About("shipped marker set or its file")]
@@ -180,7 +180,7 @@ class RecordPoseRequest(CamerasRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratePerformerRequest(RecordPoseRequest):
-    """The same, and the performer measured from the poses."""
+    """Record the calibration poses and measure the performer from them."""
 
     job: ClassVar[str] = "calibrate performer"
     name: Annotated[str, About("name of the performer")]
@@ -189,16 +189,16 @@ class CalibratePerformerRequest(RecordPoseRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class ShowCamerasRequest(Request):
-    """A picture of each plugged-in camera."""
+    """Take a picture with each plugged-in camera."""
 
     job: ClassVar[str] = "show cameras"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckSetupRequest(CamerasRequest):
-    """Check of light, cameras and markers before a capture.
+    """Check light, cameras and markers before a capture.
 
-    Without `rig`, only faults that single pictures show are found.
+    Without `rig`, only faults visible in single pictures are found.
     """
 
     job: ClassVar[str] = "check setup"
@@ -215,7 +215,7 @@ class CheckSetupRequest(CamerasRequest):
 
 @dataclass(frozen=True, kw_only=True)
 class SketchEdit(Request):
-    """An edit of a sketch that is solved live."""
+    """An edit of a sketch that is being solved live."""
 
     job: ClassVar[str] = "sketch edit"
     sketch: Annotated[Table, About("table of a `Sketch`")]
@@ -226,7 +226,7 @@ class SketchEdit(Request):
 
 @dataclass(frozen=True, kw_only=True)
 class SketchRequest(SketchEdit):
-    """A body from keyframed controls; live, again after each edit."""
+    """Solve a body from keyframed controls; if live, again after each edit."""
 
     job: ClassVar[str] = "sketch"
     skeleton: Annotated[SkeletonRows, About("skeleton of the character", fewest=1)]
@@ -246,7 +246,7 @@ def read_request(job: str, table: Mapping[str, Any]) -> Any:
     """Return the request of a job from its JSON object.
 
     Raises:
-        SettingsError: A value is missing, of another kind, or out of its range.
+        SettingsError: A value is missing, of another kind, or out of range.
     """
     where = f"request of the job {job}"
     with reading(where, SettingsError, "start it again", "cannot be done"):

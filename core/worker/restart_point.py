@@ -1,4 +1,4 @@
-"""Numbers and times of the frames after a process was replaced."""
+"""Numbering and timing of the frames after a process was replaced."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -7,12 +7,12 @@ from ..markers.marker_frame import MarkerFrame
 from ..system.schema import About
 from .worker_settings import WORKER
 
-_MOST = 1e12  # limit of numbers and times in messages
+_MOST = 1e12  # largest number or time in messages
 
 
 @dataclass(frozen=True)
 class FrameOffset:
-    """Offset of the numbers and times of a source that was opened again."""
+    """Offset for the numbers and times of a source that was opened again."""
 
     number: int = 0
     time_s: float = 0.0
@@ -49,13 +49,13 @@ class RestartPoint:
         return replace(self, number=frame.number, time_s=frame.time_s, stamp_s=stamp_s)
 
     def offset(self, stamp_s: float, frame: MarkerFrame) -> FrameOffset:
-        """Return the offset by which a new source's first frame fits the clock."""
+        """Return the offset that fits a new source's first frame to the clock."""
         passed_s = max(stamp_s - self.stamp_s, self.period_s)
         number = self.number + max(round(passed_s / self.period_s), 1)
         return FrameOffset(number - frame.number, self.time_s + passed_s - frame.time_s)
 
     def gap_s(self, frame: MarkerFrame) -> float:
-        """Return the gap between this frame and the next one, which has the offset already."""
+        """Return the gap between this frame and the next one, to which the offset has been applied."""
         return max(frame.time_s - self.time_s - self.period_s, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Client of a worker that is replaced when it dies or hangs."""
+"""Client of a worker that is replaced if it dies or hangs."""
 
 from collections.abc import Callable
 
@@ -11,10 +11,10 @@ from .restart_point import RestartPoint
 class SupervisedClient:
     """Polls a worker, and replaces it if that is allowed.
 
-    The request of the new process has two more keys, `after` and `cause`.
+    The request for the new process has two additional keys, `after` and `cause`.
 
     Args:
-        name: Name of the process in messages, "the solver's process".
+        name: Name of the process in messages, such as "the solver's process".
         on_restart: Called with the restart point and the cause before the new process starts.
     """
 
@@ -31,10 +31,10 @@ class SupervisedClient:
         self._last = (number, time_s, stamp_s)
 
     def poll(self) -> list[Message]:
-        """Return the messages of the worker; none if it has just been replaced.
+        """Return the worker's messages; none if it has just been replaced.
 
         Raises:
-            CaptureError: It died or hangs and must not be replaced.
+            CaptureError: The worker died or hangs and must not be replaced.
         """
         try:
             return self._client.poll()

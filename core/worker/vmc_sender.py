@@ -1,4 +1,4 @@
-"""Sending the poses of a live capture to another program by the VMC protocol."""
+"""Sending of a live capture's poses to another program by the VMC protocol."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ class VmcSender:
     """Sends the first performer's poses.
 
     Here, in the solver's process, every pose passes at the pace of the cameras, however slowly Blender draws. At the
-    first failure it calls `warn` once and stops sending: the capture continues.
+    first failure it calls `warn` once and stops sending; the capture continues.
     """
 
     def __init__(self, skeleton: Skeleton, host: str, port: int, warn: Callable[[str], None]) -> None:

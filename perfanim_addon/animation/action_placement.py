@@ -14,7 +14,7 @@ from .keyframes import KeyBounds
 
 
 class PlacementMode(Enum):
-    """Destination of keyframes."""
+    """Where keyframes go."""
 
     ACTION = "new active action"
     STRIP = "NLA strip above the present animation"
@@ -23,19 +23,19 @@ class PlacementMode(Enum):
 
 @dataclass(frozen=True)
 class Placement:
-    """Placement of keyframes on an armature."""
+    """Where and how keyframes are placed on an armature."""
 
     onto: PlacementMode = PlacementMode.ACTION
     only: Collection[str] | None = None  # names of the bones that get keyframes; None for all
     bounds: KeyBounds | None = None  # None for a key in every frame
     marked: Collection[float] = ()  # scene frames with keys of the type Jitter
     doubtful: Mapping[str, Collection[float]] = field(default_factory=dict)  # the same for each bone
-    leave_out: bool = False  # insert no keys in the doubtful frames of a bone
+    leave_out: bool = False  # insert no keys in frames in which a bone is doubtful
     blend_s: float = 0.25  # blend time of a layer at its start and end, chosen by eye
 
 
 def new_action(animation: bpy.types.AnimData, name: str, onto: PlacementMode) -> bpy.types.Action:
-    """Return a new action without curves; push the active one down for a strip."""
+    """Return a new action without curves; for a strip, push the active one down."""
     if onto is not PlacementMode.ACTION:
         _push_down(animation)
     action = bpy.data.actions.new(name)
@@ -54,7 +54,7 @@ def place_action(
 
 
 def fit_strips(animation: bpy.types.AnimData, action: bpy.types.Action, frames: Array) -> None:
-    """Let the strips of an action show all its frames (F,) where they are keyed."""
+    """Make the strips of an action show all its frames (F,) in which they are keyed."""
     for strip in (each for track in animation.nla_tracks for each in track.strips if each.action == action):
         _fit(strip, (float(frames[0]), float(frames[-1])))
 
@@ -76,7 +76,7 @@ def _push_down(animation: bpy.types.AnimData) -> None:
 def _add_strip(
     animation: bpy.types.AnimData, action: bpy.types.Action, frames: tuple[float, float], blend: float, slot: Any = None
 ) -> bpy.types.NlaStrip:
-    """Add an action as a strip on a new top track; what lies below shows before and after the strip."""
+    """Add an action as a strip on a new top track; before and after the strip, the tracks below show."""
     below = len(animation.nla_tracks) > 0
     track = animation.nla_tracks.new()
     track.name = action.name

@@ -1,4 +1,4 @@
-"""Recorded poses and the motion of objects as actions."""
+"""Recorded poses, and the motion of objects, written as actions."""
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -20,12 +20,12 @@ from .action_placement import Placement, PlacementMode, new_action, place_action
 from .keyframes import KeyWriter, bone_path, fill
 from .quaternion_curves import keep_in_quaternions
 
-_OBJECT_GROUP = "Object Transforms"  # Blender's name
+_OBJECT_GROUP = "Object Transforms"  # name used by Blender
 _NEW = Placement()
 
 
 def scene_frames(times_s: ArrayLike, scene: bpy.types.Scene, start_frame: float = 1.0) -> Array:
-    """Return scene frames of times (F,) in seconds, the first at `start_frame`."""
+    """Return scene frames for times (F,) in seconds, starting at `start_frame`."""
     times = np.asarray(times_s, dtype=np.float64)
     return start_frame + (times - times[0]) * scene_fps(scene) if len(times) else times
 
@@ -37,7 +37,7 @@ def scene_fps(scene: bpy.types.Scene) -> float:
 
 @contextmanager
 def present_frame(scene: bpy.types.Scene) -> Iterator[None]:
-    """Return to the present frame at the end."""
+    """Restore the current frame at the end."""
     frame, part = scene.frame_current, scene.frame_subframe
     try:
         yield
@@ -62,13 +62,13 @@ def write_action(
         frames: Scene frame (F,) of each pose, strictly increasing, fractions allowed (see `scene_frames`).
         rotations: Parent-from-joint quaternions (F, J, 4) relative to the rest pose.
         root_positions_m: Root (F, 3) in the capture space.
-        placement: Destination of the action, the bones that it moves, and the bounds of its keys.
+        placement: Where the action goes, the bones that it moves, and the bounds for key reduction.
 
     Returns:
         The action's name (Blender may append ".001").
 
     Raises:
-        CharacterError: The armature is missing or cannot be driven, none of its bones is to be moved, or poses are not
+        CharacterError: The armature is missing or cannot be driven, none of its bones would be moved, or poses are not
             finite.
     """
     armature_object = find_armature(object_name)
@@ -90,7 +90,7 @@ def write_with_plan(
     name: str,
     placement: Placement = _NEW,
 ) -> str:
-    """Write poses by a given retarget plan; otherwise as `write_action`."""
+    """Write poses according to a retarget plan; otherwise like `write_action`."""
     animation = armature_object.animation_data or armature_object.animation_data_create()
     if animation.use_tweak_mode:
         advice = "leave tweak mode (Tab in the NLA editor)"
@@ -142,14 +142,14 @@ def write_object_action(
 
 
 def _moved(bones: tuple[str, ...], only: Collection[str] | None) -> dict[str, int]:
-    """Return the bones to be written with their indices."""
+    """Return the bones to write, with their indices."""
     return {name: place for place, name in enumerate(bones) if only is None or name in only}
 
 
 def _signs(armature_object: bpy.types.Object, turned: dict[str, int], quaternions: Array, frames: Array) -> Array:
-    """Return the signs (2, B) of the first and last rotations that are nearest to the animation below.
+    """Return the signs (2, B) for the first and last rotations that bring them nearest to the animation below.
 
-    q and -q are the same rotation, but a blend from one to the other is a full turn.
+    q and -q are the same rotation, but blending from one to the other is a full turn.
     """
     signs = np.ones((2, len(turned)))
     for row, end in enumerate((0, -1)):

@@ -11,8 +11,8 @@ from ...core.body.keyframe_reduction import location_keys, rotation_keys, slopes
 from ...core.geometry.arrays import Array, IntArray, Mask
 from ..blender_versions import new_channels, new_curve
 
-_JITTER = 3  # Keyframe.type "JITTER" as foreach_set takes it
-_LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set takes it
+_JITTER = 3  # Keyframe.type "JITTER" as foreach_set expects it
+_LINEAR = 1  # Keyframe.interpolation "LINEAR" as foreach_set expects it
 _ALIGNED = 3  # Keyframe.handle_left_type "ALIGNED"
 
 
@@ -27,13 +27,13 @@ class KeyBounds:
 class KeyWriter:
     """Adds curves to a new action.
 
-    Args:
+    animated: Object that will play the action.
         animated: Object that is going to play the action.
         action: Action without curves.
         frames: Scene frame (F,) of each value.
-        bounds: Bounds of the key reduction; None for a key in every frame.
-        marked: Scene frames with keys of the type Jitter.
-        doubtful: Per group further scene frames with such keys.
+        marked: Scene frames whose keys get the type Jitter.
+        doubtful: Further scene frames with such keys, per group.
+        leave_out: Insert no keys in the doubtful frames, except the first and the last.
         leave_out: Insert no keys in the doubtful frames, except the first and last.
     """
 
@@ -52,7 +52,7 @@ class KeyWriter:
         self._bounds = bounds
         self._marked = np.isin(frames, list(marked))
         self._doubtful, self._leave_out = doubtful or {}, leave_out
-        # up to two frames between keys, straight lines show no corners
+        # with at most two frames between keys, straight lines show no corners
         self._straight = len(frames) < 2 or float(np.mean(np.diff(frames))) <= 2.0
         scale = float(np.mean(np.abs(animated.matrix_world.to_scale())))
         self._unit_mm = 1000.0 * bpy.context.scene.unit_settings.scale_length * max(scale, 1e-9)
@@ -60,7 +60,7 @@ class KeyWriter:
     def rotate(self, path: str, group: str, quaternions: Array, signs: ArrayLike = (1.0, 1.0)) -> None:
         """Add the four curves of a rotation (F, 4), with signs for its start and end.
 
-        Where the signs differ, the sign changes half way, between two keys that nothing is drawn between.
+        If the signs differ, the sign changes halfway, between two keys with nothing drawn between them.
         """
         first, last = np.asarray(signs, dtype=np.float64)
         kept, types = self._kept(group)
@@ -87,7 +87,7 @@ class KeyWriter:
         self._add(path, group, (frames, locations, slopes(frames, locations), types), keys)
 
     def _kept(self, group: str) -> tuple[Mask, IntArray]:
-        """Return the frames (F,) with keys of a group, and the types of these keys."""
+        """Return the frames (F,) in which a group has keys, and the types of these keys."""
         doubtful = np.isin(self._frames, list(self._doubtful.get(group, ())))
         kept = ~(doubtful & self._leave_out)
         kept[[0, -1]] = True
@@ -96,7 +96,7 @@ class KeyWriter:
     def _add(
         self, path: str, group: str, samples: tuple[Array, Array, Array, IntArray], keys: IntArray | None
     ) -> list[bpy.types.FCurve]:
-        """Add curves with keys at all samples (frames, values, slopes, key types), or at some."""
+        """Add curves with keys at all or some samples (frames, values, slopes, key types)."""
         frames, values, steep, types = samples
         curves = [new_curve(self._channels, path, component, group) for component in range(values.shape[1])]
         for component, curve in enumerate(curves):
@@ -116,11 +116,11 @@ def fill(curve: bpy.types.FCurve, frames: Array, values: Array, straight: bool, 
         points.foreach_set("interpolation", np.full(len(frames), _LINEAR, dtype=np.int32))
     if types is not None and types.any():
         points.foreach_set("type", types)
-    curve.update()  # merges keys at almost the same time
+    curve.update()  # merges keys that are almost at the same time
 
 
 def _fill_eased(curve: bpy.types.FCurve, frames: Array, values: Array, steep: Array, types: IntArray) -> None:
-    """Set keys with slopes; handles of a third of the distance make the curves cubic."""
+    """Set keys with slopes; handles at a third of the distance make the curves cubic."""
     fill(curve, frames, values, False, types)
     gaps = np.diff(frames) / 3.0
     before, after = np.append(gaps[:1], gaps), np.append(gaps, gaps[-1:])

@@ -1,4 +1,4 @@
-"""Rotations in any of Blender's rotation modes as quaternions, and as curves."""
+"""Conversion of rotations in any of Blender's rotation modes to quaternions and their curves."""
 
 from collections.abc import Collection
 from typing import Any
@@ -14,12 +14,12 @@ from .keyframes import bone_path, fill
 
 
 def rotation_channel(mode: str) -> str:
-    """Return the name of the property with the rotation in a rotation mode."""
+    """Return the name of the property that holds the rotation in a rotation mode."""
     return {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(mode, "rotation_euler")
 
 
 def quaternions_of(mode: str, values: Array) -> Array:
-    """Return quaternions (F, 4) of values (F, 3 or 4) of a rotation mode."""
+    """Return quaternions (F, 4) for values (F, 3 or 4) in a rotation mode."""
     if mode == "QUATERNION":
         return rot.normalize(values)
     if mode == "AXIS_ANGLE":
@@ -28,7 +28,7 @@ def quaternions_of(mode: str, values: Array) -> Array:
 
 
 def keep_in_quaternions(armature_object: bpy.types.Object, bones: Collection[str]) -> None:
-    """Add quaternion curves to the animation of bones that switch to quaternions."""
+    """Add quaternion curves to the animation of bones that are switched to quaternions."""
     animation = armature_object.animation_data
     turned = [armature_object.pose.bones[name] for name in bones]
     turned = [bone for bone in turned if bone.rotation_mode != "QUATERNION"]

@@ -1,4 +1,4 @@
-"""Poses on an armature, fast enough for every tick of a live capture."""
+"""Poses applied to an armature, fast enough for every tick of a live capture."""
 
 from collections.abc import Collection
 
@@ -20,7 +20,8 @@ _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" in foreach_get
 class ArmatureDriver:
     """Writes poses to the pose bones of one armature object.
 
-    Only the object's name is kept: undo, redo and file load replace Blender's data, so it is looked up for every pose.
+    Only the object's name is kept: undo, redo and loading a file replace Blender's data, so it is looked up for every
+    pose.
 
     Args:
         object_name: Name of the armature object; its bones are switched to quaternions.
@@ -38,7 +39,7 @@ class ArmatureDriver:
         self.bind()
 
     def bind(self) -> None:
-        """Read the armature's rest pose again, as after an edit; errors as in the constructor."""
+        """Read the armature's rest pose again, for example after an edit; errors are those of the constructor."""
         armature_object = find_armature(self.object_name)
         self.plan = plan_for(armature_object, self._skeleton)
         bones = armature_object.pose.bones
@@ -48,7 +49,7 @@ class ArmatureDriver:
         self._turned = np.flatnonzero([name in only for name in self.plan.bones])
         self._located = [(name, place) for place, name in enumerate(self.plan.located) if name in only]
         self._names = [self.plan.bones[place] for place in self._turned]
-        keep_in_quaternions(armature_object, self._names)  # else other animation of them would stop
+        keep_in_quaternions(armature_object, self._names)  # otherwise their other animation would stop
         clear_offsets(armature_object, self._names, (name for name, _ in self._located))
         self._order: IntArray = np.array([places[name] for name in self._names], dtype=np.int64)
         self._quaternions = np.zeros((len(bones), 4), dtype=np.float32)
@@ -82,13 +83,13 @@ class ArmatureDriver:
         if pose.object_rotation is not None and pose.object_location is not None and self.only is None:
             turn, way = delta_transforms(armature_object, pose.object_rotation, pose.object_location)
             armature_object.delta_rotation_quaternion, armature_object.delta_location = turn, way
-        # an ordinary assignment comes last: unlike foreach_set it makes Blender evaluate and draw the pose
+        # an ordinary assignment comes last: unlike foreach_set, it makes Blender evaluate and draw the pose
         for name, place in self._located:
             bones[name].location = pose.locations[place]
         if not self._located and self._names:
             bones[self._names[0]].rotation_quaternion = self._quaternions[self._order[0]]
 
     def apply_again(self) -> None:
-        """Apply the last pose again, after an animation changed it; errors as in `apply`."""
+        """Apply the last pose again after an animation has changed it; errors are those of `apply`."""
         if self._last is not None:
             self.apply(*self._last)

@@ -1,4 +1,4 @@
-"""Recorded part of a capture: from the end of a countdown, for a set duration."""
+"""Recorded part of a capture: from the end of a countdown, for a given duration."""
 
 import math
 import time
@@ -21,7 +21,7 @@ class Recording:
 
     Args:
         countdown_s: Time from the first pose, or with `later` from now, to the first recorded pose.
-        length_s: Length by the poses' times; 0 records until `end`.
+        length_s: Duration measured by the poses' times; 0 records until `end`.
         later: Start during the capture; earlier poses are left out.
     """
 
@@ -33,7 +33,7 @@ class Recording:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.begun = self.over = False
-        self.seconds_left = 0  # in the countdown
+        self.seconds_left = 0  # remaining time of the countdown
         self.start_frame = 1.0  # scene frame of the first pose
         self._countdown_s = countdown_s
         self._length_s = length_s
@@ -69,7 +69,7 @@ class Recording:
         return Cue.COUNT
 
     def end(self, poses: Sequence[ScenePose]) -> None:
-        """End with the newest pose, or in the countdown without any."""
+        """End with the newest pose, or during the countdown without any."""
         self.over, self.seconds_left, self._stop = True, 0, len(poses)
 
     def recorded(self, poses: Sequence[ScenePose]) -> list[ScenePose]:

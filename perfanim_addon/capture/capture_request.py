@@ -1,4 +1,4 @@
-"""Build the worker's request from the scene settings."""
+"""The worker's request, built from the scene settings."""
 
 import secrets
 import tempfile
@@ -28,7 +28,7 @@ from .capture_run import CaptureRun
 
 _TEMPORARY = "perfanim-"
 _DAY_S = 86_400.0
-# Settings of the simulated studio for faults that a capture shows.
+# Settings of the simulated studio for faults that are visible in a capture.
 _FAULTY: dict[str, dict[str, Any]] = {
     "DARK": {"marker_brightness": 22.0, "light": 0.05, "noise_sigma": 4.0},
     "BLURRED": {"lens_blur_px": 3.0, "noise_sigma": 3.0},
@@ -38,7 +38,7 @@ _PARTNERS = ("boxing", "kendo")  # simulated behaviours that stay in one place
 
 @dataclass(frozen=True)
 class Setup:
-    """A capture that can be started."""
+    """A capture that is ready to start."""
 
     request: CaptureRequest
     performers: tuple[Subject, ...]
@@ -50,10 +50,10 @@ class Setup:
 
 
 def make(settings: Any) -> Setup:
-    """Return the capture that the settings describe; PerfanimError for a missing or bad file."""
+    """Return the capture that the settings describe; PerfanimError if a file is missing or damaged."""
     marker_set = readiness.marker_set(settings)
     database_path = str(readiness.database_path(settings))
-    readiness.database_frames(database_path)  # raises for a bad database
+    readiness.database_frames(database_path)  # raises for a damaged database
     if settings.subject:
         subject = readiness.worn_subject(settings)
     else:  # the simulated performer's true body and markers
@@ -83,14 +83,14 @@ def make(settings: Any) -> Setup:
 
 def _background_file() -> str:
     folder = Path(tempfile.gettempdir())
-    remove_left_behind(folder, _TEMPORARY, ".npz", _DAY_S)  # by a Blender that was killed
+    remove_left_behind(folder, _TEMPORARY, ".npz", _DAY_S)  # left by a Blender that was killed
     return str(folder / f"{_TEMPORARY}{secrets.token_hex(4)}.npz")
 
 
 def _with_targets(chosen: SourceRequest, settings: Any, partners: int) -> SourceRequest:
-    """Return the source with the scene's additional targets and the fault to practise on, if it simulates them.
+    """Return the source with the scene's additional targets and the fault to practise on, if it is simulated.
 
-    The simulated performer carries the first prop, and each further performer is shown by another simulated one.
+    The simulated performer carries the first prop, and each further performer is played by another simulated one.
     """
     if not isinstance(chosen, SimulatedPerformer):
         return chosen
@@ -107,13 +107,13 @@ def shape(settings: Any) -> FilterSettings:
 
 
 def cameras(settings: Any) -> CamerasRequest:
-    """Return the request of the cameras or trackers; PerfanimError for a missing or bad file."""
+    """Return the request for the cameras or trackers; PerfanimError if a file is missing or damaged."""
     has_rig = readiness.has_cameras(settings) and not readiness.is_known(settings)
     return CamerasRequest(**camera_fields(settings, calibration(settings, True) if has_rig else None))
 
 
 def camera_fields(settings: Any, rig: CameraRig | None) -> dict[str, Any]:
-    """Return the fields that all requests with cameras share."""
+    """Return the fields that all requests with cameras have in common."""
     return {
         "source": source(settings),
         "rig": rig,
@@ -131,7 +131,7 @@ def calibration(settings: Any, in_use: bool = False) -> CameraRig:
 
 
 def source(settings: Any) -> SourceRequest:
-    """Return the source of images or trackers; CaptureError for a missing file or a bad device."""
+    """Return the source of images or trackers; CaptureError for a missing file or an unusable device."""
     if settings.source == "SIMULATED":
         return SimulatedPerformer(
             behaviour=settings.behaviour,

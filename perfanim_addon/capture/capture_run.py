@@ -1,4 +1,4 @@
-"""State of one live capture, without Blender."""
+"""State of one live capture, independent of Blender."""
 
 import math
 import time
@@ -34,26 +34,26 @@ class Phase(Enum):
 
 @dataclass
 class Statistics:
-    """Figures of a running capture."""
+    """Figures about a running capture."""
 
     received: int = 0  # number of poses
-    lost: int = 0  # number of frame numbers missing in the source
+    lost: int = 0  # number of frames missing in the source, by their numbers
     waiting: int = 0  # number of marker frames in the solver's queue
     frames_per_s: float = 0.0  # poses received in the last second
     latency_s: float = 0.0  # time from the images' arrival to the pose on the armature, newest frame
     solve_s: float = 0.0  # time in the solver, newest frame
     confidence: float = 0.0  # confidence of the newest pose, 0 to 1
-    not_shown: int = 0  # number of poses overtaken by newer ones before display; they are recorded
+    not_shown: int = 0  # number of poses replaced by newer ones before display; they are recorded
     blind: int = 0  # number of unusable images of single cameras (late, repeated, black)
-    skew_s: float | None = None  # delay of the last camera's image behind the first's; None if unknown
-    handed_over: int = -1  # number of marker frames sent by the cameras' process; -1 until its end
+    skew_s: float | None = None  # delay of the last camera's image relative to the first's; None if unknown
+    handed_over: int = -1  # number of marker frames sent by the cameras' process; -1 until it ends
     slowness: float = 1.0  # duration of work relative to an idle machine
 
 
 class CaptureRun:
     """One capture; a worker that dies or hangs is replaced, and the capture continues.
 
-    The `temporary` file of the workers is removed at the end, as killed workers cannot.
+    The workers' `temporary` file is removed at the end, because killed workers cannot do so.
     """
 
     def __init__(
@@ -74,13 +74,13 @@ class CaptureRun:
         self._arrivals: deque[float] = deque()
         self._stamp = 0.0
         self._preview: Message | None = None
-        self._taken = 0  # number of poses that came, with repeated ones
+        self._taken = 0  # number of poses received, including repeated ones
         self._restarting = ""  # until the first pose of the restarted worker
         self._last_arrival = self._stop_asked = clock()
 
     @property
     def notice(self) -> str:
-        """Message about a present problem, "" for none."""
+        """Message about a current problem, "" if there is none."""
         if self._restarting or self.persistent_warning:
             return self._restarting or self.persistent_warning
         if self.statistics.slowness > SLOWNESS.busy:
@@ -187,7 +187,7 @@ class CaptureRun:
         figures = self.statistics
         self._taken += 1
         if self.poses and solved.pose.number <= self.poses[-1].number:
-            return  # a restarted worker repeats poses that were not yet in the take
+            return  # a restarted worker repeats poses that were not in the take yet
         if self.poses:
             figures.lost += max(0, solved.pose.number - self.poses[-1].number - 1)
         self.poses.append(message.payload, solved.pose)

@@ -1,8 +1,8 @@
 """Transforms from the capture space (metres) to the scene.
 
 The first performer's character defines position and scale of the capture space in the scene. A further character keeps
-its own scale, so that its feet do not slide; its offset puts it at the position where its performer was first seen.
-Distances between characters are off by the difference of scales times the distance from that position.
+its own scale, so that its feet do not slide; its offset places it where its performer was first seen.
+Distances between characters are off by the difference in scale times the distance from that position.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from ..character.axes import BLENDER_FROM_WORLD
 
 @dataclass(frozen=True)
 class RigidOffset:
-    """Rigid transform from a character's own space into the capture space: a turn (4,), then a shift (3,)."""
+    """Rigid transform from a character's own space to the capture space: a rotation (4,), then a shift (3,)."""
 
     turn: Array
     shift_m: Array
@@ -34,7 +34,7 @@ class RigidOffset:
 
 
 class CaptureSpace:
-    """Capture space in the scene, at a character's position and in its scale."""
+    """Capture space in the scene, at a character's position and with its scale."""
 
     def __init__(self, armature_object: bpy.types.Object, plan: RetargetPlan) -> None:
         fit = plan.alignment
@@ -58,7 +58,7 @@ class CaptureSpace:
         return np.asarray(away @ np.linalg.inv(self._linear).T)
 
     def put_at_origin(self, target: bpy.types.Object) -> None:
-        """Move an object to the origin of the space, with its axes and scale."""
+        """Move an object to the origin of the space, with the space's axes and scale."""
         turn, place = self.to_scene(rot.identity(), np.zeros(3))
         target.rotation_mode = "QUATERNION"
         target.rotation_quaternion, target.location = Quaternion(turn), Vector(place)
@@ -69,7 +69,7 @@ class CaptureSpace:
         return length_m * float(np.cbrt(abs(np.linalg.det(self._linear))))
 
     def offset_into(self, other: "CaptureSpace", place_m: Array) -> RigidOffset:
-        """Return the offset into another space; both agree at a position (3,)."""
+        """Return the offset to another space; both agree at a position (3,)."""
         turn = rot.multiply(rot.conjugate(self._turn), other._turn)
         here_m = np.linalg.solve(self._linear, other.points_to_scene(place_m) - self._origin)
         return RigidOffset(turn, here_m - rot.rotate(turn, place_m))

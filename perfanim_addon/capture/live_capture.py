@@ -1,4 +1,4 @@
-"""Live capture: the worker's poses on the characters, and in actions at the end."""
+"""Live capture: shows the worker's poses on the characters, and writes actions at the end."""
 
 import contextlib
 from typing import Any
@@ -27,11 +27,11 @@ from .write_take import RecordedPart, TakeMotion, write_take
 
 
 class LiveCapture:
-    """One capture; only names are held, as undo and file load replace Blender's data.
+    """One capture; it only holds names, because undo and loading a file replace Blender's data.
 
     Args:
         python: Interpreter of the worker; None for Blender's own.
-        first: Job that builds the starter database; None if it is built.
+        first: Job that builds the starter database; None if it already exists.
     """
 
     def __init__(self, python: str | None, first: Job | None = None) -> None:
@@ -64,11 +64,11 @@ class LiveCapture:
 
     @property
     def recording(self) -> Recording | None:
-        """Present recording or countdown."""
+        """Current recording or countdown."""
         return self.recordings[-1] if self.recordings and not self.recordings[-1].over else None
 
     def record(self, chosen: Any) -> None:
-        """Begin a recording, or end the present one."""
+        """Start a recording, or end the current one."""
         going = self.recording
         if going is None:
             later = bool(self.recordings) or self.by_button
@@ -79,11 +79,11 @@ class LiveCapture:
 
     @property
     def done(self) -> bool:
-        """True when the run has ended."""
+        """Whether the run has ended."""
         return self.run is not None and self.run.phase is Phase.DONE
 
     def tick(self, context: bpy.types.Context) -> bool:
-        """Poll the worker, show a new pose, and return whether there is one; PerfanimError if it cannot go on."""
+        """Poll the worker, show a new pose, and return whether there was one; PerfanimError if it cannot continue."""
         if self.run is None:
             self._prepare(context)
             return False
@@ -166,7 +166,7 @@ class LiveCapture:
             self._driver.reapply_pose()
 
     def tune(self, chosen: Any) -> None:
-        """Use the smoothing and foot lock of the settings from now on."""
+        """Use the smoothing and foot lock settings from now on."""
         if self.run is not None:
             self.run.tune(capture_request.shape(chosen))
 
@@ -178,7 +178,7 @@ class LiveCapture:
 
     def close(self) -> None:
         """Receive the last messages, and end the worker processes."""
-        with contextlib.suppress(ValueError):  # it was added only for an animated character
+        with contextlib.suppress(ValueError):  # it was only added for an animated character
             bpy.app.handlers.frame_change_post.remove(_after_frame_change)
         if self.job is not None:
             self.job.close()
@@ -187,12 +187,12 @@ class LiveCapture:
         if self.run is not None:
             self.run.tick()
             self.run.close()
-            take_library.forget()  # it now has this take
+            take_library.forget()  # it now contains this take
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write each recording as one action, once; return a report, "" for no recording.
+        """Write each recording as one action, once; return a report, or "" if there is no recording.
 
-        Keys lie at the poses' times, also between the scene's frames, so that the motion has its true speed.
+        Keys are placed at the poses' times, even between the scene's frames, so that the motion has its true speed.
         """
         if self._kept is None:
             self._kept = ""  # a second attempt would fail, too
@@ -210,20 +210,20 @@ class LiveCapture:
         _, actions = write_take(context, TakeMotion(driver.targets, driver.props, all_poses), parts, "Capture")
         recorded = parts[0].poses[0].number, parts[-1].poses[-1].number
         span = None if recorded == (all_poses[0].number, all_poses[-1].number) else recorded
-        with contextlib.suppress(PerfanimError):  # there may be no take: a full disk, a killed worker
+        with contextlib.suppress(PerfanimError):  # there may be no take, because of a full disk or a killed worker
             take_library.mark_captured(self.take_path, capture_request.shape(settings(context)), span)
         text = f"{sum(len(part.poses) for part in parts)} frames recorded in {', '.join(actions)}"
         return f"{text}; {self.run.persistent_warning}" if self.run and self.run.persistent_warning else text
 
 
 def running_capture() -> LiveCapture | None:
-    """Return the capture that runs now, or None."""
+    """Return the running capture, or None."""
     running = activity.current()
     return running if isinstance(running, LiveCapture) else None
 
 
 def further_performers(capture: LiveCapture) -> list[tuple[str, float]]:
-    """Return name and newest confidence of each performer after the first."""
+    """Return name and latest confidence of each performer after the first."""
     newest = capture.run.poses[-1].performers[1:] if capture.run is not None and capture.run.poses else ()
     performers = capture.setup.performers[1:] if capture.setup is not None else ()
     return [(subject.name, pose.confidence) for subject, pose in zip(performers, newest, strict=False)]
@@ -239,7 +239,7 @@ def refining_take(capture: LiveCapture, chosen: Any) -> str:
 
 
 def judge_capture(capture: LiveCapture) -> str:
-    """Return a sentence on the tracking of the first performer, "" for a short capture."""
+    """Return a sentence on the tracking of the first performer, or "" for a short capture."""
     run, setup = capture.run, capture.setup
     if run is None or setup is None:
         return ""

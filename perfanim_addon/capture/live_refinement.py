@@ -1,4 +1,4 @@
-"""Refinement of the first performer during a capture, by the take so far."""
+"""Refinement of the first performer during a capture, with the take so far."""
 
 from pathlib import Path
 
@@ -14,9 +14,9 @@ from .tuning import TUNING
 
 
 class LiveRefinement:
-    """Refines the performer of a take in a process of low priority, and offers the result.
+    """Refines the performer of a take in a low-priority process, and offers the result.
 
-    The body of the running capture does not change: its motion would change within a recording.
+    The body of the running capture is not changed, because its motion would change within a recording.
     """
 
     def __init__(self, take: str, database: str, python: str | None) -> None:
@@ -26,7 +26,7 @@ class LiveRefinement:
         self._job: Job | None = None
 
     def tick(self, seconds: float) -> bool:
-        """Continue without waiting; return whether there is a new offer. An error ends the refinement only."""
+        """Continue without waiting; return whether there is a new offer. An error only ends the refinement."""
         try:
             return self._advance(seconds)
         except PerfanimError:
@@ -51,7 +51,7 @@ class LiveRefinement:
         return bool(changes)
 
     def close(self) -> None:
-        """End the process; an offer stays."""
+        """End the process; an offer remains."""
         if self._job is not None:
             self._job.close()
             self._job = None

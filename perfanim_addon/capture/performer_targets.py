@@ -21,7 +21,7 @@ class PerformerTarget:
     """A performer and their character."""
 
     subject: Subject
-    index: int  # in the poses; the character of the first performer defines the capture space
+    index: int  # index in the poses; the first performer's character defines the capture space
     entry: int | None = None  # index among the scene's additional targets
     armature: str = ""  # name of the character; "" adds a new one
     only: frozenset[str] | None = None  # bones to move, None for all
@@ -36,9 +36,9 @@ class PerformerTarget:
         return found if self.index == 0 or _is_in_scene(found) else None
 
     def ensure_character(self, context: bpy.types.Context, space: CaptureSpace | None) -> "PerformerTarget":
-        """Return the target with a character; add a missing one and choose it.
+        """Return the target with a character; if it has none, add one and choose it.
 
-        The first performer's character stands in a free position, any other at the origin of the capture space and in
+        The first performer's character stands in a free position, any other at the origin of the capture space and with
         its scale.
         """
         if self.character() is not None:
@@ -93,5 +93,5 @@ def add_character(context: bpy.types.Context, skeleton: Skeleton) -> str:
 
 
 def _is_in_scene(armature: bpy.types.Object | None) -> bool:
-    """Return False for a deleted armature that a setting keeps in the file."""
+    """Return False for a deleted armature that is only kept in the file by a setting."""
     return armature is not None and bool(armature.users_scene)

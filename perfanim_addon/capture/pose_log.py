@@ -1,4 +1,4 @@
-"""Log of a capture's poses, mostly on the disk."""
+"""Log of a capture's poses, kept mostly on disk."""
 
 import tempfile
 from array import array
@@ -11,7 +11,7 @@ from .tuning import TUNING
 
 
 class PoseLog(Sequence[ScenePose]):
-    """Poses of a capture, written to the disk `in_memory` at a time; on a full disk they stay in memory."""
+    """Poses of a capture, written to disk `in_memory` at a time; if the disk is full, they stay in memory."""
 
     def __init__(self, in_memory: int = TUNING.poses_in_memory) -> None:
         self._in_memory = in_memory

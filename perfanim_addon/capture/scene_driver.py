@@ -1,4 +1,4 @@
-"""Live motion of the characters and objects of a capture."""
+"""Live motion of the characters and objects in a capture."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ from .performer_targets import PerformerTarget, performer_targets
 
 
 class SuspendedActions:
-    """Detaches the actions of objects and restores them. Only names are held, no Blender data."""
+    """Detaches the actions of objects and restores them. It only holds names, no Blender data."""
 
     def __init__(self) -> None:
         self._held: dict[str, str] = {}
@@ -41,7 +41,7 @@ class SuspendedActions:
 class SceneDriver:
     """Moves characters and objects of performers and props, given in the order of the poses.
 
-    Only names are held, no Blender data. CharacterError if a chosen object or armature cannot follow.
+    It only holds names, no Blender data. CharacterError if a chosen object or armature cannot follow.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class SceneDriver:
 
     @property
     def targets(self) -> list[PerformerTarget]:
-        """The performers with their present characters."""
+        """The performers with their current characters."""
         return [driver.target for driver in (self._main, *self._further)]
 
     def start(self, context: bpy.types.Context) -> CaptureSpace:
@@ -90,7 +90,7 @@ class SceneDriver:
 
 
 class _PerformerDriver:
-    """Driver of one performer's character; a further one keeps its action until its performer is seen."""
+    """Drives one performer's character; a further one keeps its action until its performer is seen."""
 
     def __init__(self, target: PerformerTarget, parts: Collection[str], held: SuspendedActions) -> None:
         self.target = target
@@ -144,7 +144,7 @@ class PropDriver:
         self._held = held
 
     def apply(self, context: bpy.types.Context, poses: Sequence[PropPose], space: CaptureSpace) -> None:
-        """Move the objects of the visible props; a deleted object is left out."""
+        """Move the objects of the visible props; deleted objects are skipped."""
         for index, pose in enumerate(poses):
             if not pose.found:
                 continue

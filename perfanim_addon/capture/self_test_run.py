@@ -13,7 +13,7 @@ from ..jobs.job import Job, command
 from .capture_run import CaptureRun, Phase
 from .tuning import TUNING
 
-PANEL = "diagnostics"  # section of the preferences with the result
+PANEL = "diagnostics"  # section of the preferences that shows the result
 _MARKER_SET = "boxing"
 
 
@@ -29,11 +29,11 @@ class SelfTest(Job):
 
     @property
     def ended(self) -> bool:
-        """True when the test is complete."""
+        """Whether the test is complete."""
         return self._run is not None and self._run.phase is Phase.DONE
 
     def tick(self) -> None:
-        """Continue without waiting; raise PerfanimError for a failed step."""
+        """Continue without waiting; PerfanimError if a step fails."""
         if self._run is not None:
             self._capture(self._run)
             return

@@ -1,4 +1,4 @@
-"""The motion of a take as actions."""
+"""Motion of a take written as actions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ class TakeMotion:
 
     performers: Sequence[PerformerTarget]  # in the order of the poses
     props: Sequence[Prop]  # in the order of the poses
-    poses: Sequence[ScenePose]  # all: those outside the recorded parts show where a performer was first seen
+    poses: Sequence[ScenePose]  # all, because those outside the recorded parts show where a performer was first seen
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class RecordedPart:
 
 
 def filter_take(take: TakeFile, chosen: FilterSettings, use_stored: bool = True) -> list[ScenePose]:
-    """Return all poses of a take, filtered by its stored settings, if any, else by the chosen ones."""
+    """Return all poses of a take, filtered with its stored settings, if any, else with the chosen ones."""
     stored = take.notes.filters if use_stored else None
     return filter_poses(
         [solved.pose for solved in take.poses],
@@ -60,7 +60,7 @@ def write_take(
     """Write parts of a take as actions of the characters and objects.
 
     Args:
-        title: Name of the actions; those of props and further performers add their own name.
+        title: Name of the actions; for props and further performers their own name is added.
 
     Returns:
         The first performer's character, added if missing, and the actions' names.
@@ -103,7 +103,7 @@ class _FurtherWriter:
     title: str
 
     def prop(self, index: int, prop: Prop, part: RecordedPart, frames: Array) -> list[str]:
-        """Write the action of a prop's object, with keys where the prop was found."""
+        """Write the action of a prop's object, with keys in frames where the prop was found."""
         rows = [row for row, pose in enumerate(part.poses) if len(pose.props) > index and pose.props[index].found]
         if not rows:
             return []
@@ -120,7 +120,7 @@ class _FurtherWriter:
         return [write_object_action(target, frames[rows], rotations, locations, name=name, placement=how)]
 
     def performer(self, target: PerformerTarget, part: RecordedPart, frames: Array) -> list[str]:
-        """Write the action of a further performer's character from the first pose in which the performer is seen."""
+        """Write the action of a further performer's character, from the first pose in which the performer is seen."""
         first = target.first_seen(part.poses)
         if first is None:
             return []

@@ -1,1 +1,1 @@
-"""Armatures that are driven, and the character of our own."""
+"""Characters: armatures to drive, and our own character."""

@@ -1,6 +1,6 @@
-"""Blender's armatures for retargeting: rest pose and effective parents.
+"""Rest pose and effective parents of Blender's armatures, as needed for retargeting.
 
-In control rigs a bone may follow another bone than its parent, through constraints. That is found by trial: each bone
+In control rigs, constraints may make a bone follow a bone other than its parent. This is found by trial: each bone
 is turned, and the bones that turn along are recorded.
 """
 
@@ -18,7 +18,7 @@ from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, IntArray
 from ...core.retarget.armature_rest import ArmatureRest
 
-_FK_SWITCH = "IK_FK"  # Rigify's property of a limb: 0 inverse, 1 forward kinematics
+_FK_SWITCH = "IK_FK"  # Rigify's property for a limb: 0 inverse, 1 forward kinematics
 _FOLLOW_SWITCHES = ("neck_follow", "head_follow")  # 1: the neck follows the chest, the head the neck
 _TRIED = Quaternion((0.3, 0.8, -0.5), 0.7)  # trial rotation
 _APPLY = "apply its scale (Object > Apply > Scale), and that of its parent"
@@ -28,9 +28,9 @@ _APPLY = "apply its scale (Object > Apply > Scale), and that of its parent"
 class ArmatureLimits:
     """Tolerances and sizes of armatures."""
 
-    same_rotation_rad: float = 0.02  # difference up to which two bones turn together
+    same_rotation_rad: float = 0.02  # largest difference with which two bones count as turning together
     same_scale: float = 0.01  # relative change of a limb's length in the scene while it turns
-    same_share: float = 0.003  # difference of a bone's share of the legs' length, for a body of equal proportions
+    same_share: float = 0.003  # difference in a bone's share of the legs' length for which proportions count as equal
     shortest_bone_m: float = 0.012  # Blender deletes bones without length when Edit Mode is left
 
 
@@ -38,7 +38,7 @@ LIMITS = ArmatureLimits()
 
 
 def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
-    """Return the rest pose of all bones of an armature object, with the lengths that scaled bones show."""
+    """Return the rest pose of all bones of an armature object, with the lengths that scaled bones appear to have."""
     bones = list(armature_object.data.bones)  # Blender keeps parents before their children
     place = {bone.name: index for index, bone in enumerate(bones)}
     count = len(bones)
@@ -67,9 +67,9 @@ def read_armature_rest(armature_object: bpy.types.Object) -> ArmatureRest:
 
 
 def own_scale(bone: bpy.types.PoseBone) -> float:
-    """Return the uniform scale of a bone, 1 for a stretched one.
+    """Return the uniform scale of a bone, or 1 for a stretched one.
 
-    glTF files can scale bones; importers leave that in the pose, though it belongs to the rest pose. Uneven scale
+    glTF files can scale bones; importers leave this in the pose, although it belongs to the rest pose. Uneven scale
     is left over from an animation.
     """
     least, most = min(bone.scale), max(bone.scale)
@@ -77,8 +77,8 @@ def own_scale(bone: bpy.types.PoseBone) -> float:
 
 
 def _shown_scales(armature_object: bpy.types.Object, parents: IntArray) -> Array:
-    """Return the length (B,) that bones of an armature show for a length of 1."""
-    if armature_object.pose is None:  # of an object that is in no scene
+    """Return the length (B,) that bones of an armature appear to have for a length of 1."""
+    if armature_object.pose is None:  # the object is not in any scene
         return np.ones(len(parents))
     scales = np.array([own_scale(bone) for bone in armature_object.pose.bones], dtype=np.float64)
     for index, (bone, parent) in enumerate(zip(armature_object.data.bones, parents, strict=True)):
@@ -115,9 +115,9 @@ def clear_offsets(armature_object: bpy.types.Object, turned: Iterable[str], move
 
 
 def switch_to_fk(armature_object: bpy.types.Object, bones: Sequence[str]) -> None:
-    """Let a rig follow the rotations of the given bones.
+    """Make a rig follow the rotations of the given bones.
 
-    Rigify's switches are set to forward kinematics, and inverse kinematics that ends in one of the bones is muted.
+    Rigify's switches are set to forward kinematics, and inverse kinematics that end in one of the bones are muted.
     """
     for bone in armature_object.pose.bones:
         for name in (_FK_SWITCH, *_FOLLOW_SWITCHES):
@@ -137,7 +137,7 @@ def is_constrained(armature_object: bpy.types.Object, bones: Sequence[str]) -> b
 
 
 def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object, bones: Sequence[str]) -> IntArray:
-    """Return for each bone (B,) of an armature the one of `bones` that turns it, or -1 for none; the pose is restored.
+    """Return for each bone (B,) of an armature which of `bones` turns it, or -1 for none; the pose is restored.
 
     Parents come before their children. CharacterError if constraints hold a bone, so that turning it has no effect.
     """
@@ -162,7 +162,7 @@ def followed_bones(context: bpy.types.Context, armature_object: bpy.types.Object
                 if other != index and abs(steps[index].dot(step)) > np.cos(0.5 * LIMITS.same_rotation_rad):
                     led[other].append(index)
     for index, name in enumerate(bones):
-        if led[index]:  # of all bones that turn it, the one that most others turn: the nearest
+        if led[index]:  # of all bones that turn it, use the one that most others turn: the nearest
             found[place[name]] = place[bones[max(led[index], key=lambda other: len(led[other]))]]
     return found
 

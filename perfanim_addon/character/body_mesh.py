@@ -18,16 +18,16 @@ from ...core.system.assets import CHARACTER
 from ..blender_versions import enable_nodes
 from . import axes
 
-_METRES_PER_STEP = 1e-4  # resolution of the file
+_METRES_PER_STEP = 1e-4  # resolution of the stored coordinates
 
 
 @dataclass(frozen=True)
 class BodyFit:
-    """Tuned numbers of the fit, chosen by eye."""
+    """Tuned numbers for the fit, chosen by eye."""
 
     least_weight: float = 0.002  # smaller skin weights are dropped: they cost time in every frame and show nothing
     sole_m: float = 0.03  # height up to which a shoe stays on the floor
-    foot_m: float = 0.08  # height from which a shoe moves with the foot alone
+    foot_m: float = 0.08  # height above which a shoe moves only with the foot
 
 
 _FIT = BodyFit()
@@ -45,7 +45,7 @@ _MATERIALS: dict[str, tuple[tuple[float, float, float], float]] = {
 
 @dataclass(frozen=True)
 class Body:
-    """The mesh of a whole body in the rest pose, y up, z forward, soles at y = 0."""
+    """Mesh of a whole body in the rest pose, y up, z forward, soles at y = 0."""
 
     vertices_m: Array  # vertices (V, 3)
     faces: IntArray  # vertices (F, 4) of each face, counter-clockwise seen from outside
@@ -71,7 +71,7 @@ def shipped_body() -> Body:
 def fitted_body(skeleton: Skeleton, heads_m: Array) -> Body:
     """Return the shipped body on another skeleton with joints (J, 3) of the rest pose.
 
-    The skin of each bone is turned with its rest direction, stretched along it by its length and across it by the
+    The skin of each bone is rotated with its rest direction, stretched along it by its length and across it by the
     body's girth, and blended by the skin weights. Soles stay on the floor.
     """
     body, plain = shipped_body(), default_skeleton()
@@ -98,7 +98,7 @@ def _bone_map(plain_tip_m: Array, tip_m: Array, girth: float) -> Array:
 def add_body(
     context: bpy.types.Context, skeleton: Skeleton, heads_m: Array, armature_object: bpy.types.Object
 ) -> bpy.types.Object:
-    """Add the body as a mesh object that the armature, with joints (J, 3) of the rest pose, deforms; return it."""
+    """Add the body as a mesh object deformed by the armature, which has joints (J, 3) in the rest pose; return it."""
     body = fitted_body(skeleton, heads_m)
     mesh = bpy.data.meshes.new(armature_object.name + " body")
     mesh.from_pydata(axes.points_to_blender(body.vertices_m).tolist(), [], body.faces.tolist())
@@ -126,17 +126,17 @@ def _add_groups(obj: bpy.types.Object, skeleton: Skeleton, weights: Array) -> No
 
 
 def _material(name: str) -> bpy.types.Material:
-    """Return the character material of that name, shared by all characters."""
+    """Return the character material with a name, shared by all characters."""
     full_name = f"Performer {name}"
     return bpy.data.materials.get(full_name) or new_material(full_name, *_MATERIALS[name])
 
 
 def new_material(name: str, colour: tuple[float, float, float], roughness: float) -> bpy.types.Material:
-    """Return a new material of one colour, linear RGB, and roughness."""
+    """Return a new material with one colour, linear RGB, and a roughness."""
     material = bpy.data.materials.new(name)
     enable_nodes(material)
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     surface.inputs["Base Color"].default_value = (*colour, 1.0)
     surface.inputs["Roughness"].default_value = roughness
-    material.diffuse_color, material.roughness = (*colour, 1.0), roughness  # solid viewport shading
+    material.diffuse_color, material.roughness = (*colour, 1.0), roughness  # for solid viewport shading
     return material

@@ -1,4 +1,4 @@
-"""Bone map stored with an armature object: a bone per joint, and root motion."""
+"""Bone map stored with an armature object: a bone per joint, and the root motion."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ _ROOT_MOTIONS = (
 
 
 def joint_label(joint: str) -> str:
-    """Return a joint's label in the panel, such as "Thigh L" for "lfemur"."""
+    """Return a joint's label for the panel, such as "Thigh L" for "lfemur"."""
     label = str(facts_of(joint)["label"])
     return label if joint in TABLES["joint"] else f"{label} {joint[0].upper()}"
 
@@ -65,7 +65,7 @@ def store_map(armature_object: bpy.types.Object, found: BoneMap) -> None:
 
 
 def store_problem(armature_object: bpy.types.Object, problem: str) -> None:
-    """Store an empty map, to be filled by hand, and the reason why none was found."""
+    """Store an empty map, to be filled in by hand, and the reason why none was found."""
     missing = {joint: JointMatch("", MatchState.MISSING) for joint in JOINT_NAMES}
     store_map(armature_object, BoneMap(missing, ""))
     armature_object.perfanim_character.problem = problem
@@ -89,7 +89,7 @@ def check_kept_map(armature_object: bpy.types.Object) -> None:
 
 
 def stored_map(armature_object: bpy.types.Object) -> BoneMap | None:
-    """Return the map stored with an armature, or None without one; CharacterError if it cannot be used."""
+    """Return the map stored with an armature, or None if there is none; CharacterError if it cannot be used."""
     kept = getattr(armature_object, "perfanim_character", None)
     if kept is None:
         return None

@@ -1,4 +1,4 @@
-"""Characters: armatures with the standard skeleton's joints as bones."""
+"""Creation of characters: armatures with the standard skeleton's joints as bones."""
 
 import bpy
 import numpy as np
@@ -16,7 +16,7 @@ _FORWARD_BONES = ("foot", "toes")
 
 
 def create_character(context: bpy.types.Context, skeleton: Skeleton, name: str = "Performer") -> str:
-    """Add an armature of the skeleton's joints, and a humanoid mesh on it.
+    """Add an armature with the skeleton's joints, and a humanoid mesh on it.
 
     The armature stands at the scene's origin in the rest pose, soles on the floor, facing -Y. Bones rotate by
     quaternions. The new armature becomes the active object, in Object Mode.
@@ -64,7 +64,7 @@ def _add_bones(armature: bpy.types.Armature, skeleton: Skeleton) -> None:
         length, least = float(np.linalg.norm(tips[joint])), LIMITS.shortest_bone_m
         longer = least * (tips[joint] / length if length > 1e-6 else up)
         bone.tail = heads[joint] + (tips[joint] if length >= least else longer)
-        # knees, elbows and the spine then bend about their local X axis, which animators expect
+        # this makes knees, elbows and the spine bend about their local X axis, which animators expect
         bone.align_roll(up if name[1:] in _FORWARD_BONES else forward)
         parent = skeleton.parents[joint]
         if parent >= 0:
@@ -72,7 +72,7 @@ def _add_bones(armature: bpy.types.Armature, skeleton: Skeleton) -> None:
 
 
 def find_armature(object_name: str) -> bpy.types.Object:
-    """Return the armature object of a name; CharacterError without one."""
+    """Return the armature object with a name; CharacterError if there is none."""
     obj = bpy.data.objects.get(object_name)
     if obj is None:
         raise CharacterError(
@@ -86,5 +86,5 @@ def find_armature(object_name: str) -> bpy.types.Object:
 
 
 def joints_without_bone(armature_object: bpy.types.Object) -> list[str]:
-    """Return the standard joints without a bone in the armature."""
+    """Return the standard joints that have no bone in the armature."""
     return [name for name in JOINT_NAMES if name not in armature_object.data.bones]

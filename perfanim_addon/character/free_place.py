@@ -1,4 +1,4 @@
-"""Position of a new character in the scene, and a view that shows it."""
+"""Free position for a new character in the scene, and a view that shows it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ class StandingPlace:
     places_m: tuple[float, ...] = (0.0, 2.5, -2.5, 5.0, -5.0)  # positions along X, tried in this order
     reach_m: float = 0.5  # half the width of a standing performer
     height_m: float = 1.9  # height of a standing performer
-    low_m: float = 0.3  # height of floors and mats, which hide no character
-    view_height_m: float = 0.95  # centre of the view
-    view_distance_m: float = 7.0  # a performer who walks to and fro stays in view
+    low_m: float = 0.3  # height of floors and mats, which do not hide a character
+    view_height_m: float = 0.95  # height of the view's centre
+    view_distance_m: float = 7.0  # distance of the view: a performer who walks back and forth stays visible
 
 
 _PLACE = StandingPlace()

@@ -1,4 +1,4 @@
-"""Body parts of the capture settings and their bones."""
+"""Bones of the body parts in the capture settings."""
 
 from collections.abc import Collection
 
@@ -30,7 +30,7 @@ def bones_of_parts(
 def part_of_bones(armature_object: bpy.types.Object, plan: RetargetPlan) -> dict[str, str]:
     """Return the body part of each moved bone; CharacterError without a bone map.
 
-    A bone without a joint belongs to the part of its nearest mapped ancestor, else to the hips.
+    A bone without a joint belongs to the part of its nearest mapped ancestor, or else to the hips.
     """
     part_of = {bone: _PART_OF[joint] for joint, bone in bones_of(armature_object).items()}
     bones, found = armature_object.pose.bones, {}

@@ -1,4 +1,4 @@
-"""Retarget plans of Blender's armatures."""
+"""Retarget plans for Blender's armatures."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ PRESETS_FOLDER = "bone_maps"  # user folder
 
 
 def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = None) -> BoneMap:
-    """Find the bone map of an armature by shipped presets and those of a folder; CharacterError if none fits."""
+    """Find the bone map of an armature with the presets shipped and in a folder; CharacterError if none fits."""
     try:
         return find_bone_map(read_armature_rest(armature_object), read_presets(presets_folder))
     except CharacterError as error:
@@ -31,9 +31,9 @@ def find_map(armature_object: bpy.types.Object, presets_folder: Path | None = No
 
 
 def fill_map(armature_object: bpy.types.Object) -> None:
-    """Find and store the bone map of an armature, or the problem.
+    """Find and store the bone map of an armature, or store the problem.
 
-    A usable stored map stays: it may have been chosen by hand.
+    A usable stored map is kept, because it may have been chosen by hand.
     """
     if armature_object.library is not None:
         return
@@ -49,7 +49,7 @@ def fill_map(armature_object: bpy.types.Object) -> None:
 
 
 def map_problem(armature_object: bpy.types.Object) -> str:
-    """Return the reason why an armature cannot be driven, "" for none; fast enough for drawing."""
+    """Return the reason why an armature cannot be driven, or ""; fast enough for drawing."""
     if armature_object.library is not None:
         return f"it is linked from another file; {_LINKED}"
     return _problem(armature_object, stored_map) or _problem(armature_object, check_scale)
@@ -76,7 +76,7 @@ def _has_proportions(rest: ArmatureRest, skeleton: Skeleton) -> bool:
 
 
 def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetPlan:
-    """Plan the retargeting onto an armature, by its stored or a found map; CharacterError if it cannot be driven."""
+    """Plan the retargeting to an armature with its stored map or a found one; CharacterError if it cannot be driven."""
     if armature_object.library is not None:
         raise CharacterError(
             "is linked from another file and cannot be posed", where=armature_object.name, advice=_LINKED
@@ -93,7 +93,7 @@ def plan_for(armature_object: bpy.types.Object, skeleton: Skeleton) -> RetargetP
 
 
 def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
-    """Return joint -> bone of an armature, by the same maps as `plan_for`; CharacterError without a map."""
+    """Return joint -> bone of an armature, using the same maps as `plan_for`; CharacterError without a map."""
     kept = stored_map(armature_object)
     if kept is None and not joints_without_bone(armature_object):
         return {joint: joint for joint in JOINT_NAMES}
@@ -103,7 +103,7 @@ def bones_of(armature_object: bpy.types.Object) -> dict[str, str]:
 def plan_with_map(
     armature_object: bpy.types.Object, skeleton: Skeleton, bone_map: BoneMap, root_motion: RootMotion
 ) -> RetargetPlan:
-    """Plan the retargeting onto an armature by a map, and switch its IK off; CharacterError if it cannot be driven."""
+    """Plan the retargeting to an armature with a map, and switch its IK off; CharacterError if it cannot be driven."""
     check_scale(armature_object)
     armature_object.data.pose_position = "POSE"  # in rest position it would not move
     rest = read_armature_rest(armature_object)
@@ -120,6 +120,6 @@ def _rest_between(armature_object: bpy.types.Object, hips: str, driven: Sequence
     """Reset bones between driven ones that earlier actions have posed."""
     bones, taken = armature_object.pose.bones, set(driven)
     above = {parent.name for name in driven for parent in bones[name].parent_recursive} - taken
-    carriers = {parent.name for parent in bones[hips].parent_recursive}  # they place the character and stay
+    carriers = {parent.name for parent in bones[hips].parent_recursive}  # these place the character and are left alone
     for name in above - carriers:
         bones[name].matrix_basis.identity()

@@ -1,4 +1,4 @@
-"""Placeholder object of a prop: a shaft, arms to the markers, markers as balls."""
+"""Placeholder object for a prop: a shaft, arms to the markers, and balls as markers."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from .axes import points_to_blender
 class PropShape:
     """Sizes of the placeholder in metres, chosen by eye."""
 
-    sides: int = 8  # faces around shaft, arms and balls
+    sides: int = 8  # number of faces around shaft, arms and balls
     shaft_m: float = 0.012  # radius
     arm_m: float = 0.005  # radius
     marker_m: float = 0.016  # radius
@@ -25,7 +25,7 @@ _SHAPE = PropShape()
 
 
 def add_prop_object(context: bpy.types.Context, prop: Prop) -> bpy.types.Object:
-    """Add and return a mesh of a prop at the scene's origin, its y along Z."""
+    """Add and return a mesh of a prop at the scene's origin, with its y along Z."""
     places = [Vector(place) for place in points_to_blender(prop.positions_m)]
     shape = bmesh.new()
     low, high = (each(place.z for place in places) for each in (min, max))

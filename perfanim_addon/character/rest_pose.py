@@ -1,6 +1,6 @@
-"""Rest poses of characters as their importers show them.
+"""Correction of characters' rest poses to what their importers show.
 
-glTF files place, turn and scale joints by nodes, but bind meshes by matrices of their own. Where the two differ, the
+glTF files place, turn and scale joints by nodes, but bind meshes by separate matrices. If the two differ, the
 importer takes the bones from the matrices and poses the topmost bone so that the scene matches the nodes. Reset to its
 bones, such a character would lie down, sink or be a hundred times too large, so the pose of the topmost bone becomes
 part of the rest pose.
@@ -21,16 +21,16 @@ from .armature_reading import LIMITS, own_scale
 class PlacementLimits:
     """Limits that tell a placement by the topmost bone from the remains of an animation."""
 
-    still_rad: float = 0.02  # rotation up to which a bone is at rest
+    still_rad: float = 0.02  # rotation up to which a bone counts as at rest
     step: float = 0.5  # least vertical shift of the topmost bone, share of the body's extent; a crouch shifts it less
-    height: float = 0.5  # least height of a standing body, share of its extent; a lying one is flatter
+    height: float = 0.5  # smallest height of a standing body, share of its extent; a lying body is flatter
 
 
 _LIMITS = PlacementLimits()
 
 
 def release_pose(armature_object: bpy.types.Object) -> None:
-    """Detach an armature's other animation, which stays in the file, and reset its bones to the shown rest pose."""
+    """Detach an armature's other animation, which stays in the file, and reset its bones to the displayed rest pose."""
     bpy.context.view_layer.update()
     placement = _placement(armature_object)
     animation = armature_object.animation_data
@@ -47,13 +47,13 @@ def release_pose(armature_object: bpy.types.Object) -> None:
 
 
 def _top(armature_object: bpy.types.Object) -> bpy.types.PoseBone:
-    """Return the topmost bone that carries most others."""
+    """Return the topmost bone that carries most of the others."""
     tops = [bone for bone in armature_object.pose.bones if bone.parent is None]
     return max(tops, key=lambda bone: len(bone.children_recursive))
 
 
 def _placement(armature_object: bpy.types.Object) -> Matrix | None:
-    """Return the transform, in an armature's space, by which its topmost bone places the body, or None."""
+    """Return the transform, in an armature's space, with which its topmost bone places the body, or None."""
     if armature_object.library is not None or armature_object.data.library is not None:
         return None
     top, bones = _top(armature_object), armature_object.pose.bones

@@ -12,7 +12,7 @@ def leave_modes(context: bpy.types.Context) -> None:
 
 
 def select_only(context: bpy.types.Context, objects: Sequence[bpy.types.Object]) -> None:
-    """Select these objects alone; the first becomes the active one."""
+    """Select only these objects and make the first one active."""
     for each in context.view_layer.objects:
         each.select_set(each in objects)
     context.view_layer.objects.active = objects[0]

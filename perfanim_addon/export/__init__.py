@@ -1,1 +1,1 @@
-"""Files written by Blender."""
+"""Export of files by Blender."""

@@ -1,4 +1,4 @@
-"""Another program's bone names while a file is written."""
+"""Temporary renaming of bones for another program while a file is written."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,10 +11,10 @@ from ...core.retarget.displayed_joint_names import naming_of
 
 @contextmanager
 def exported_bone_names(armature_object: bpy.types.Object, bones: Mapping[str, str], naming: str) -> Iterator[None]:
-    """Rename bones for another program, and restore their names afterwards; CharacterError for bones of another file.
+    """Rename bones for another program, and restore their names afterwards; CharacterError for bones from another file.
 
-    Blender renames vertex groups, animation and constraints along. A bone without a joint whose name is needed gets "_"
-    appended meanwhile.
+    Blender renames vertex groups, animation and constraints as well. A bone without a joint whose name is needed gets a
+    temporary "_" at its end.
     """
     data = armature_object.data
     if data.library is not None or data.override_library is not None:

@@ -29,7 +29,7 @@ _YUP_FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0
 
 @dataclass(frozen=True)
 class Form:
-    """Form of an exported file."""
+    """Options for an exported file."""
 
     meshes: bool = True  # include the meshes deformed by the armature
     naming: str = ""  # joint naming for mapped bones; "" keeps their names
@@ -38,7 +38,7 @@ class Form:
 
 @dataclass(frozen=True)
 class TimedPoses:
-    """Poses of a performer at their times."""
+    """A performer's poses and their times."""
 
     times_s: Array  # times (F,), strictly increasing; the file begins at the first
     rotations: Array  # parent-from-joint quaternions (F, J, 4)
@@ -189,7 +189,7 @@ _OBJECT_PLACE = ("rotation_mode", "delta_location", "delta_rotation_quaternion",
 
 
 def _pose_state(armature_object: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the state that driving changes."""
+    """Return the state that driving an armature changes."""
     bones = []
     for bone in armature_object.pose.bones:
         switches = {name: value for name, value in bone.items() if isinstance(value, float | int)}

@@ -2,7 +2,7 @@
 
     python -m perfanim.perfanim_addon.export.retarget_file MOTION OUT [--to CHARACTER] [--map NAME_OR_FILE] [...]
 
-Run it in a process of its own: it opens another scene. The last line on stdout is a JSON object.
+Run it in a separate process, because it opens another scene. The last line on stdout is a JSON object.
 """
 
 import argparse
@@ -58,21 +58,21 @@ def retarget_file(
     picture: Picture | None = None,
     form: Form | None = None,
 ) -> dict[str, Any]:
-    """Retarget a motion onto a character, and save it; return a report.
+    """Retarget a motion to a character, and save it; return a report.
 
     A .blend keeps its scene and rate; other and new characters get a scene with floor, light and camera at the motion's
     rate.
 
     Args:
         motion: Motion of the standard skeleton's joints.
-        character: File (.blend, .glb, .gltf, .vrm, .fbx); None for a new character of the motion's proportions.
+        character: File (.blend, .glb, .gltf, .vrm, .fbx); None for a new character with the motion's proportions.
         target: File to write (.blend, .fbx, .glb, .bvh).
-        preset: Name of a shipped bone map, or a file; None to find the map.
+        preset: Name of a shipped bone map, or a file; None to find the map automatically.
         root_motion: Bone or object that receives the root motion.
-        form: Form of a file for other programs.
+        form: Options for files of other programs.
 
     Raises:
-        CharacterError: There is no humanoid in the file, or it cannot be driven.
+        CharacterError: The file contains no humanoid, or it cannot be driven.
         FormatError: A file cannot be read or written.
     """
     shown = _shown_frame(motion, picture)
@@ -114,7 +114,7 @@ def retarget_file(
 
 
 def _shown_frame(motion: Motion, picture: Picture | None) -> int:
-    """Return the frame of the picture, counted from 1."""
+    """Return the frame to show in the picture, counted from 1."""
     if picture is None or picture.frame is None:
         return (motion.frames + 1) // 2
     if not 1 <= picture.frame <= motion.frames:
@@ -125,12 +125,12 @@ def _shown_frame(motion: Motion, picture: Picture | None) -> int:
 def _performed(
     armature_object: bpy.types.Object, bone_map: BoneMap, motion: Motion, root_motion: RootMotion, *, is_new: bool
 ) -> tuple[RetargetPlan, Array]:
-    """Write a motion onto a character; return the plan and the scene frames (F,)."""
+    """Write a motion to a character; return the plan and the scene frames (F,)."""
     scene = bpy.context.scene
     release_pose(armature_object)
-    bpy.context.view_layer.update()  # world matrices of imported children
+    bpy.context.view_layer.update()  # updates world matrices of imported children
     if is_new and root_motion is RootMotion.HIPS:
-        plan = plan_for(armature_object, motion.skeleton)  # joint by joint: it has the performer's proportions
+        plan = plan_for(armature_object, motion.skeleton)  # joint by joint, because it has the performer's proportions
     else:
         plan = plan_with_map(armature_object, motion.skeleton, bone_map, root_motion)
     frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
@@ -168,7 +168,7 @@ def open_file(character: Path | None) -> None:
     if kind in _GLTF:
         with tempfile.TemporaryDirectory() as folder:
             copy = character
-            if kind == ".vrm":  # a binary glTF; the importer goes by the suffix
+            if kind == ".vrm":  # it is a binary glTF, but the importer goes by the suffix
                 copy = Path(folder) / f"{character.stem}.glb"
                 shutil.copyfile(character, copy)
             _run(character, lambda: bpy.ops.import_scene.gltf(filepath=str(copy), disable_bone_shape=True))
@@ -183,14 +183,14 @@ def open_file(character: Path | None) -> None:
 def _run(character: Path, read: Callable[[], object]) -> None:
     try:
         read()
-    except Exception as error:  # importers raise anything on damaged files
+    except Exception as error:  # importers may raise any exception for damaged files
         check_kind(read_bytes(character), str(character), _KINDS[character.suffix.lower()])
         line = (str(error).strip().splitlines() or ["unknown error"])[-1]
         raise FormatError(f"cannot be read ({line})", where=str(character), advice="export it again") from error
 
 
 def _humanoid(character: Path, preset: str | None) -> tuple[bpy.types.Object, BoneMap]:
-    """Return the humanoid armature with most meshes, and its bone map."""
+    """Return the humanoid armature with the most meshes, and its bone map."""
     armatures = [obj for obj in bpy.context.scene.objects if obj.type == "ARMATURE"]
     if not armatures:
         raise CharacterError("there is no armature in it", where=str(character), advice="give a rigged character")
@@ -223,7 +223,7 @@ def _add_stage(scene: bpy.types.Scene, armature_object: bpy.types.Object, bone_m
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
+    """Run the command; return 0, or 1 with one line on stderr if the input was bad."""
     parser = argparse.ArgumentParser(prog="retarget_file", description="Put a motion on a character.")
     parser.add_argument("motion", type=Path, help="motion file (.bvh, .amc)")
     parser.add_argument("out", type=Path, help="file to write (.blend, .fbx, .glb, .bvh)")

@@ -1,1 +1,1 @@
-"""Long work in a worker process, shown in the sidebar."""
+"""Jobs: long work in a worker process, shown in the sidebar."""

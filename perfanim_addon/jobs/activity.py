@@ -1,7 +1,7 @@
-"""The running capture or job, at most one, and the last message of each panel.
+"""The running capture or job (at most one) and the last message of each panel.
 
-No Blender data is held except the timer, which is removed at the end of the operator, when a file is loaded, the window
-is closed or the extension is disabled.
+No Blender data is held except the timer, which is removed at the end of the operator, when a file is loaded, when the
+window is closed, or when the extension is disabled.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ class Activity(Protocol):
         """End the worker process."""
 
     def keep(self, context: bpy.types.Context) -> str:
-        """Write the result once; return the line to show, "" for no result."""
+        """Write the result once; return the line to show, or "" if there is no result."""
 
 
 @dataclass
@@ -47,7 +47,7 @@ def begin(context: bpy.types.Context, activity: Activity, interval_s: float) -> 
 
 
 def end() -> None:
-    """End the activity: remove timer and overlays, close the worker. Safe to call at any time."""
+    """End the activity: remove timer and overlays, and close the worker. Safe to call at any time."""
     activity, timer = _state.activity, _state.timer
     _state.activity = _state.timer = None
     if timer is not None:
@@ -94,7 +94,7 @@ def redraw_sidebars() -> None:
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    # if loading fails, the present data stays and keeps the recording
+    # if loading fails, the current data remains and keeps the recording
     with contextlib.suppress(PerfanimError):
         finish(bpy.context)
 

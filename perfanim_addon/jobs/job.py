@@ -1,4 +1,4 @@
-"""Jobs of a worker process, with progress and result."""
+"""Jobs in a worker process, with progress and a result."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,8 +22,8 @@ class Job:
         panel: Key of the panel that shows the job.
         request: Request for the worker.
         python: Interpreter of the worker; None for Blender's own.
-        finishable: The job can end early with the result so far.
-        first: Job to run before, None for none.
+        finishable: Whether the job can end early with the result so far.
+        first: Job to run first, or None.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class Job:
         self.text = "starting"
         self.cue: PoseCue | None = None
         self.views = 0
-        self.heading = ""  # progress in the panel's header
+        self.heading = ""  # progress shown in the panel's header
         self.fraction = 0.0
         self.summary: dict[str, Any] | None = None
         self._preview: Message | None = None
@@ -51,7 +51,7 @@ class Job:
 
     @property
     def ended(self) -> bool:
-        """True when the worker is done."""
+        """Whether the worker is done."""
         return self._client is not None and self._client.ended
 
     def tick(self) -> None:
@@ -106,5 +106,5 @@ class Job:
             self._client.close()
 
     def keep(self, context: object) -> str:
-        """Keep nothing: an unfinished command has no result."""
+        """Keep nothing, because an unfinished command has no result."""
         return ""

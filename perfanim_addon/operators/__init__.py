@@ -1,1 +1,1 @@
-"""Operators, by panel."""
+"""Operators, grouped by panel."""

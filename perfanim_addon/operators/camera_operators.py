@@ -1,4 +1,4 @@
-"""Operators of the cameras: calibrate, set the floor, print a board."""
+"""Operators for the cameras: calibrate, set the floor, print a board."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -60,7 +60,7 @@ class PERFANIM_OT_calibrate_cameras(JobOperator, bpy.types.Operator):
 
 
 class _Watching(JobOperator):
-    """Base of the operators that watch the board with the cameras."""
+    """Base of the operators that observe the board with the cameras."""
 
     panel = PANEL
     missing_input = need(
@@ -88,7 +88,7 @@ class PERFANIM_OT_calibrate_board(_Watching, bpy.types.Operator):
         return RecordBoardRequest(**fields, limit=chosen.board_views, every_s=every_s, out=out)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Poll the worker at each tick, and beep when a view was taken."""
+        """Poll the worker on each tick, and beep when a view was taken."""
         before = self._job.views
         result = super().modal(context, event)
         if self._job.views > before:

@@ -1,4 +1,4 @@
-"""Operators of the live capture: start, stop, record."""
+"""Operators for the live capture: start, stop, record."""
 
 import time
 
@@ -53,14 +53,14 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
             self._show(context, posed)
         except PerfanimError as error:
             return self._finish(context, error)
-        except Exception as error:  # a defect must not leave timer and worker behind, nor lose the recording
+        except Exception as error:  # a bug must not leave timer and worker behind, nor lose the recording
             return self._finish(context, defect(error))
         if self._capture.done:
             return self._finish(context, self._capture.run.error)
         return {"PASS_THROUGH"}
 
     def _show(self, context: bpy.types.Context, posed: bool) -> None:
-        """Redraw the statistics once a second, if possible with a new pose, as Blender redraws the viewport, too."""
+        """Redraw the statistics once a second, if possible with a new pose, since Blender redraws the viewport, too."""
         now = time.perf_counter()
         if now - self._shown_at > (TUNING.sidebar_s if posed else 2.0 * TUNING.sidebar_s):
             self._shown_at = now
@@ -96,9 +96,9 @@ class PERFANIM_OT_start_capture(CheckedOperator, bpy.types.Operator):
         return {"FINISHED"} if capture.run is not None and capture.run.poses else {"CANCELLED"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Keep the recording: the window is closing."""
+        """Keep the recording because the window is closing."""
         if activity.current() is not self._capture:
-            return  # kept before a file was loaded or the add-on disabled
+            return  # already kept before a file was loaded or the add-on was disabled
         try:
             text = activity.finish(context)
         except PerfanimError as error:

@@ -1,4 +1,4 @@
-"""Operators of the character: add, choose, map its bones."""
+"""Operators for the character: add, choose, map its bones."""
 
 import bpy
 import numpy as np
@@ -26,7 +26,7 @@ PANEL = "character"
 
 
 def performer_skeleton(chosen: PERFANIM_PG_settings) -> Skeleton:
-    """Return the skeleton of the subject, or an average adult's."""
+    """Return the subject's skeleton, or an average adult's."""
     known = readiness.found(readiness.subject, absolute(chosen.subject)) if chosen.subject else None
     return default_skeleton() if known is None else known.skeleton
 
@@ -74,19 +74,19 @@ class PERFANIM_OT_use_active_armature(UndoOperator, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> None:
         (armature_object,) = _candidates(context)
         if joints_without_bone(armature_object):
-            find_map(armature_object, user_folder(PRESETS_FOLDER))  # raises for other than humanoids
+            find_map(armature_object, user_folder(PRESETS_FOLDER))  # raises for anything but humanoids
         settings(context).armature = armature_object
 
 
 class _ArmatureOperator(UndoOperator):
-    """Base of the operators on an armature's bone map."""
+    """Base of the operators for an armature's bone map."""
 
     panel = PANEL
     armature: string("Armature", "Armature to map; empty for the one chosen under Character", options=HIDDEN)
     missing_input = need(shown_armature, "Choose an armature first")
 
     def target(self, context: bpy.types.Context) -> bpy.types.Object:
-        """Return the armature to work on; raise CharacterError if it is gone."""
+        """Return the armature to work on; CharacterError if it is gone."""
         return find_armature(self.armature) if self.armature else settings(context).armature
 
 

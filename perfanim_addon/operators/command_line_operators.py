@@ -1,7 +1,7 @@
 """Command line of Blender: `blender --background --command perfanim ...`.
 
-Commands run in a process of their own, as the worker does: Blender has already loaded numpy's libraries with settings
-for its window.
+Commands run in a separate process, as the worker does, because Blender has already loaded numpy's libraries with
+settings for its window.
 """
 
 import os
@@ -28,7 +28,7 @@ def run(arguments: Sequence[str]) -> int:
     from ...core.worker.child_process import library_paths
 
     python = preferences.worker_python(bpy.context) or sys.executable
-    # characters are retargeted by another process of this Blender, if it is a program
+    # characters are retargeted by another process of this Blender, if it is an executable
     environment = {BLENDER_VARIABLE: bpy.app.binary_path, **os.environ}
     order = helper_process.order(in_blender.run, list(arguments), paths=library_paths())
     with subprocess.Popen(helper_process.command(python), stdin=subprocess.PIPE, env=environment) as process:
@@ -38,7 +38,7 @@ def run(arguments: Sequence[str]) -> int:
         while True:
             try:
                 status = process.wait()
-            except KeyboardInterrupt:  # the process gets it as well, and cleans up
+            except KeyboardInterrupt:  # the process receives it as well, and cleans up
                 continue
             return status if status >= 0 else 128 - status
 

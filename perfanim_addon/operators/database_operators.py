@@ -1,4 +1,4 @@
-"""Operators of the motion database: import motion, get motion, use the starter."""
+"""Operators for the motion database: import motion, get motion, use the starter."""
 
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ _COLLECTIONS = [(name, each.title, each.good_for) for name, each in public_colle
 
 
 def starter_job(panel: str, python: str | None) -> Job:
-    """Return the job that builds the starter database; DatabaseError without shipped motion."""
+    """Return the job that builds the starter database; DatabaseError if the shipped motion is missing."""
     if not MOTION.is_dir() or not any(MOTION.iterdir()):
         raise DatabaseError("the starter motion is missing", where=str(MOTION), advice="install the add-on again")
     build = ["database", "build", str(MOTION), "--out", str(readiness.starter_database_path())]
@@ -36,12 +36,12 @@ def starter_job(panel: str, python: str | None) -> Job:
 
 
 def is_starter_missing(context: bpy.types.Context) -> bool:
-    """Return True if the starter database is in use and not built yet."""
+    """Return True if the starter database is in use and has not been built yet."""
     return not settings(context).database and not readiness.starter_database_path().exists()
 
 
 class SolvingOperator(JobOperator):
-    """Base of jobs that use the motion database; a missing starter is built first."""
+    """Base of jobs that use the motion database; a missing starter database is built first."""
 
     def uses_starter(self, context: bpy.types.Context) -> bool:
         """Return True if the job needs the database of the scene's settings."""
@@ -61,7 +61,7 @@ class _BuildingOperator(JobOperator):
     cull: switch("Skip Near-Duplicates", "Skip motion that is within one degree per joint angle of an earlier clip")
 
     def build_options(self, context: bpy.types.Context, name: str) -> list[str]:
-        """Return the command's options (Blender uses the name `options`)."""
+        """Return the command's options (the name `options` is taken by Blender)."""
         self._target = str(user_folder("databases") / f"{name or 'motion'}{DATABASE_SUFFIX}")
         chosen = ["--mirror"] * self.mirror + ["--cull"] * self.cull
         workers = preferences.workers(context)
@@ -135,7 +135,7 @@ class PERFANIM_OT_get_motion(DialogOperator, _BuildingOperator, bpy.types.Operat
 
 
 def _folder() -> Path:
-    """Return the folder of the archives from the network."""
+    """Return the folder for downloaded archives."""
     return user_folder("collections")
 
 

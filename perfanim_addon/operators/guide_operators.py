@@ -1,4 +1,4 @@
-"""Operators of the guide: show the cameras, check the setup, skip a step."""
+"""Operators for the guide: show the cameras, check the setup, skip a step."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ PANEL = "guide"
 
 
 class _PictureJob(JobOperator):
-    """Base of jobs with a last picture that stays in the viewport until the next job."""
+    """Base of jobs with a final picture that stays in the viewport until the next job."""
 
     panel = PANEL
 
@@ -33,7 +33,7 @@ class _PictureJob(JobOperator):
 
 
 class PERFANIM_OT_show_cameras(_PictureJob, bpy.types.Operator):
-    """Show one picture of each camera, to choose Left and Right by"""
+    """Show one picture of each camera, so that you can choose Left and Right"""
 
     bl_label = "Show Cameras"
     title = "Looking for cameras"
@@ -126,7 +126,7 @@ class PERFANIM_OT_forget_ignored(PanelOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_skip_step(PanelOperator, bpy.types.Operator):
-    """Go on without this step; a capture can start, but may be worse"""
+    """Continue without this step; a capture can start, but may be worse"""
 
     bl_label = "Skip This Step"
     panel = PANEL

@@ -1,4 +1,4 @@
-"""Operators of jobs in the worker process."""
+"""Operators for jobs in the worker process."""
 
 from abc import abstractmethod
 from pathlib import Path
@@ -31,10 +31,10 @@ class JobOperator(CheckedOperator):
 
     @abstractmethod
     def arguments(self, context: bpy.types.Context) -> list[str]:
-        """Return the command line's arguments; PerfanimError for bad settings."""
+        """Return the command line's arguments; PerfanimError if the settings are invalid."""
 
     def request(self, context: bpy.types.Context) -> Request:
-        """Return the worker's request; PerfanimError for bad settings."""
+        """Return the worker's request; PerfanimError if the settings are invalid."""
         return command(self.arguments(context))
 
     def create_job(self, context: bpy.types.Context, python: str | None) -> Job:
@@ -74,7 +74,7 @@ class JobOperator(CheckedOperator):
                 picture_overlay.show(picture, job.text)
         except PerfanimError as error:
             return self._fail(context, error)
-        except Exception as error:  # a defect must not leave timer and worker behind
+        except Exception as error:  # a bug must not leave timer and worker behind
             return self._fail(context, defect(error))
         context.workspace.status_text_set(f"{job.title}: {job.fraction:.0%} {job.text}")
         activity.redraw_sidebars()
@@ -98,7 +98,7 @@ class JobOperator(CheckedOperator):
 
 
 class FilesOperator(ImportHelper):
-    """Base of operators on several chosen files."""
+    """Base of operators for several chosen files."""
 
     filename_ext = ""
     files: bpy.props.CollectionProperty(type=bpy.types.OperatorFileListElement, options=HIDDEN)

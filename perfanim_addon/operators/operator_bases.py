@@ -17,14 +17,14 @@ def need(is_met: Callable[[bpy.types.Context], object], text: str) -> Any:
 
 
 class CheckedOperator:
-    """Base of operators with preconditions; the disabled button shows the first missing one."""
+    """Base of operators with preconditions; the disabled button shows the first unmet one."""
 
     needs_scene = True
     needs_idle = True
     bl_idname = ""
 
     def __init_subclass__(cls) -> None:
-        """Derive the operator's name from its class: PERFANIM_OT_find_bones is perfanim.find_bones."""
+        """Derive the operator's name from its class: PERFANIM_OT_find_bones becomes perfanim.find_bones."""
         super().__init_subclass__()
         cls.bl_idname = cls.__name__.replace("PERFANIM_OT_", "perfanim.")
 
@@ -44,12 +44,12 @@ class CheckedOperator:
 
     @classmethod
     def missing_input(cls, context: bpy.types.Context) -> str:
-        """Return the step that must come first, "" for none."""
+        """Return the step that must come first, or ""."""
         return ""
 
 
 class RunningOperator(CheckedOperator):
-    """Base of operators on running work."""
+    """Base of operators that act on running work."""
 
     needs_scene = needs_idle = False
 

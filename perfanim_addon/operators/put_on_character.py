@@ -1,4 +1,4 @@
-"""Operators that put takes onto the character."""
+"""Operators that put takes on the character."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from .operator_bases import PanelOperator
 
 
 class TakeOperator:
-    """Base of the operators on one take."""
+    """Base of the operators for one take."""
 
     bl_options = {"REGISTER", "UNDO"}
     panel = PANEL
@@ -46,7 +46,7 @@ def recorded_poses(take: TakeFile, motion: TakeMotion) -> list[ScenePose]:
 
 
 def put_on_character(context: bpy.types.Context, path: Path) -> str:
-    """Write a take onto the chosen or new characters and objects; return the line to show."""
+    """Write a take to the chosen or new characters and objects; return the line to show."""
     take = read_take_file(path)
     motion = take_motion(context, take)
     poses = recorded_poses(take, motion)

@@ -1,4 +1,4 @@
-"""Operators that refine the performer by a take: refine, use, refuse."""
+"""Operators that refine the performer with a take: refine, use, refuse."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from .subject_operators import profile_path
 
 
 class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Operator):
-    """Find by the take's motion where bones and markers of its performer are off.
+    """Use the take's motion to find where the performer's bones and markers are off.
     Nothing changes until Use is clicked"""
 
     bl_label = "Refine Performer"
@@ -52,7 +52,7 @@ class PERFANIM_OT_refine_performer(TakeOperator, SolvingOperator, bpy.types.Oper
 
 
 class _AnsweringOperator(PanelOperator):
-    """Base of the answers to a refined performer."""
+    """Base of the responses to a refined performer."""
 
     panel = takes_panel.KEY
     missing_input = need(lambda context: offer.refined, "Click Refine Performer first")
@@ -79,7 +79,7 @@ class PERFANIM_OT_use_refined_performer(_AnsweringOperator, UndoOperator, bpy.ty
 
 
 class PERFANIM_OT_refuse_refined_performer(_AnsweringOperator, bpy.types.Operator):
-    """Forget the refined performer; the present one stays in use"""
+    """Discard the refined performer and keep the current one"""
 
     bl_label = "Keep Present Performer"
 

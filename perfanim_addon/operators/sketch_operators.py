@@ -1,4 +1,4 @@
-"""Operators of the Sketch Motion panel."""
+"""Operators for the Sketch Motion panel."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -41,7 +41,7 @@ _NO_STARTER = "Click Solve Sketch once: it builds the starter database"
 def _character(context: bpy.types.Context) -> bpy.types.Object:
     """Return the chosen character, or a new one that stands with closed legs.
 
-    In the rest pose the legs are spread and the hips lower: keys there would make a walk crouch.
+    In the rest pose the legs are spread and the hips are lower: keys there would make a walk crouch.
     """
     chosen = settings(context)
     if chosen.armature is None:
@@ -59,14 +59,14 @@ def _missing_controls(context: bpy.types.Context) -> str:
 
 
 class _SketchOperator(UndoOperator):
-    """Base of the operators on a character's sketch."""
+    """Base of the operators for a character's sketch."""
 
     panel = PANEL
     missing_input = need(lambda context: settings(context).armature, "Choose a character")
 
 
 class _ControlsOperator(_SketchOperator):
-    """Base of the operators on a sketch with controls."""
+    """Base of the operators for a sketch with controls."""
 
     missing_input = staticmethod(_missing_controls)
 
@@ -93,7 +93,7 @@ class PERFANIM_OT_add_controls(UndoOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_follow_rig(_SketchOperator, bpy.types.Operator):
-    """Let controls go with the bones of a roughly animated rig.
+    """Make controls follow the bones of a roughly animated rig.
     It is the selected one, else a wire copy of the character with its rough action"""
 
     bl_label = "Follow Rough Rig"
@@ -123,7 +123,7 @@ class PERFANIM_OT_draw_hips_path(_ControlsOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_follow_curve(_ControlsOperator, bpy.types.Operator):
-    """Let the selected control, else the hips, go along the selected curve"""
+    """Make the selected control, or else the hips, follow the selected curve"""
 
     bl_label = "Follow Curve"
 
@@ -184,7 +184,7 @@ class _SolvesSketch(SolvingOperator):
         )
 
     def bounds(self, context: bpy.types.Context) -> KeyBounds | None:
-        """Return the bounds of the key reduction; None for those of the result settings."""
+        """Return the bounds for key reduction; None for those of the result settings."""
         return None
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:
@@ -237,7 +237,7 @@ class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
 
 
 def _behaviours_in(database: Path) -> list[str]:
-    """Return the behaviours of a database, each group's first word before them; PerfanimError for a bad database."""
+    """Return a database's behaviours, each group preceded by its first word; PerfanimError for a damaged one."""
     names = sorted(filter(None, open_database(database).behaviours))
     return list(dict.fromkeys(each for name in names for each in (name.split()[0], name)))
 
@@ -256,7 +256,7 @@ def _listed(context: bpy.types.Context | None) -> list[tuple[str, str, str]]:
 
 
 class PERFANIM_OT_add_behaviour(_SketchOperator, bpy.types.Operator):
-    """Choose a behaviour of the database to draw from; without any, all are drawn from"""
+    """Choose a behaviour of the database to draw from; if none is chosen, all are used"""
 
     bl_label = "Add Behaviour"
     bl_property = "behaviour"
@@ -280,7 +280,7 @@ class PERFANIM_OT_add_behaviour(_SketchOperator, bpy.types.Operator):
 
 
 class PERFANIM_OT_remove_behaviour(_SketchOperator, bpy.types.Operator):
-    """Draw from this behaviour no more"""
+    """Stop drawing from this behaviour"""
 
     bl_label = "Remove Behaviour"
     behaviour: string("Behaviour", "Behaviour to remove")

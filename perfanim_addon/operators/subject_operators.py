@@ -1,4 +1,4 @@
-"""Operators of the performer: calibrate, use a profile."""
+"""Operators for the performer: calibrate, use a profile."""
 
 from pathlib import Path
 from typing import Any
@@ -120,7 +120,7 @@ class PERFANIM_OT_average_performer(UndoOperator, bpy.types.Operator):
 
 
 def _profiles(_context: object) -> list[tuple[str, str, str]]:
-    """Return an item for each file: a performer may have several, as calibrated and refined."""
+    """Return an item for each file: a performer may have several, as calibrated and as refined."""
     files = sorted(user_folder("subjects").glob("[!.]*.toml"))
     return [(str(file), f"{file.stem}: {readiness.performer_text(str(file))}", str(file)) for file in files]
 
@@ -175,7 +175,7 @@ def _recording_fields(context: bpy.types.Context, poses: tuple[str, ...], take: 
 
 
 def _take_over(context: bpy.types.Context, summary: dict[str, Any], all_poses: bool) -> None:
-    """Use the take, and the calibration with the floor from the feet."""
+    """Use the take, and the calibration with the floor found from the feet."""
     chosen = settings(context)
     chosen.subject_take, chosen.take_poses = summary["out"], all_poses
     if "calibration" in summary:

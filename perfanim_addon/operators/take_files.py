@@ -1,4 +1,4 @@
-"""Operators on the files of takes: delete, restore, clean up."""
+"""Operators for the files of takes: delete, restore, clean up."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from .operator_bases import PanelOperator, need
 
 
 class _FileOperator(PanelOperator):
-    """Base of the operators on files of takes; they need no scene."""
+    """Base of the operators for files of takes; they do not need a scene."""
 
     needs_scene = False
     panel = PANEL

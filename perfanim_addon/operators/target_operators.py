@@ -1,4 +1,4 @@
-"""Operators of the additional targets: add, remove, measure."""
+"""Operators for the additional targets: add, remove, measure."""
 
 from typing import Any
 

@@ -1,7 +1,7 @@
 """Alignment of the panels when one of them grows by itself.
 
 Blender moves the panels below a growing one only after drawing it, so it covers the next heading for a moment. When a
-panel appears or disappears, all are aligned before they are drawn: so two empty panels take turns.
+panel appears or disappears, all panels are aligned before they are drawn: therefore two empty panels alternate.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _Content = tuple[object, ...]
 
 @dataclass
 class _Drawn:
-    """Last content of a sidebar, and the number of its present empty panel."""
+    """Last content of a sidebar, and the number of its current empty panel."""
 
     content: _Content = ()
     number: int = 0
@@ -28,7 +28,7 @@ _sidebars: dict[int, _Drawn] = {}
 
 
 def content() -> _Content:
-    """Return everything that makes panels grow without an action of the user."""
+    """Return everything that makes panels grow without an action by the user."""
     capture = running_capture()
     if capture is None or capture.run is None:
         return type(activity.current()), activity.messages()
@@ -37,7 +37,7 @@ def content() -> _Content:
 
 
 class _Empty(SidebarPanel):
-    """Panel without a height; always one of the two is there."""
+    """Panel without a height; always one of the two is present."""
 
     bl_label = ""
     bl_options = {"HIDE_HEADER"}
@@ -57,13 +57,13 @@ class _Empty(SidebarPanel):
 
 
 class PERFANIM_PT_alignment(_Empty, bpy.types.Panel):
-    """Empty panel that takes turns with the next one."""
+    """Empty panel that alternates with the next one."""
 
     number = 0
 
 
 class PERFANIM_PT_alignment_next(_Empty, bpy.types.Panel):
-    """Empty panel that takes turns with the one above."""
+    """Empty panel that alternates with the one above."""
 
     number = 1
 

@@ -10,7 +10,7 @@ from . import panel_drawing
 
 
 class PERFANIM_PT_batch(SidebarPanel, bpy.types.Panel):
-    """Panel of a batch of takes."""
+    """Panel for a batch of takes."""
 
     bl_label = "Batch"
     bl_options = {"DEFAULT_CLOSED"}

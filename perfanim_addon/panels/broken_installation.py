@@ -7,7 +7,7 @@ from ..preferences.sidebar_tab import SidebarPanel
 
 
 class PERFANIM_PT_broken(SidebarPanel, bpy.types.Panel):
-    """Panel with the error and the remedy."""
+    """Panel with the error and its remedy."""
 
     bl_idname = "PERFANIM_PT_broken"
     bl_label = "Perfanim cannot run"

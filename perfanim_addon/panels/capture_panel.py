@@ -79,7 +79,7 @@ class PERFANIM_PT_capture(SidebarPanel, bpy.types.Panel):
 
 
 class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
-    """Panel of the recording and filter settings."""
+    """Panel for the recording and filter settings."""
 
     bl_label = "Recording"
     bl_parent_id = "PERFANIM_PT_capture"
@@ -102,8 +102,8 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
 
 
 def _draw_flags(layout: bpy.types.UILayout, chosen: Any, name: str, flags: Iterable[str]) -> None:
-    """Draw the flags of a setting in two columns: in a row they would be cut off."""
-    row = layout.split(factor=0.4)  # width of the names above
+    """Draw the flags of a setting in two columns, because they would be cut off in a row."""
+    row = layout.split(factor=0.4)  # width of the names on the left
     row.use_property_split = False
     title = row.column()
     title.alignment = "RIGHT"
@@ -114,7 +114,7 @@ def _draw_flags(layout: bpy.types.UILayout, chosen: Any, name: str, flags: Itera
 
 
 class PERFANIM_PT_sending(SidebarPanel, bpy.types.Panel):
-    """Panel of the VMC output."""
+    """Panel for the VMC output."""
 
     bl_label = "Send by VMC"
     bl_parent_id = "PERFANIM_PT_capture"

@@ -18,7 +18,7 @@ _ICONS = {MatchState.MAPPED.value: "CHECKMARK", MatchState.SUSPECT.value: "QUEST
 
 
 class PERFANIM_UL_joints(RowList, bpy.types.UIList):
-    """List with a joint and its bone per row."""
+    """List with one joint and its bone per row."""
 
     bl_idname = "PERFANIM_UL_joints"
 
@@ -47,7 +47,7 @@ class PERFANIM_MT_bone_maps(bpy.types.Menu):
 
 
 def shown_armature(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the armature of the drawn panel, else the first performer's."""
+    """Return the armature of the panel being drawn, else the first performer's."""
     return getattr(context, _SHOWN, None) or settings(context).armature
 
 

@@ -1,4 +1,4 @@
-"""Guide panel: the next step to a capture with cameras."""
+"""Guide panel: the next step towards a capture with cameras."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ _BOARD, _FOLDERS = ("board_columns", "board_rows", "board_square_mm"), ("board_l
 
 
 class PERFANIM_PT_guide(SidebarPanel, bpy.types.Panel):
-    """Panel with one next step: a sentence, its button, its finding."""
+    """Panel with the next step: a sentence, its button, its finding."""
 
     bl_label = "Guide"
     bl_options = {"DEFAULT_CLOSED"}
@@ -77,7 +77,7 @@ def _draw_reflections(layout: bpy.types.UILayout, chosen: Any) -> None:
 
 
 def _draw_settings(layout: bpy.types.UILayout, chosen: Any, step: guide_steps.GuideStep) -> None:
-    """Draw the step's settings that matter to the source."""
+    """Draw those settings of the step that matter for the source."""
     if step is guide_steps.STEPS[0]:
         draw_source(layout, chosen)
     is_simulated, button = chosen.source == "SIMULATED", step.operator(chosen)

@@ -14,11 +14,11 @@ from ..jobs.job import Job
 class Widths:
     """Widths in the sidebar, measured with Blender's default font."""
 
-    character_px: float = 6.2  # mean width of a character, unscaled
-    margin_px: float = 90.0  # icon, margins and tabs beside the text, unscaled
+    character_px: float = 6.2  # average width of a character, unscaled
+    margin_px: float = 90.0  # icon, margins and tabs next to the text, unscaled
     icon: int = 5  # icon and margin in characters
-    status: int = 8  # least width of a status in characters
-    line: int = 16  # least width of a line in characters
+    status: int = 8  # smallest width of a status in characters
+    line: int = 16  # smallest width of a line in characters
 
 
 _WIDTHS = Widths()
@@ -71,13 +71,13 @@ def draw_text(context: bpy.types.Context, layout: bpy.types.UILayout, text: str,
 
 
 def characters(context: bpy.types.Context) -> int:
-    """Return the number of characters that fit into a line of the sidebar beside an icon."""
+    """Return the number of characters that fit in a line of the sidebar next to an icon."""
     unscaled_px = context.region.width / context.preferences.system.ui_scale
     return max(_WIDTHS.line, int((unscaled_px - _WIDTHS.margin_px) / _WIDTHS.character_px))
 
 
 def header_status(context: bpy.types.Context, title: str, text: str) -> str:
-    """Shorten a status to fit a panel's header beside the title."""
+    """Shorten a status so that it fits in a panel's header next to the title."""
     return shortened(text, max(_WIDTHS.status, characters(context) - len(title) - _WIDTHS.icon))
 
 
@@ -89,7 +89,7 @@ def shortened(text: str, width: int) -> str:
 def wrapped(text: str, width: int) -> list[str]:
     """Return the text in lines of at most `width` characters.
 
-    Long words are cut; no-break spaces hold words together.
+    Long words are cut; no-break spaces keep words together.
     """
     lines: list[str] = []
     for word in re.findall(r"[^ \n]+", text):

@@ -13,7 +13,7 @@ from . import panel_drawing
 
 
 class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
-    """Panel of a character's sketch."""
+    """Panel for a character's sketch."""
 
     bl_label = "Sketch Motion"
     bl_options = {"DEFAULT_CLOSED"}
@@ -42,11 +42,11 @@ class PERFANIM_PT_sketch(SidebarPanel, bpy.types.Panel):
 
 
 class PERFANIM_PT_sketch_settings(SidebarPanel, bpy.types.Panel):
-    """Panel of a sketch's settings."""
+    """Panel for a sketch's settings."""
 
     bl_label = "Sketch Settings"
     bl_parent_id = "PERFANIM_PT_sketch"
-    bl_options = {"DEFAULT_CLOSED"}  # the buttons and their message then fit a small window
+    bl_options = {"DEFAULT_CLOSED"}  # the buttons and their message then fit in a small window
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

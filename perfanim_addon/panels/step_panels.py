@@ -1,4 +1,4 @@
-"""Panels of the steps before a capture."""
+"""Panels for the steps before a capture."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +17,7 @@ from .panel_drawing import draw_outcome, draw_text, header_status, job_of
 
 
 def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
-    """Draw the choice of the source, and its settings."""
+    """Draw the choice of source, and the source's settings."""
     layout.prop(chosen, "source")
     if chosen.source == "SIMULATED":
         draw_props(layout, chosen, "behaviour", "practise")
@@ -40,7 +40,7 @@ def draw_source(layout: bpy.types.UILayout, chosen: Any) -> None:
 
 
 def draw_ignored(context: bpy.types.Context, layout: bpy.types.UILayout, chosen: Any) -> None:
-    """Draw a line for each camera with ignored places, and a button to forget them."""
+    """Draw a line for each camera with ignored positions, and a button to forget them."""
     for camera, sentence in ignored_places.sentences(chosen) if readiness.has_cameras(chosen) else ():
         row = layout.row()
         draw_text(context, row, sentence, "HIDE_ON")
@@ -81,7 +81,7 @@ class _Step(SidebarPanel):
 
 
 class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
-    """Panel of image source and calibration."""
+    """Panel for image source and calibration."""
 
     bl_label = "Cameras"
     state = staticmethod(readiness.cameras)
@@ -117,7 +117,7 @@ class PERFANIM_PT_cameras(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_markers(_Step, bpy.types.Panel):
-    """Panel of the markers and their detection."""
+    """Panel for the markers and their detection."""
 
     bl_label = "Markers"
     state = staticmethod(readiness.markers)
@@ -139,7 +139,7 @@ class PERFANIM_PT_markers(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_subject(_Step, bpy.types.Panel):
-    """Panel of the performer."""
+    """Performer panel."""
 
     bl_label = "Subject"
     state = staticmethod(readiness.performer)
@@ -164,7 +164,7 @@ class PERFANIM_PT_subject(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_database(_Step, bpy.types.Panel):
-    """Panel of the motion database."""
+    """Motion Database panel."""
 
     bl_label = "Motion Database"
     state = staticmethod(readiness.motion)
@@ -180,7 +180,7 @@ class PERFANIM_PT_database(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_character(_Step, bpy.types.Panel):
-    """Panel of the character."""
+    """Character panel."""
 
     bl_label = "Character"
     state = staticmethod(readiness.character)
@@ -195,7 +195,7 @@ class PERFANIM_PT_character(_Step, bpy.types.Panel):
 
 
 class PERFANIM_PT_camera_controls(SidebarPanel, bpy.types.Panel):
-    """Panel of the camera controls of the preferences."""
+    """Panel for the camera controls in the preferences."""
 
     bl_label = "Exposure, Gain, Focus"
     bl_parent_id = "PERFANIM_PT_cameras"

@@ -27,7 +27,7 @@ _wanted = [""]  # file of the take to select when the list is next filled
 
 
 def _note(name: str, default: Any) -> dict[str, Any]:
-    """Return getter and setter of a property that is a note in the take's file."""
+    """Return getter and setter for a property that is stored as a note in the take's file."""
 
     def get(item: "PERFANIM_PG_take") -> Any:
         return getattr(item.summary.notes, name) if item.summary is not None else default
@@ -52,12 +52,12 @@ class PERFANIM_PG_take(bpy.types.PropertyGroup):
 
     @property
     def summary(self) -> TakeSummary | None:
-        """Facts in the file, None once it is gone."""
+        """Facts from the file; None once it is gone."""
         return next((take for take in take_library.listed() if str(take.path) == self.path), None)
 
 
 class PERFANIM_PG_takes(bpy.types.PropertyGroup):
-    """The list of the takes in the user's folder."""
+    """List of the takes in the user's folder."""
 
     attached_to = (bpy.types.WindowManager, "perfanim_takes")
     entries: collection("Takes", "The takes in the folder", PERFANIM_PG_take)
@@ -65,7 +65,7 @@ class PERFANIM_PG_takes(bpy.types.PropertyGroup):
 
 
 class PERFANIM_UL_takes(panel_drawing.RowList, bpy.types.UIList):
-    """List with name, stars and length of a take per row; a double click edits the name."""
+    """List with name, stars and length of one take per row; a double click edits the name."""
 
     bl_idname = "PERFANIM_UL_takes"
 
@@ -76,12 +76,12 @@ class PERFANIM_UL_takes(panel_drawing.RowList, bpy.types.UIList):
         else:
             row.prop(item, "title", text="", emboss=False, icon="ERROR" if why_not_good(take) else "REC")
         facts = row.row()
-        facts.alignment = "RIGHT"  # no wider than its text, to leave room for long names
+        facts.alignment = "RIGHT"  # no wider than its text, to leave space for long names
         facts.label(text=f"{'★' * item.rating}  {_length(take)}" if take and take.complete else "cut off")
 
 
 class PERFANIM_PT_takes(SidebarPanel, bpy.types.Panel):
-    """Panel of the recorded takes."""
+    """Panel for the recorded takes."""
 
     bl_label = "Takes"
     bl_options = {"DEFAULT_CLOSED"}
@@ -132,12 +132,12 @@ def _draw_take(context: bpy.types.Context, layout: bpy.types.UILayout, item: PER
 
 
 def why_not_good(take: TakeSummary) -> str:
-    """Return the verdict of a take's solve, "" where it is good or unknown."""
+    """Return the verdict on a take's solve, or "" if it is good or unknown."""
     return take.notes.verdict if take.notes.verdict != GOOD else ""
 
 
 def _draw_refined(context: bpy.types.Context, layout: bpy.types.UILayout, path: str) -> None:
-    """Draw the changes of the performer refined by a take, with both answers."""
+    """Draw the changes to the performer refined with a take, and both answers."""
     found = offer.refined
     if found is None or found.take != path:
         return
@@ -165,7 +165,7 @@ def _draw_room(layout: bpy.types.UILayout, count: int) -> None:
 
 
 def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
-    """Draw the offers to recover a take and to refine the performer, or while capturing the refinement so far."""
+    """Draw the offers to recover a take and to refine the performer, or during a capture the refinement so far."""
     captured = offer.capture
     if running_capture() is not None:
         _draw_refined(context, panel.layout, captured)
@@ -187,7 +187,7 @@ def draw_offer(panel: bpy.types.Panel, context: bpy.types.Context) -> None:
 def _list(context: bpy.types.Context) -> PERFANIM_PG_takes:
     """Return the list; schedule `_fill` after drawing if it has to change."""
     shown = context.window_manager.perfanim_takes
-    # a new take may be listed already, but not yet be selected
+    # a new take may be listed already, but not selected yet
     waits = bool(_wanted[0]) or [item.path for item in shown.entries] != _paths()
     if waits and not bpy.app.timers.is_registered(_fill):
         bpy.app.timers.register(_fill)
@@ -231,7 +231,7 @@ def origin_of(take: TakeSummary) -> str:
 
 
 def active_path(context: bpy.types.Context) -> str:
-    """Return the file of the take selected in the list, "" for none."""
+    """Return the file of the take selected in the list, or "" if none is."""
     shown = context.window_manager.perfanim_takes
     return str(shown.entries[shown.active].path) if 0 <= shown.active < len(shown.entries) else ""
 

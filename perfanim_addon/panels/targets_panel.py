@@ -12,7 +12,7 @@ KEY = "targets"
 
 
 class PERFANIM_UL_targets(panel_drawing.RowList, bpy.types.UIList):
-    """List with a target and its object or armature per row."""
+    """List with one target and its object or armature per row."""
 
     bl_idname = "PERFANIM_UL_targets"
 
@@ -25,7 +25,7 @@ class PERFANIM_UL_targets(panel_drawing.RowList, bpy.types.UIList):
 
 
 class PERFANIM_PT_targets(SidebarPanel, bpy.types.Panel):
-    """Panel of props and performers besides the first."""
+    """Panel for props and additional performers."""
 
     bl_label = "Additional Targets"
     bl_options = {"DEFAULT_CLOSED"}

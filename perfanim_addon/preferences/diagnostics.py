@@ -1,4 +1,4 @@
-"""Facts for a report about an installation, with the standard library only."""
+"""Facts for a report on an installation, using only the standard library."""
 
 import importlib
 import importlib.metadata
@@ -22,7 +22,7 @@ def library_facts(module: str, load: bool = False) -> str:
     if load:
         try:
             importlib.import_module(module)
-        except Exception as error:  # a broken library may raise anything
+        except Exception as error:  # a broken library may raise any exception
             return f"{module} cannot be loaded: {type(error).__name__}: {error}"
     try:
         version = importlib.metadata.version(LIBRARIES[module])

@@ -1,4 +1,4 @@
-"""Pages of the manual for buttons and settings, opened by F1."""
+"""Manual pages for buttons and settings, opened by F1."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import bpy
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 _CAPTURE, _SKETCH = "capture-in-blender.html", "sketch-in-blender.html"
 
-# Patterns of operators and of settings per page; the first match counts.
+# Patterns of operators and settings per page; the first match counts.
 _OPERATORS = (
     (f"{_CAPTURE}#guide", "show_cameras skip_step"),
     ("hardware.html#check-it", "check_setup ignore_reflections forget_ignored"),

@@ -1,4 +1,4 @@
-"""Settings of new files from the preferences."""
+"""Settings for new files, taken from the preferences."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from . import preferences
 
 @bpy.app.handlers.persistent
 def _set_up_new_file(*_: object) -> None:
-    """Set marker set and database of an unsaved file, if they are not set."""
+    """Set marker set and database of an unsaved file if they are not set."""
     chosen = preferences.chosen(bpy.context)
     if chosen is None or bpy.data.filepath:
         return

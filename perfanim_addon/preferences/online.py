@@ -6,7 +6,7 @@ import bpy
 
 
 def is_online_allowed() -> bool:
-    """Return True if add-ons may use the network."""
+    """Return True if add-ons are allowed to use the network."""
     return bool(bpy.app.online_access)
 
 

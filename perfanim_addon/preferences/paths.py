@@ -8,7 +8,7 @@ import bpy
 
 from ...core.system.files import clean_folder
 
-# Root package: "bl_ext.<repository>.perfanim" in Blender, where preferences have this name.
+# Root package: "bl_ext.<repository>.perfanim" in Blender; the preferences have this name there.
 ADDON = __package__.partition(".perfanim_addon")[0]
 
 # Folders in the preferences: first part of `user_folder` -> name of the preference.
@@ -20,7 +20,7 @@ _KINDS = ("takes", "databases", *_PROFILES, "props", "collections")
 def user_folder(*parts: str) -> Path:
     """Return a folder for the user's data, created if needed; the first part is a kind of data.
 
-    If the folder chosen in the preferences cannot be used, the add-on's own is returned; `folder_problem` explains.
+    If the folder chosen in the preferences cannot be used, the add-on's own is returned; `folder_problem` says why.
     """
     base, rest = _chosen(parts)
     if base:
@@ -49,21 +49,21 @@ def _own_folder(path: str) -> Path:
 
 
 def folder_problem(kind: str) -> str:
-    """Return the reason why a chosen folder cannot be used, "" for none."""
+    """Return the reason why a chosen folder cannot be used, or ""."""
     base, _ = _chosen((kind,))
     reason = _make(Path(absolute(base))) if base else ""
     return f"{base} cannot be used ({reason}): the add-on's own folder is used" if reason else ""
 
 
 def _chosen(parts: Sequence[str]) -> tuple[str, Sequence[str]]:
-    """Return the chosen folder for a kind of data, "" for none, and the remaining parts."""
+    """Return the chosen folder for a kind of data, or "", and the remaining parts."""
     kind, rest = ("profiles", parts) if parts[0] in _PROFILES else (parts[0], parts[1:])
     addon = bpy.context.preferences.addons.get(ADDON)
     return (getattr(addon.preferences, CHOSEN_FOLDERS[kind]) if addon and kind in CHOSEN_FOLDERS else ""), rest
 
 
 def _make(folder: Path) -> str:
-    """Create a folder; return the reason why it cannot be used, "" for none."""
+    """Create a folder; return the reason why it cannot be used, or ""."""
     if not folder.is_absolute():
         return "give its whole path"
     try:
@@ -74,5 +74,5 @@ def _make(folder: Path) -> str:
 
 
 def absolute(path: str) -> str:
-    """Return the absolute path of a Blender path, in which "//" is the file's folder; "" for ""."""
+    """Return the absolute path for a Blender path, in which "//" is the file's folder; "" for ""."""
     return bpy.path.abspath(path) if path else ""

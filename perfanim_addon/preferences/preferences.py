@@ -35,7 +35,7 @@ def _automatic(what: str) -> Any:
 
 
 class PERFANIM_PG_camera_controls(bpy.types.PropertyGroup):
-    """Controls of one camera, stored with the preferences."""
+    """Controls of one camera, stored in the preferences."""
 
     exposure_auto: _automatic("exposure")
     exposure_ms: number("Exposure (ms)", "Exposure time: 2 to 4 ms keep fast markers sharp", 4, 0.1, 1000)
@@ -134,12 +134,12 @@ def worker_python(context: bpy.types.Context) -> str | None:
 
 
 def method(context: bpy.types.Context) -> str:
-    """Return the solver method while capturing."""
+    """Return the solver method for captures."""
     return getattr(chosen(context), "method", METHODS[0])
 
 
 def workers(context: bpy.types.Context) -> int:
-    """Return the number of processes that read motion files, 0 for one per core."""
+    """Return the number of processes that read motion files; 0 for one per core."""
     return getattr(chosen(context), "workers", 0)
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import bpy
 
-_LARGEST = 2**31 - 1  # Blender's largest whole number
-HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options of a property that only the button sets
+_LARGEST = 2**31 - 1  # largest integer in Blender
+HIDDEN = {"HIDDEN", "SKIP_SAVE"}  # options for a property that only the button sets
 
 
 def switch(name: str, description: str, default: bool = False, **more: Any) -> Any:
@@ -20,12 +20,12 @@ def number(name: str, description: str, default: float, least: float, most: floa
 
 
 def string(name: str, description: str, default: str = "", **more: Any) -> Any:
-    """Return a property for text."""
+    """Return a text property."""
     return bpy.props.StringProperty(name=name, description=description, default=default, **more)
 
 
 def whole_number(name: str, description: str, default: int, least: int, most: int = _LARGEST, **more: Any) -> Any:
-    """Return a whole number within bounds."""
+    """Return an integer within bounds."""
     return bpy.props.IntProperty(name=name, description=description, default=default, min=least, max=most, **more)
 
 
@@ -35,13 +35,13 @@ def duration(name: str, description: str, default: float, least: float, most: fl
 
 
 def choice(name: str, description: str, items: Any, default: Any = None, **more: Any) -> Any:
-    """Return a choice among items; without a default the first."""
+    """Return a choice among items; by default the first."""
     return bpy.props.EnumProperty(name=name, description=description, items=items, default=default, **more)
 
 
 def dynamic_choice(name: str, description: str, items: Callable[[Any], Iterable[Any]]) -> Any:
-    """Return a choice among the items that a function of the context lists."""
-    kept: list[Any] = []  # Blender holds no reference to the items' texts
+    """Return a choice among items listed by a function of the context."""
+    kept: list[Any] = []  # Blender does not hold references to the items' texts
 
     def listed(_self: object, context: Any) -> list[Any]:
         kept[:] = items(context)

@@ -1,4 +1,4 @@
-"""Base class of the sidebar's panels, and their tab."""
+"""Base class of the sidebar's panels, and the tab they appear in."""
 
 import bpy
 

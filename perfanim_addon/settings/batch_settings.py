@@ -1,4 +1,4 @@
-"""Settings of a batch of takes, stored in the scene, and its plan file."""
+"""Settings for a batch of takes, stored in the scene, and its plan file."""
 
 from pathlib import Path
 from typing import Any
@@ -50,7 +50,7 @@ class PERFANIM_PG_batch(bpy.types.PropertyGroup):
 
 
 def problem(chosen: Any) -> str:
-    """Return the missing input of a batch, "" for none."""
+    """Return the missing input of a batch, or ""."""
     if chosen.plan:
         return "" if is_file(absolute(chosen.plan)) else "plan file not found"
     if chosen.takes and not is_folder(absolute(chosen.takes)):
@@ -61,7 +61,7 @@ def problem(chosen: Any) -> str:
 
 
 def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
-    """Return the chosen plan, or write one into the folder of the results.
+    """Return the chosen plan, or write one to the folder of the results.
 
     Recorded takes are solved for their own performer, all others for the chosen performer and markers.
 
@@ -94,7 +94,7 @@ def plan_file(context: bpy.types.Context, chosen: Any) -> Path:
         shared["also"] = also
     if chosen.character:
         shared |= {"to": absolute(chosen.character), "save_as": chosen.save_as}
-        if bpy.app.binary_path:  # "" for Blender as a Python module
+        if bpy.app.binary_path:  # "" if Blender runs as a Python module
             shared["blender"] = bpy.app.binary_path
     write_toml(path, {**shared, "take": rows})
     return path

@@ -1,4 +1,4 @@
-"""Choice of cameras by name and thumbnail, or by network address; the settings hold device numbers."""
+"""Choice of cameras by name and thumbnail, or by network address; the settings store device numbers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,8 +16,8 @@ from ..preferences.online import is_online_allowed, is_this_computer
 
 Item = tuple[str, str, str, int, int]
 
-NONE = -1  # device number for no camera
-NETWORK = -2  # device number for a network address
+NONE = -1  # device number that means no camera
+NETWORK = -2  # device number that means a network address
 
 
 @dataclass
@@ -26,7 +26,7 @@ class _Seen:
 
     devices: tuple[int, ...] = ()
     thumbnails: Any = None
-    items: dict[str, list[Item]] = field(default_factory=dict)  # Blender holds no reference to their texts
+    items: dict[str, list[Item]] = field(default_factory=dict)  # Blender does not hold references to their texts
 
 
 _seen = _Seen()
@@ -69,7 +69,7 @@ def items_of(setting: str, optional: bool) -> Callable[[Any, object], list[Item]
 
 
 def address_problem(address: str) -> str:
-    """Return the reason why a camera cannot have this address, "" for none."""
+    """Return the reason why a camera cannot have this address, or ""."""
     if not address:
         return "enter the address of the camera, such as rtsp://192.168.1.20:554/stream"
     if not is_stream(address):

@@ -73,7 +73,7 @@ PRACTISE_FAULTS = (
     *(
         (fault.name, fault.capitalize(), f"Practise with a studio that is like this: {fault}")
         for fault in Fault
-        if fault not in (Fault.BOARD_SMALL, Fault.FLIPPED)  # of pictures without a performer, and of films only
+        if fault not in (Fault.BOARD_SMALL, Fault.FLIPPED)  # faults of pictures without a performer, and of films only
     ),
 )
 
@@ -100,7 +100,7 @@ def _find_bones(self: Any, _context: object) -> None:
 
 
 def _no_camera_is_right_only(self: Any, _context: object) -> None:
-    """Reset the left camera from none: only the right one is optional."""
+    """Reset the left camera from none, because only the right one is optional."""
     if self.left_device == NONE:
         self.left_device = 0
 
@@ -113,7 +113,7 @@ def _retune(self: Any, _context: object) -> None:
 
 
 def armature_pointer(description: str) -> Any:
-    """Return a choice of an armature, which gets a bone map."""
+    """Return a choice of armature; the chosen one gets a bone map."""
     return pointer(
         "Armature",
         description,

@@ -29,14 +29,14 @@ _DONE = readiness.ready("done")
 
 @dataclass(frozen=True)
 class GuideStep:
-    """A step: a sentence and a button; functions take the settings."""
+    """A step: a sentence and a button; its functions receive the settings."""
 
     title: str
     text: Callable[[Any], str]
     operator: Callable[[Any], str]  # name of the button's operator
-    panel: str  # key of the panel with the operator's progress and result
+    panel: str  # key of the panel that shows the operator's progress and result
     state: Callable[[Any], StepStatus]
-    drawn: tuple[str, ...] = ()  # settings above the button
+    drawn: tuple[str, ...] = ()  # settings shown above the button
     passing: Callable[[Any], str] = lambda settings: ""  # label of the button that skips an optional step
 
 
@@ -48,7 +48,7 @@ class Seen:
     setup: tuple[Any, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()
     reflections: dict[int, Place] = field(default_factory=dict)  # by their number in the picture
-    walk: str = ""  # judgement of the last capture
+    walk: str = ""  # verdict on the last capture
     space: str = ""
     skipped: dict[str, tuple[Any, ...]] = field(default_factory=dict)
 
@@ -57,7 +57,7 @@ class Seen:
         vars(self).update(vars(Seen()))
 
     def forget_pictures(self) -> None:
-        """Forget the last check: ignored places have changed."""
+        """Forget the last check, because ignored positions have changed."""
         self.pictures, self.setup = (), ()
 
 
@@ -79,7 +79,7 @@ def reflections(settings: Any) -> dict[int, Place]:
 
 
 def forgive_reflections(numbers: Iterable[int]) -> bool:
-    """Drop reflections from the last check, as they are now ignored; return whether none is left."""
+    """Remove reflections from the last check because they are now ignored; return whether none is left."""
     for number in numbers:
         seen.reflections.pop(number, None)
     seen.setup = ()
@@ -89,12 +89,12 @@ def forgive_reflections(numbers: Iterable[int]) -> bool:
 
 
 def skip(settings: Any) -> None:
-    """Skip the next step while the pictures come from the same source."""
+    """Skip the next step as long as the pictures come from the same source."""
     seen.skipped[next_step(settings)[1].title] = _pictures(settings)
 
 
 def space(settings: Any) -> str:
-    """Return the space in view of all cameras by the last check, "" if unknown."""
+    """Return the space in view of all cameras according to the last check, or "" if unknown."""
     return seen.space if seen.setup == _setup(settings) else ""
 
 
@@ -119,7 +119,7 @@ def _source(settings: Any) -> StepStatus:
     state = readiness.pictures(settings)
     if not state.ready:
         return state
-    # device numbers are a guess until the pictures were seen
+    # device numbers are a guess until the pictures have been seen
     unseen = settings.source == "CAMERAS" and not settings.calibration and seen.pictures != _pictures(settings)
     return _TODO if unseen or readiness.is_known(settings) else state
 

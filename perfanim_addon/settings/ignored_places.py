@@ -1,6 +1,6 @@
-"""Ignored places in the cameras' pictures: reflections that cannot be covered.
+"""Ignored positions in the cameras' pictures, for reflections that cannot be covered.
 
-They are stored in the calibration, or in the scene until there is one.
+They are stored in the calibration, or in the scene until there is a calibration.
 """
 
 import json
@@ -18,7 +18,7 @@ Place = tuple[int, float, float]  # index of the camera, pixel
 
 
 def ignored(settings: Any) -> list[Place]:
-    """Return the ignored places of the chosen cameras."""
+    """Return the ignored positions of the chosen cameras."""
     rig = _rig(settings)
     if rig is None:
         return _waiting(settings).get(settings.source, [])
@@ -26,7 +26,7 @@ def ignored(settings: Any) -> list[Place]:
 
 
 def keep(settings: Any, places: Sequence[Place]) -> None:
-    """Ignore these places only; PerfanimError if the calibration cannot be written."""
+    """Ignore only these positions; PerfanimError if the calibration cannot be written."""
     if _rig(settings) is not None:
         save_ignored(absolute(settings.calibration), places)
     else:
@@ -34,7 +34,7 @@ def keep(settings: Any, places: Sequence[Place]) -> None:
 
 
 def sentences(settings: Any) -> list[tuple[int, str]]:
-    """Return the index of each camera with ignored places, and a sentence with their number."""
+    """Return the index of each camera with ignored positions, and a sentence with their number."""
     rig = _rig(settings)
     counts = Counter(camera for camera, *_ in ignored(settings))
     names = [str(index + 1) for index in range(len(rig) if rig else max([2, *(camera + 1 for camera in counts)]))]
@@ -49,9 +49,9 @@ def _rig(settings: Any) -> CameraRig | None:
 
 
 def _waiting(settings: Any) -> dict[str, list[Place]]:
-    """Return the places of cameras without a calibration, by source.
+    """Return the positions for cameras without a calibration, by source.
 
-    The text may come from somebody else's .blend: invalid content and unlikely places are left out.
+    The text may come from someone else's .blend: invalid content and unlikely positions are left out.
     """
     try:
         table = json.loads(settings.ignored_places or "{}")

@@ -1,6 +1,6 @@
-"""Refined performer until it is used or refused, and the offer to refine by the last capture.
+"""Refined performer until it is used or refused, and the offer to refine with the last capture.
 
-Nothing is stored in Blender's data or in files: a refused performer leaves no trace.
+Nothing is stored in Blender's data or in files, so a refused performer leaves no trace.
 """
 
 from dataclasses import dataclass
@@ -19,18 +19,18 @@ class Refined:
 
     take: str  # file of the take that showed the changes
     subject: Subject
-    changes: tuple[str, ...]  # changes against the performer of the take, in words
+    changes: tuple[str, ...]  # changes relative to the performer of the take, in words
 
 
 @dataclass
 class Offer:
-    """Present offer."""
+    """Current offer."""
 
-    capture: str = ""  # file of the last capture if it can refine the performer, else ""
-    refined: Refined | None = None  # refined performer that waits for an answer
+    capture: str = ""  # file of the last capture if it can be used to refine the performer, else ""
+    refined: Refined | None = None  # refined performer waiting for an answer
 
     def close(self) -> None:
-        """End the offer."""
+        """Withdraw the offer."""
         self.capture, self.refined = "", None
 
 
@@ -43,7 +43,7 @@ def command_line(take: str, database: str, result: Path) -> list[str]:
 
 
 def path_beside(old: Path) -> Path:
-    """Return an unused file beside a performer's for the refined one."""
+    """Return an unused file next to a performer's for the refined one."""
     return unused_path(old.parent, old.name.removesuffix(ENDING).partition(_ADDED)[0] + _ADDED, ENDING)
 
 

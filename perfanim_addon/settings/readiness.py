@@ -42,17 +42,17 @@ class StepStatus:
 
     @property
     def ready(self) -> bool:
-        """True if the step is done."""
+        """Whether the step is done."""
         return self.state is StepState.READY
 
 
 def ready(text: str) -> StepStatus:
-    """Return the status of a step that is done."""
+    """Return the status for a step that is done."""
     return StepStatus(StepState.READY, text)
 
 
 def faulty(text: str, problem: object) -> StepStatus:
-    """Return the status of a step with a problem or error."""
+    """Return the status for a step with a problem or error."""
     return StepStatus(StepState.FAULTY, text, str(problem))
 
 
@@ -78,20 +78,20 @@ def _loaded(kind: str, load: Callable[[str], Any], path: str) -> Any:
             value = error
         known = _cache[(kind, path)] = (stamp, value)
     if isinstance(known[1], PerfanimError):
-        raise known[1].with_traceback(None)  # else the cached error would collect tracebacks
+        raise known[1].with_traceback(None)  # otherwise the cached error would collect tracebacks
     return known[1]
 
 
-# Content of a file; PerfanimError for a missing or bad one.
+# Content of a file; PerfanimError if it is missing or damaged.
 rig: Callable[[str], CameraRig] = partial(_loaded, "rig", load_rig)
 subject: Callable[[str], Subject] = partial(_loaded, "subject", load_subject)
 prop: Callable[[str], Prop] = partial(_loaded, "prop", load_prop)
-# Number of frames; the database itself is not cached: an open file cannot be replaced on Windows.
+# Number of frames; the database itself is not cached, because an open file cannot be replaced on Windows.
 database_frames: Callable[[str], int] = partial(_loaded, "database", lambda path: open_database(path).frames)
 
 
 def found(load: Callable[[Any], Any], source: Any) -> Any:
-    """Return load(source), or None where it raises a PerfanimError."""
+    """Return load(source), or None if it raises a PerfanimError."""
     try:
         return load(source)
     except PerfanimError:
@@ -104,7 +104,7 @@ def marker_set_source(settings: Any) -> str:
 
 
 def marker_set(settings: Any) -> MarkerSet:
-    """Return the chosen marker set; PerfanimError for a bad file."""
+    """Return the chosen marker set; PerfanimError if its file is damaged."""
     return _loaded("marker set", load_marker_set, marker_set_source(settings))
 
 
@@ -119,12 +119,12 @@ def has_cameras(settings: Any) -> bool:
 
 
 def worn_subject(settings: Any) -> Subject:
-    """Return the chosen subject with the chosen markers; PerfanimError if they do not fit."""
+    """Return the chosen subject with the chosen markers; PerfanimError if they do not fit together."""
     return subject(absolute(settings.subject)).wearing(marker_set(settings))
 
 
 def starter_database_path() -> Path:
-    """Return the file of the starter database; a file with the old suffix stays in use."""
+    """Return the file of the starter database; a file with the old suffix remains in use."""
     folder = user_folder("databases")
     old = folder / f"starter{OLD_DATABASE_SUFFIX}"
     new = folder / f"starter{DATABASE_SUFFIX}"
@@ -137,7 +137,7 @@ def database_path(settings: Any) -> Path:
 
 
 def pictures(settings: Any) -> StepStatus:
-    """Return the status of the source of images or trackers, without calibration."""
+    """Return the status of the source of images or trackers, ignoring calibration."""
     if is_known(settings):
         return ready("simulated")
     if not has_cameras(settings):
@@ -235,7 +235,7 @@ def is_one_camera(settings: Any) -> bool:
 
 
 def source_paths(settings: Any) -> tuple[str, ...]:
-    """Return the names of the settings with the files of the cameras in use."""
+    """Return the names of the settings that hold the files of the cameras in use."""
     both = {"VIDEOS": ("left_video", "right_video"), "IMAGES": ("left_folder", "right_folder")}
     return both.get(settings.source, ())[: 1 if is_one_camera(settings) else 2]
 
@@ -262,7 +262,7 @@ def performer(settings: Any) -> StepStatus:
         return faulty("bad file", error)
     worn = found(marker_set, settings)
     try:
-        chosen.wearing(worn or chosen.marker_set)  # a bad marker set is reported by its own step
+        chosen.wearing(worn or chosen.marker_set)  # a damaged marker set is reported by its own step
     except SubjectError as error:
         return faulty("other markers", error)
     return ready(performer_text(absolute(settings.subject)))
@@ -301,5 +301,5 @@ STEPS = (cameras, markers, performer, motion, character)
 
 
 def first_missing_step(settings: Any) -> str:
-    """Return the problem of the first step that is not ready, "" for none."""
+    """Return the problem of the first step that is not ready, or ""."""
     return next((state.problem for step in STEPS if not (state := step(settings)).ready), "")

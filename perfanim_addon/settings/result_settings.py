@@ -1,4 +1,4 @@
-"""Settings of the keyframes of takes, stored in the scene."""
+"""Settings for the keyframes of takes, stored in the scene."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ _ONTO = (
 
 
 class PERFANIM_PG_result(bpy.types.PropertyGroup):
-    """Settings of Put on Character and of captures."""
+    """Settings for Put on Character and for captures."""
 
     attached_to = (bpy.types.Scene, "perfanim_result")
     onto: choice("Insert As", "Destination of the keyframes", _ONTO, default=PlacementMode.ACTION.name)

@@ -1,4 +1,4 @@
-"""Settings of a character's sketch, stored with its armature object."""
+"""Settings for a character's sketch, stored with its armature object."""
 
 from typing import Any
 
@@ -61,7 +61,7 @@ class PERFANIM_PG_sketch(bpy.types.PropertyGroup):
 
     @property
     def chosen_behaviours(self) -> list[str]:
-        """Beginnings of the chosen behaviours; empty for all."""
+        """First words of the chosen behaviours; empty for all."""
         return [name.strip() for name in self.behaviours.split(",") if name.strip()]
 
     def solver_settings(self) -> SketchSettings:

@@ -42,7 +42,7 @@ class PERFANIM_PG_target(bpy.types.PropertyGroup):
 
 
 class PERFANIM_PG_targets(bpy.types.PropertyGroup):
-    """The list of further targets."""
+    """List of further targets."""
 
     attached_to = (bpy.types.Scene, "perfanim_targets")
     entries: collection("Additional Targets", "Props and performers besides the first", PERFANIM_PG_target)
@@ -60,12 +60,12 @@ def path_of(entry: PERFANIM_PG_target) -> str:
 
 
 def prop_of(entry: PERFANIM_PG_target) -> Prop:
-    """Return a target's prop; PerfanimError for a bad definition."""
+    """Return a target's prop; PerfanimError if its definition is invalid."""
     return readiness.prop(path_of(entry))
 
 
 def subject_of(entry: PERFANIM_PG_target) -> Subject:
-    """Return a further performer with all calibrated markers; PerfanimError for none or a bad file."""
+    """Return a further performer with all markers calibrated; PerfanimError if there is none or its file is damaged."""
     if entry.subject:
         return readiness.subject(absolute(entry.subject))
     scene, chosen = entry.id_data, entry.id_data.perfanim
@@ -86,7 +86,7 @@ def title(entry: PERFANIM_PG_target) -> str:
 
 
 def problem(scene: bpy.types.Scene) -> str:
-    """Return the first problem of the targets, "" for none; fast enough for drawing."""
+    """Return the first problem of the targets, or ""; fast enough for drawing."""
     try:
         check_distinct(props(scene))
         for entry in of_kind(scene, "PROP"):
@@ -111,12 +111,12 @@ def check_object(target: bpy.types.Object | None) -> None:
 
 
 def props(scene: bpy.types.Scene) -> list[Prop]:
-    """Return the props of a scene's targets; PerfanimError for a bad definition."""
+    """Return the props among a scene's targets; PerfanimError if a definition is invalid."""
     return [prop_of(entry) for entry in of_kind(scene, "PROP")]
 
 
 def performers(scene: bpy.types.Scene) -> list[Subject]:
-    """Return the further performers of a scene's targets.
+    """Return the further performers among a scene's targets.
 
     Raises:
         PerfanimError: A performer is not calibrated, a character cannot be driven, or there is only one camera.
@@ -139,7 +139,7 @@ def performers(scene: bpy.types.Scene) -> list[Subject]:
 
 
 def object_of(context: bpy.types.Context, prop: Prop) -> str:
-    """Return the name of the object that follows a prop; add one if none is chosen."""
+    """Return the name of the object that follows a prop; if none is chosen, add one."""
     found = ((entry, readiness.found(prop_of, entry)) for entry in of_kind(context.scene, "PROP"))
     entry = next((entry for entry, own in found if own is not None and own.name == prop.name), None)
     if entry is not None and entry.object is not None:
@@ -151,7 +151,7 @@ def object_of(context: bpy.types.Context, prop: Prop) -> str:
 
 
 def meant_for(scene: bpy.types.Scene, names: Sequence[str]) -> list[int | None]:
-    """Return the target index of each performer: by name, the rest in their order."""
+    """Return the target index of each performer: matched by name, the rest in order."""
     entries = scene.perfanim_targets.entries
     free = [index for index, entry in enumerate(entries) if entry.kind == "PERFORMER"]
     meant: list[int | None] = []

@@ -1,4 +1,4 @@
-"""Settings of VMC, stored in the scene: trackers received instead of cameras, and motion sent by a capture."""
+"""Settings for VMC, stored in the scene: trackers received instead of cameras, and motion sent by a capture."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ class PERFANIM_PG_sending(bpy.types.PropertyGroup):
 
 
 def receiving_problem(chosen: Any) -> str:
-    """Return the reason why trackers cannot be received, "" for none."""
+    """Return the reason why trackers cannot be received, or ""."""
     sender = chosen.sender.strip()
     if is_online_allowed() or (sender and is_this_computer(sender)):
         return ""
@@ -45,7 +45,7 @@ def receiving_problem(chosen: Any) -> str:
 
 
 def sending_problem(chosen: Any) -> str:
-    """Return the reason why nothing can be sent, "" for none."""
+    """Return the reason why nothing can be sent, or ""."""
     if not chosen.host.strip():
         return "Enter the receiving computer"
     if not is_online_allowed() and not is_this_computer(chosen.host.strip()):

@@ -1,4 +1,4 @@
-"""Positions of controls that follow bones of a rough rig, from its keys without changing the scene's frame."""
+"""Positions of controls that follow bones of a rough rig, found from its keys without changing the scene's frame."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -12,7 +12,7 @@ from ..animation.quaternion_curves import quaternions_of, rotation_channel
 from ..blender_versions import action_curves, by_channel
 from .controls import EDITING, only_constraint
 
-_OWN = "pose.bones["  # beginning of a bone's channels; others move the whole rig
+_OWN = "pose.bones["  # beginning of the names of a bone's channels; other channels move the whole rig
 
 
 def followed_bone(control: bpy.types.Object) -> tuple[bpy.types.Object, bpy.types.PoseBone] | None:
@@ -23,7 +23,7 @@ def followed_bone(control: bpy.types.Object) -> tuple[bpy.types.Object, bpy.type
 
 
 def curves_that_move(rig: bpy.types.Object, bone: bpy.types.PoseBone) -> list[bpy.types.FCurve]:
-    """Return the curves of a rig's action that move a bone: its own, those of bones above, and the rig's.
+    """Return the curves of a rig's action that move a bone: its own, those of its ancestors, and the rig's.
 
     If none moves it, all curves are returned: the bone stands still while the rig moves.
     """
@@ -36,10 +36,10 @@ def curves_that_move(rig: bpy.types.Object, bone: bpy.types.PoseBone) -> list[bp
 def places_of_bone(
     rig: bpy.types.Object, bone: bpy.types.PoseBone, frames: Iterable[int]
 ) -> Mapping[int, Array] | None:
-    """Return frame -> location in the scene of a bone's head by the keys of its rig.
+    """Return frame -> location in the scene of a bone's head, from the keys of its rig.
 
-    None if only the evaluated scene shows it: for a rig with strips, drivers, a parent, constraints or keys of its own,
-    and for bones with constraints or partial inheritance in their chain.
+    None if only the evaluated scene shows it: for a rig with strips, drivers, a parent, constraints or keys
+    of its own, and for bones with constraints or partial inheritance in their chain.
     """
     animation, curves = rig.animation_data, action_curves(rig)
     if animation is None or len(animation.drivers) or (animation.use_nla and len(animation.nla_tracks)):
@@ -59,7 +59,7 @@ def places_of_bone(
 
 
 def place_off_curves(rig: bpy.types.Object, bone: bpy.types.PoseBone, frame: int) -> Array | None:
-    """Return the location of a bone in the present frame if it is off its curves, else None."""
+    """Return the location of a bone in the current frame if it is off its curves, else None."""
     shown = np.array(bone.head, dtype=np.float64)
     off = np.max(np.abs(_heads(bone, action_curves(rig), [frame])[0] - shown))
     return _in_scene(rig, shown) if off > EDITING.off_curve else None
@@ -72,12 +72,12 @@ def _in_scene(rig: bpy.types.Object, points: Array) -> Array:
 
 
 def _chain(bone: bpy.types.PoseBone) -> list[bpy.types.PoseBone]:
-    """Return a bone and its ancestors, the topmost first."""
+    """Return a bone and its ancestors, topmost first."""
     return [*reversed(bone.parent_recursive), bone]
 
 
 def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames: Sequence[int]) -> Array:
-    """Return the heads (F, 3) of a bone in its rig's space, by curves."""
+    """Return the heads (F, 3) of a bone in its rig's space, from curves."""
     channels = by_channel(curves)
     poses, above = np.repeat(np.eye(4)[None], len(frames), axis=0), Matrix()
     for link in _chain(bone):
@@ -90,7 +90,7 @@ def _heads(bone: bpy.types.PoseBone, curves: Iterable[bpy.types.FCurve], frames:
 def _transforms(
     link: bpy.types.PoseBone, channels: Mapping[tuple[str, int], bpy.types.FCurve], frames: Sequence[int]
 ) -> Array:
-    """Return a bone's own transforms (F, 4, 4), or (1, 4, 4) if nothing moves."""
+    """Return a bone's own transforms (F, 4, 4), or (1, 4, 4) if it does not move."""
     path, mode = link.path_from_id(), link.rotation_mode
     columns = []
     for name in ("location", rotation_channel(mode), "scale"):

@@ -1,4 +1,4 @@
-"""Coloured rings around a sketch's controls in the 3D viewports: Blender draws all empties in one colour."""
+"""Coloured rings around a sketch's controls in the 3D viewports, because Blender draws all empties in one colour."""
 
 import bpy
 import numpy as np

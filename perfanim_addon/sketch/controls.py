@@ -20,24 +20,24 @@ from ..character.selection import leave_modes, select_only
 
 JOINT = "perfanim_joint"  # custom property of a control
 STORED = "perfanim_sketch"  # custom property of a solved action: its sketch as JSON
-BREAKDOWN = "BREAKDOWN"  # Keyframe.type of a key that suggests a position and does not bind
+BREAKDOWN = "BREAKDOWN"  # Keyframe.type of a key that suggests a position but is not binding
 
 
 @dataclass(frozen=True)
 class SketchEditing:
-    """Tuned numbers of sketches in Blender."""
+    """Tuned numbers for sketches in Blender."""
 
     size_m: float = 0.08  # display size of a hand's control on a person
     sizes: tuple[tuple[str, float], ...] = (("root", 2.0), ("thorax", 1.6), ("head", 1.6))  # relative to a hand's
     same_curve_m: float = 0.001  # distance from Blender's default curve up to which no breakdown keys are needed
-    step: int = 4  # frames between breakdown keys, and between samples of a control on a path or under a parent
-    off_curve: float = 1e-4  # distance in scene units from its curves at which a control or bone counts as dragged
+    step: int = 4  # frames between breakdown keys, and between samples of a control on a path or with a parent
+    off_curve: float = 1e-4  # distance from its curves, scene units, at which a control or bone counts as dragged
     farthest_m: float = 1000.0  # largest distance of a key from the character's origin
-    walk_speed: float = 0.8  # scene units per second along a path whose duration no key tells: a calm walk
-    flat: float = 0.05  # largest height of a path that lies on the floor, in the character's metres
-    listed: int = 3  # unmet keys or clips in the panel's message
+    walk_speed: float = 0.8  # scene units per second along a path if no key determines its duration: a calm walk
+    flat: float = 0.05  # largest height of a path that counts as lying on the floor, in the character's metres
+    listed: int = 3  # number of unmet keys or clips in the panel's message
     tick_s: float = 0.015  # time between two checks for edits while live
-    slice_s: float = 0.004  # time per check for filling curves
+    slice_s: float = 0.004  # time per check spent on filling curves
 
 
 EDITING = SketchEditing()
@@ -68,13 +68,13 @@ def add_controls(
             size = dict(EDITING.sizes).get(joint, 1.0) * space.length_in_scene(EDITING.size_m)
             names.append(_add_empty(kept, armature_object, joint, place, size))
     if names:
-        leave_modes(context)  # the key I then inserts keyframes of the controls
+        leave_modes(context)  # the key I then inserts keyframes for the controls
         select_only(context, [bpy.data.objects[name] for name in names])
     return names
 
 
 def collection_of(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Collection:
-    """Return the collection of a character's controls, added where it is missing."""
+    """Return the collection of a character's controls, adding it if it is missing."""
     chosen = armature_object.perfanim_sketch
     if chosen.controls is None:
         chosen.controls = bpy.data.collections.new(f"Sketch of {armature_object.name}")
@@ -129,7 +129,7 @@ def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Obje
     controls, bones = controls_of(armature_object), bones_of(armature_object)
     for control in controls.values():
         set_free(control)
-    armature_object.perfanim_sketch.free_height = False  # it was that of a followed path
+    armature_object.perfanim_sketch.free_height = False  # it was the height of a followed path
     with present_frame(context.scene):
         for frame in frames:
             context.scene.frame_set(frame)
@@ -159,7 +159,7 @@ def set_keys(armature_object: bpy.types.Object, sketch: Sketch, space: CaptureSp
 
 
 def _breakdowns(control: Control, places: Array, space: CaptureSpace) -> Iterable[tuple[float, Array]]:
-    """Return frames and positions (K, 3) of breakdown keys, none for Blender's default curve."""
+    """Return frames and positions (K, 3) of breakdown keys; none for Blender's default curve."""
     if control.drawn_m is None:
         return []
     steps = np.arange(len(control.drawn_m))
@@ -172,7 +172,7 @@ def _breakdowns(control: Control, places: Array, space: CaptureSpace) -> Iterabl
 
 
 def only_constraint(control: bpy.types.Object, kind: str) -> Any:
-    """Return the constraint of a control that nothing else places, if it is of a kind and at full influence."""
+    """Return a control's constraint if it is of a given kind, at full influence, and nothing else moves the control."""
     held = control.constraints[0] if len(control.constraints) == 1 and control.parent is None else None
     is_full = held is not None and held.type == kind and not held.mute and held.influence >= 1.0
     return held if is_full and held.target is not None else None

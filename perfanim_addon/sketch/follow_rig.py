@@ -10,7 +10,7 @@ from .controls import STORED, collection_of, controls_of, set_free
 
 
 def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) -> bpy.types.Object:
-    """Add and select a wire copy of a character with its rough action; SettingsError without such an action."""
+    """Add and select a wire copy of a character with its rough action; SettingsError if there is no such action."""
     if not action_curves(armature_object):
         advice = "animate it roughly first, or select a rig that is animated"
         raise SettingsError("has no action with keys", where=armature_object.name, advice=advice)
@@ -29,9 +29,9 @@ def rough_copy(context: bpy.types.Context, armature_object: bpy.types.Object) ->
 
 
 def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
-    """Let controls follow the same joints' bones of a rig; return their number; CharacterError for a missing bone.
+    """Make controls follow the same joints' bones of a rig; return their number; CharacterError if a bone is missing.
 
-    Their own keys are removed. Keys of the rig bind; Live solves again when one moves.
+    Their own keys are removed. Keys of the rig are binding; Live solves again when one moves.
     """
     bones, controls = bones_of(rig), controls_of(armature_object)
     missing = [each.name for joint, each in controls.items() if joint not in bones]
@@ -41,5 +41,5 @@ def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
         set_free(control)
         held = control.constraints.new("COPY_LOCATION")
         held.target, held.subtarget = rig, bones[joint]
-    armature_object.perfanim_sketch.free_height = False  # it was that of a followed path
+    armature_object.perfanim_sketch.free_height = False  # it was the height of a followed path
     return len(controls)

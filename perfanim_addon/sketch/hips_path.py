@@ -32,10 +32,10 @@ def add_path(context: bpy.types.Context, armature_object: bpy.types.Object) -> b
 def follow(
     context: bpy.types.Context, armature_object: bpy.types.Object, control: bpy.types.Object, path: bpy.types.Object
 ) -> tuple[int, int]:
-    """Let a control follow a curve at constant speed; return the first and last frame.
+    """Make a control follow a curve at constant speed; return the first and last frame.
 
     It keeps its height above the curve's origin; hips on a flat curve at the character's origin are free in height. It
-    takes the time span of the other controls' keys; without them it goes at walking speed from the present frame on.
+    uses the time span of the other controls' keys; without keys it moves at walking speed from the current frame on.
     Its own keys are removed.
 
     Raises:

@@ -1,7 +1,7 @@
-"""Solving a sketch again while its controls are edited.
+"""Live solving of a sketch while its controls are edited.
 
 Blender's handler only notes a change. A timer reads the keys, sends them to the worker, shows the newest solution in
-the present frame, and fills the action's curves a few at a time, so that Blender never waits.
+the current frame, and fills the action's curves a few at a time, so that Blender never waits.
 """
 
 import time
@@ -28,14 +28,14 @@ from .controls import EDITING, controls_of
 from .read_controls import read_controls
 from .write_solution import SketchBody, keep_sketch, outcome_text, write_solution
 
-KEY = "sketch"  # panel of the messages
+KEY = "sketch"  # panel that shows the messages
 
 
 class LiveSketch:
-    """One character's sketch, solved in a worker of its own after each edit.
+    """One character's sketch, solved in its own worker after each edit.
 
-    Only names are held: undo replaces Blender's data. PerfanimError if the character cannot be driven or no control has
-    a key.
+    It only holds names, because undo replaces Blender's data. PerfanimError if the character cannot be driven or no
+    control has a key.
     """
 
     def __init__(self, context: bpy.types.Context, armature: str, database: str, python: str | None) -> None:
@@ -51,7 +51,7 @@ class LiveSketch:
         self._sketches: dict[int, Sketch] = {}
         self._filling: Iterator[None] | None = None
         self._filled = "", 0  # name and address of the action
-        self._kept = ""  # part of the message on an action that is left alone
+        self._kept = ""  # part of the message about an action that is left unchanged
         fields = self._next_fields(context, *self._read(context))
         request = SketchRequest(live=True, skeleton=self.body.skeleton, database=database, **fields)
         self._client = WorkerClient(request, python)
@@ -75,7 +75,7 @@ class LiveSketch:
             self.noted = False
             try:
                 sketch, table = self._read(context)
-            except SettingsError as error:  # the next edit may mend it
+            except SettingsError as error:  # the next edit may fix it
                 activity.set_message(KEY, str(error), "ERROR")
             else:
                 if table != self._sent:
@@ -92,7 +92,7 @@ class LiveSketch:
             self._fill()
 
     def _show(self, context: bpy.types.Context, solved: SolvedSketch) -> None:
-        """Show a solution in the present frame; a whole one is written into the action."""
+        """Show a solution in the current frame; write a whole solution to the action."""
         self._answered = solved.number if solved.whole else self._answered
         if solved.error:
             activity.set_message(KEY, solved.error, "ERROR")
@@ -136,7 +136,7 @@ class LiveSketch:
 
     @property
     def idle(self) -> bool:
-        """True when all edits are solved and shown."""
+        """Whether all edits are solved and shown."""
         return not self.noted and self._filling is None and self._answered == self._number
 
     @property
@@ -158,7 +158,7 @@ def current() -> LiveSketch | None:
 
 
 def begin(context: bpy.types.Context, armature: str, database: str, python: str | None) -> None:
-    """Start solving edits of a character's sketch; PerfanimError as in `LiveSketch`."""
+    """Start solving edits of a character's sketch; errors are those of `LiveSketch`."""
     end()
     _running.append(LiveSketch(context, armature, database, python))
     for handlers, handler in _handlers():

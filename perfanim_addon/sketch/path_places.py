@@ -13,10 +13,10 @@ from .controls import only_constraint
 def places_on_path(
     context: bpy.types.Context, control: bpy.types.Object, curves: Iterable[bpy.types.FCurve], frames: Iterable[int]
 ) -> Mapping[int, Array] | None:
-    """Return frame -> location in the scene of a control on a path, by the curves of its action, within millimetres.
+    """Return frame -> location in the scene of a control on a path, from its action's curves, accurate to millimetres.
 
-    None for a control with a parent, or with any constraint but one *Follow Path* at full influence with *Fixed
-    Position*: only the evaluated scene shows those.
+    The result is None for a control with a parent, or with constraints other than one *Follow Path* at full influence
+    with *Fixed Position*: only the evaluated scene shows those.
     """
     held = only_constraint(control, "FOLLOW_PATH")
     if held is None or not held.use_fixed_location or held.use_curve_follow:

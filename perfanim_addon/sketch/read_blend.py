@@ -1,8 +1,8 @@
-"""Reading of the sketch in a .blend without a window, for `perfanim sketch`.
+"""Reading of the sketch in a .blend file without a window, for `perfanim sketch`.
 
     python -m perfanim.perfanim_addon.sketch.read_blend FILE.blend
 
-Run it in a process of its own: it opens another scene, without running its scripts. The last line on stdout is a JSON
+Run it in a separate process: it opens another scene, without running its scripts. The last line on stdout is a JSON
 object.
 """
 
@@ -41,7 +41,7 @@ def read_blend(path: Path) -> dict[str, Any]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; return 0, or 1 with one line on stderr when the input was bad."""
+    """Run the command; return 0, or 1 with one line on stderr if the input was bad."""
     (path,) = sys.argv[1:] if arguments is None else arguments
     for group in (PERFANIM_PG_joint, PERFANIM_PG_character, PERFANIM_PG_sketch):
         bpy.utils.register_class(group)

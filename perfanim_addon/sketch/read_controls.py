@@ -1,4 +1,4 @@
-"""Keys and curves of a sketch's controls for the solver."""
+"""Keys and curves of a sketch's controls, read for the solver."""
 
 from collections.abc import Iterable, Mapping
 
@@ -17,7 +17,7 @@ from .bone_places import curves_that_move, followed_bone, place_off_curves, plac
 from .controls import BREAKDOWN, EDITING, controls_of
 from .path_places import places_on_path
 
-Keys = tuple[Mapping[int, Array], Array | None]  # frame -> location in the scene, and the curve of `Control.drawn_m`
+Keys = tuple[Mapping[int, Array], Array | None]  # frame -> location in the scene, and the curve for `Control.drawn_m`
 
 
 def read_controls(
@@ -29,13 +29,13 @@ def read_controls(
 ) -> Sketch:
     """Return the sketch of a character's keyed controls, with the scene's frames.
 
-    Keys bind; breakdown keys only as the first or last. Between keys a control has Blender's curve, or with a path, a
-    parent or a bone its motion in the scene.
+    Keys are binding; breakdown keys only if they are first or last. Between keys a control follows Blender's curve, or,
+    with a path, a parent or a bone, its motion in the scene.
 
     Args:
-        dragged: Give a control that is off its curves a key in the present frame. The scene's frame is not changed, so
+        dragged: Give a control that is off its curves a key in the current frame. The scene's frame is not changed, so
             controls with a parent or constraints are read only if they follow a path or a bone.
-        seen: Per joint the control of the last reading, for controls that are not read.
+        seen: The last reading's control per joint, for controls that are not read.
 
     Raises:
         SettingsError: No control has a key, the keys span too many frames, or a key is too far away.
@@ -89,12 +89,12 @@ def _keys(context: bpy.types.Context, control: bpy.types.Object, dragged: bool) 
         keys[now] = here
     if not keys or _is_too_long(sorted(keys)):
         return keys, None
-    # also for Blender's default curve: it is clamped per axis and so differs in a turned character's axes
+    # also for Blender's default curve: it is clamped per axis and so differs in the axes of a turned character
     return keys, places(range(min(keys), max(keys) + 1))
 
 
 def _binding(curves: Iterable[bpy.types.FCurve]) -> list[int]:
-    """Return the frames of binding keys: the first, the last, and all but breakdowns."""
+    """Return the frames of binding keys: the first, the last, and all that are not breakdowns."""
     keys = [(round(key.co.x), key.type != BREAKDOWN) for curve in curves for key in curve.keyframe_points]
     frames = [frame for frame, _ in keys]
     return sorted({frame for frame, binds in keys if binds} | ({min(frames), max(frames)} if frames else set()))

@@ -1,4 +1,4 @@
-"""Solved sketches as actions; each action stores its sketch."""
+"""Solved sketches written as actions; each action stores its sketch."""
 
 import json
 import re
@@ -54,8 +54,8 @@ def write_solution(
 
     Args:
         chosen: Settings of the solver.
-        bounds: Bounds of the key reduction; None for those of the result settings.
-        ends_only: Key only the first and last frame; `refill_action` keys the rest in pieces.
+        bounds: Bounds for key reduction; None for those of the result settings.
+        ends_only: Key only the first and last frame; `refill_action` keys the rest step by step.
 
     Raises:
         CharacterError: The character cannot be animated.
@@ -88,7 +88,7 @@ def keep_sketch(action: bpy.types.Action, sketch: Sketch, chosen: SketchSettings
 
 
 def kept_sketch(action: bpy.types.Action | None) -> tuple[Sketch, SketchSettings]:
-    """Return the sketch and settings of an action; CharacterError without a sketch, SettingsError for a damaged one."""
+    """Return the sketch and settings of an action; CharacterError if it has none, SettingsError if they are damaged."""
     if action is None or STORED not in action:
         advice = "choose an action that Solve Sketch has made, in the Action editor"
         raise CharacterError("the character's action has no sketch", advice=advice)
@@ -98,7 +98,7 @@ def kept_sketch(action: bpy.types.Action | None) -> tuple[Sketch, SketchSettings
 
 
 def outcome_text(solved: SolvedSketch) -> str:
-    """Return the unmet keys in plain words, else the clips that the motion is drawn from."""
+    """Return the unmet keys in plain words, or else the clips from which the motion is drawn."""
     count, listed = len(solved.unmet), EDITING.listed
     if not count:
         drawn = list(dict.fromkeys(solved.drawn_from))

@@ -11,12 +11,12 @@ Box = tuple[float, float, float, float]  # left, bottom, right, top
 
 @dataclass(frozen=True)
 class Lettering:
-    """Heights relative to the size of the text, measured on Blender's font."""
+    """Heights relative to the text size, measured with Blender's font."""
 
-    above: float = 0.95  # reach of letters above their base line
-    below: float = 0.25  # reach of letters below it
+    above: float = 0.95  # extent of letters above their baseline
+    below: float = 0.25  # extent of letters below it
     middle: float = 0.35  # middle of letters above it
-    line: float = 1.25  # distance of two lines
+    line: float = 1.25  # distance between two lines
 
 
 _LETTERS = Lettering()
@@ -26,21 +26,21 @@ _LETTERS = Lettering()
 class PlacedName:
     """Position of a name in pixels."""
 
-    start: tuple[float, float]  # left end of the base line of its letters
+    start: tuple[float, float]  # left end of the letters' baseline
     box: Box  # covered area
     near: tuple[float, float]  # middle of the side that faces the named point
-    is_away: bool  # the name is not right beside its point, so that a line between both is needed
+    is_away: bool  # whether the name is not right next to its point, so that a line between them is needed
 
 
 def place_names(points: Array, widths: Sequence[float], size: float, beside: float, dot: float) -> list[PlacedName]:
-    """Return the first free position of each name beside or near its point; earlier names come first.
+    """Return the first free position of each name next to or near its point; earlier names come first.
 
     Args:
         points: Named points (N, 2).
         widths: Widths of the names.
         size: Size of the text.
         beside: Distance from a point to its name.
-        dot: Radius of the dots at the points, which no name covers.
+        dot: Radius of the dots at the points, which names must not cover.
     """
     taken: list[Box] = [(x - dot, y - dot, x + dot, y + dot) for x, y in points.tolist()]
     placed = []
@@ -54,10 +54,10 @@ def place_names(points: Array, widths: Sequence[float], size: float, beside: flo
 
 
 def _candidates(x: float, y: float, width: float, size: float, beside: float) -> Iterator[PlacedName]:
-    """Yield positions right and left of a point, then ever farther above and below it."""
+    """Yield positions right and left of a point, then farther and farther above and below it."""
     for lines in count():
         for up in (lines, -lines) if lines else (0,):
-            aside = beside * (1 + lines)  # slanting lines to neighbours can be distinguished
+            aside = beside * (1 + lines)  # slanting lines to neighbours can be told apart
             middle = y + up * _LETTERS.line * size
             base = middle - _LETTERS.middle * size
             for left, near in ((x + aside, x + aside), (x - aside - width, x - aside)):

@@ -23,8 +23,8 @@ from .viewport_drawing import STYLE
 Colour = tuple[float, float, float, float]
 Projection = Callable[[Array], Array]
 
-_RAY_PIECES: Array = np.linspace(0.0, 1.0, 17)[:, None]  # a ray is split, as part of it may lie behind the viewer
-_RAY_COLOUR: Colour = (1.0, 0.67, 0.24, 0.8)  # as in the preview for blobs seen by one camera
+_RAY_PIECES: Array = np.linspace(0.0, 1.0, 17)[:, None]  # a ray is split, because part of it may lie behind the viewer
+_RAY_COLOUR: Colour = (1.0, 0.67, 0.24, 0.8)  # as in the preview for blobs seen by only one camera
 _NAME_COLOUR: Colour = (1.0, 1.0, 1.0, 1.0)
 _LEADER_COLOUR: Colour = (1.0, 1.0, 1.0, 0.5)
 _SPACE_COLOUR: Colour = (0.31, 1.0, 0.31, 0.8)  # as in the pictures of Check Setup
@@ -47,7 +47,7 @@ class Scene:
         placed: Callable[[Array], Array],
         simulated: bool = False,
     ) -> "Scene":
-        """Return the scene of a capture; without a calibration, with the simulated cameras."""
+        """Return the overlay scene of a capture; without a calibration, with the simulated cameras."""
         rig = calibration or default_rig()
         cameras_m = np.array([camera.centre_m for camera in rig.cameras])
         bodies = tuple((subject.skeleton, subject.marker_set.names) for subject in performers)
@@ -137,10 +137,10 @@ def confidence_colour(pose: PerformerPose) -> Colour:
 def shapes_of(
     scene: Scene, pose: ScenePose, parts: frozenset[str], on_screen: Projection, scale: float
 ) -> tuple["Shapes", list[tuple[str, Array]]]:
-    """Return the shapes of a pose, and names with their points (2,).
+    """Return the shapes for a pose, and names with their points (2,).
 
     Args:
-        on_screen: Projection of points (N, 3) of the capture space to pixels (N, 2); NaN if out of sight.
+        on_screen: Projection of points (N, 3) in the capture space to pixels (N, 2); NaN if out of sight.
         scale: Size of an unscaled pixel in pixels.
     """
     shapes, names = Shapes(scale), []
@@ -155,7 +155,7 @@ def shapes_of(
 
 
 def _add_space(shapes: "Shapes", space: CommonSpace, on_screen: Projection) -> list[tuple[str, Array]]:
-    """Add the outline on the floor; return its size as a name at its middle."""
+    """Add the outline on the floor; return its size as a name at its centre."""
     outline = on_screen(space.outline_m)
     for start, end in pairwise(outline):
         shapes.line(start, end, STYLE.bone, _SPACE_COLOUR)
@@ -178,7 +178,7 @@ def _add_markers(
     located = np.isfinite(pose.observed_m).all(axis=1)
     places = on_screen(np.where(located[:, None], pose.observed_m, pose.markers_m))
     for index, (name, place, camera) in enumerate(zip(labels, places, pose.single_cameras.tolist(), strict=True)):
-        colour = coloured(index * 0.618 % 1.0)  # the golden ratio: neighbours in the set get different hues
+        colour = coloured(index * 0.618 % 1.0)  # the golden ratio gives neighbours in the set different hues
         if camera >= 0:
             ray = pose.markers_m[index] + _RAY_PIECES * (cameras_m[camera] - pose.markers_m[index])
             for start, end in pairwise(on_screen(ray)):
@@ -190,7 +190,7 @@ def _add_markers(
 
 
 def projected(matrix: Array, size: Array, points: Array) -> Array:
-    """Project scene points (N, 3) to pixels (N, 2) of a region, by the view's matrix (4, 4); NaN behind the viewer."""
+    """Project scene points (N, 3) to pixels (N, 2) of a region with the view's matrix (4, 4); NaN behind the viewer."""
     clip = points @ matrix[:, :3].T + matrix[:, 3]
     with np.errstate(invalid="ignore", divide="ignore"):
         seen = np.where(clip[:, 3:] > 0.0, clip[:, :2] / clip[:, 3:], np.nan)
@@ -198,7 +198,7 @@ def projected(matrix: Array, size: Array, points: Array) -> Array:
 
 
 def coloured(hue: float) -> Colour:
-    """Return a saturated colour by its hue: 0 red, 1/3 green, 2/3 blue."""
+    """Return a saturated colour for a hue: 0 red, 1/3 green, 2/3 blue."""
     red, green, blue = np.clip(np.abs((6.0 * hue + np.array([0.0, 4.0, 2.0])) % 6.0 - 3.0) - 1.0, 0.0, 1.0).tolist()
     return red, green, blue, 1.0
 

@@ -1,4 +1,4 @@
-"""Camera preview in a corner of the 3D viewports and as an image of the file.
+"""Camera preview in a corner of the 3D viewports and as an image in the file.
 
 No Blender data is held between two pictures, and none is left after `hide`.
 """

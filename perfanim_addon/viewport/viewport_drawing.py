@@ -40,11 +40,11 @@ class DrawHandler:
 
     @property
     def added(self) -> bool:
-        """True from `add` to `remove`."""
+        """Whether it is added."""
         return self._handle is not None
 
     def add(self) -> None:
-        """Add the function, unless it is added."""
+        """Add the function, unless it is added already."""
         if not self.added:
             self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), "WINDOW", "POST_PIXEL")
 
@@ -66,7 +66,7 @@ def redraw(*kinds: str) -> None:
 
 
 def free(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float, float]:
-    """Return left and right of the region's part without toolbar and sidebar, pixels."""
+    """Return left and right of the part of a region without toolbar and sidebar, pixels."""
     left, right = 0.0, float(region.width)
     for other in area.regions:
         if other.type == "TOOLS":

@@ -1,8 +1,8 @@
 """The paper's graph search (section 5.1), extended so that it can leave the last frame's neighbourhood.
 
 The paper only searches the last frame's neighbours and their neighbours in the graph of Eq. 4, so it never notices
-similar motion elsewhere in the database. Here the graph is followed from the closest frames for as
-long as this leads closer (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
+similar motion elsewhere in the database. Here the graph is followed from the closest frames for as long
+as this leads closer (in the manner of Malkov and Yashunin 2018), and representatives (one frame of each cluster
 of poses) are visited in every frame too, more of them if nothing in the database is very close. For the first frame
 all representatives are searched. The cost of a search is bounded.
 """

@@ -70,9 +70,9 @@ def cross_validate(
     """Choose K and B by leave-one-out cross-validation with the examples closest to the query.
 
     Each is left out with its whole clip, because a frame's neighbours in its own clip are near copies of it. For each K
-    model is learned without the clip; each left-out example is then reconstructed for every B from its markers, with
-    the prior of Eq. 6 and the control term of Eq. 7 in their linear form (markers as a linear function of the weights,
-    by least squares).
+    the model is learned without the clip; each left-out example is then reconstructed for every B from its markers,
+    with the prior of Eq. 6 and the control term of Eq. 7 in their linear form (markers as a linear function of the
+    weights, by least squares).
 
     Args:
         poses: Neighbours (K_max, D), closest first.

@@ -2,8 +2,8 @@
 
 The paper joins any two frames closer than a threshold, so its graph grows with the square of the density. Here every
 frame keeps a bounded number of neighbours: the frames before and after it, then the closest ones, but only one for each
-pass of a clip. Neighbours are searched within coarse clusters of poses and the
-clusters next to them, not among all pairs. Distances weigh each joint by how far it moves head, hands and feet, because
+pass of a clip. Neighbours are searched within coarse clusters of poses and the clusters next to them, not among all
+pairs. Distances weigh each joint by how far it moves head, hands and feet, because
 the search compares those (Eq. 2).
 """
 

@@ -14,7 +14,7 @@ from ...vision.common_space import CommonSpace, common_space
 from ...vision.matching.camera_swap import ImageMismatch
 from .finding import Fault, Finding
 
-# A turn almost along the epipolar lines adds little error, but a correction removes nearly all of it: a bump is clear
+# A rotation almost along the epipolar lines adds little error, but correction removes nearly all of it. A bump is clear
 # above this error in pixels and this ratio of the errors before and after the correction.
 _CLEAR = (0.4, 6.0)
 _SHARES = (0.2, 0.05)  # smallest shares of moments that reveal exchanged and flipped images

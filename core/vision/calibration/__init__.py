@@ -1,1 +1,1 @@
-"""Calibrate cameras, floor and time offsets."""
+"""Calibration of cameras, floor and time offsets."""

@@ -1,4 +1,4 @@
-"""Board views of each camera, and the covered parts of its image."""
+"""Board views of each camera, and the parts of its image that they cover."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ from .calibration_board import Board, BoardView
 REGIONS = 3
 """Regions of an image, across and down, that guidance asks for."""
 
-_CELLS = (24, 18)  # across and down
+_CELLS = (24, 18)  # number of cells across and down
 
 
 @dataclass
 class CameraCoverage:
-    """Views taken by one camera, and the cells of its image that the board covered."""
+    """Views taken by one camera, and the cells of its image that the board has covered."""
 
     name: str
     title: str
@@ -51,12 +51,12 @@ class CameraCoverage:
 
 
 def least_covered(cameras: Sequence[CameraCoverage]) -> float:
-    """Return the covered share of the camera with the least; 0 without cameras."""
+    """Return the covered share of the camera with the least coverage; 0 without cameras."""
     return min((camera.fraction for camera in cameras), default=0.0)
 
 
 def update_reachable(cameras: Sequence[CameraCoverage], rig: CameraRig, board: Board) -> None:
-    """Mark the cells of each camera where the other cameras see the board as well."""
+    """Mark the cells of each camera in which the other cameras see the board as well."""
     columns, rows = board.corner_grid
     side_m = float(np.sqrt((columns - 1) * (rows - 1))) * board.square_m
     for seen, camera in zip(cameras, rig.cameras, strict=True):

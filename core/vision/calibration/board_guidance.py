@@ -1,4 +1,4 @@
-"""Advice to the person with the board: where to hold it next, and how."""
+"""Advice for the person holding the board: where to hold it next, and how."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -25,10 +25,10 @@ _REGION_NAMES = (
 
 
 def next_target(cameras: Sequence[CameraCoverage], asked: Counter[Target]) -> Target | None:
-    """Return the camera and region that the board is wanted in; None when enough is covered.
+    """Return the camera and region in which the board should appear; None if enough is covered.
 
     Args:
-        asked: Views that were taken while each target was wanted.
+        asked: Number of views taken while each target was requested.
     """
     if not cameras or not cameras[0].views or least_covered(cameras) >= GUIDANCE.enough_covered:
         return None
@@ -43,11 +43,11 @@ def next_target(cameras: Sequence[CameraCoverage], asked: Counter[Target]) -> Ta
 
 
 class OtherBoardProbe:
-    """Search for a chessboard of another size while the right one is out of sight.
+    """Search for a chessboard of another size while the right one is not visible.
 
     Args:
         find_grid: Finds the grid of any board in an image.
-        start: Begins a computation in the background, as `Executor.submit` does.
+        start: Starts a computation in the background, like `Executor.submit`.
     """
 
     def __init__(self, board: Board, find_grid: Callable[[Image, Grid], Grid | None], start: Start) -> None:
@@ -60,12 +60,12 @@ class OtherBoardProbe:
         self._other: Grid | None = None
 
     def update(self, time_s: float, image: Image, seen: BoardObservation) -> None:
-        """Take the next image of the first camera."""
+        """Process the next image of the first camera."""
         if self._seen_s is None or any(view is not None for view in seen.views):
             self._seen_s, self._last, self._other = time_s, None, None
         if self._running is not None and self._running.done():
             found, self._running = self._running.result(), None
-            self._other = found if found == self._last else None  # a single find may be the pattern of a curtain
+            self._other = found if found == self._last else None  # a single detection may be the pattern of a curtain
             self._last = found
         if self._board.kind == "chessboard" and self._running is None and time_s - self._seen_s > GUIDANCE.unseen_s:
             self._seen_s = time_s
@@ -73,7 +73,7 @@ class OtherBoardProbe:
 
     @property
     def advice(self) -> str:
-        """Advice to choose the board in view; "" when no other is."""
+        """Advice to choose the board in view; "" if no other is seen."""
         asked = self._board.corner_grid
         if self._other is None or self._other == (max(asked), min(asked)):
             return ""

@@ -1,4 +1,4 @@
-"""The calibration board as a PDF to print: vector squares, true to scale.
+"""Calibration board as a PDF for printing: vector squares, true to scale.
 
 PDF 32000-1:2008, sections 7.5 and 8.5: one page, one content stream of filled rectangles in millimetres.
 """
@@ -24,7 +24,7 @@ Rectangle = tuple[float, float, float, float]
 
 
 def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
-    """Write the board on the smallest paper that holds it; return the paper's name.
+    """Write the board on the smallest paper on which it fits; return the paper's name.
 
     Raises:
         CalibrationError: The board is larger than A0.
@@ -33,7 +33,7 @@ def write_board_pdf(board: Board, spec: str, path: str | Path) -> str:
     paper, page_width, page_height = _paper(width, height)
     left, bottom = (page_width - width) / 2.0, (page_height - height) / 2.0
     lines = [f"{_POINTS_PER_MM:.10f} 0 0 {_POINTS_PER_MM:.10f} 0 0 cm", "0 g"]
-    # the board's y axis points down as in pictures, the page's up
+    # the board's y axis points down as in pictures, the page's points up
     lines += [f"{left + x:.4f} {bottom + height - y - h:.4f} {w:.4f} {h:.4f} re" for x, y, w, h in black]
     lines.append("f")
     label = f"{spec}  on {paper}: print at 100 %, then measure a square and calibrate with its true size"
@@ -64,7 +64,7 @@ def _rectangles(board: Board) -> tuple[list[Rectangle], float, float]:
 def _paper(width: float, height: float) -> tuple[str, float, float]:
     for name, (short, long) in _PAPERS_MM.items():
         for page_width, page_height in ((long, short), (short, long)):
-            if width + 16.0 <= page_width and height + 16.0 <= page_height:  # printers leave out margins
+            if width + 16.0 <= page_width and height + 16.0 <= page_height:  # printers leave margins
                 return name, page_width, page_height
     raise CalibrationError(
         f"a board of {width:.0f} x {height:.0f} mm does not fit on A0", advice="use smaller or fewer squares"

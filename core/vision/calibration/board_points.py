@@ -1,4 +1,4 @@
-"""Board points that another program found, from JSON."""
+"""Board points found by another program, read from JSON."""
 
 import json
 from pathlib import Path
@@ -21,10 +21,10 @@ def load_board_points(path: str | Path) -> tuple[Array, tuple[CameraViews, Camer
     """Return board points (N, 3) in metres and views of the left and right camera.
 
     The file contains `image_size`, `board_points_mm` (N, 2) and for both cameras, `image_points_cam1` and
-    `image_points_cam2`, one list of N pixels (0-based; null where not seen) per moment.
+    `image_points_cam2`, one list of N pixels per moment (0-based; null where not seen).
 
     Raises:
-        CalibrationError: It contains anything else.
+        CalibrationError: The file contains anything else.
     """
     raw = read_bytes(path)
     with reading(path, CalibrationError, f"expected {_LAYOUT}", "does not hold board points"):

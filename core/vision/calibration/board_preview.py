@@ -1,4 +1,4 @@
-"""Preview for calibration: corners, covered cells and the wanted region."""
+"""Preview during calibration: corners, covered cells and the requested region."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ def draw_corners(picture: Image, view: BoardView, image_width: int) -> None:
 
 
 def draw_wanted(picture: Image, region: Sequence[int]) -> None:
-    """Frame the wanted region (row, column) of a picture (BGR), in place."""
+    """Draw a frame around the requested region (row, column) of a picture (BGR), in place."""
     height, width = picture.shape[:2]
     (top, left), (bottom, right) = (
         ((region[0] + i) * height // REGIONS, (region[1] + i) * width // REGIONS) for i in (0, 1)
@@ -37,5 +37,5 @@ def draw_wanted(picture: Image, region: Sequence[int]) -> None:
 
 
 def draw_taken(picture: Image) -> None:
-    """Frame a picture (BGR) in green, in place: its view was taken."""
+    """Draw a green frame around a picture (BGR), in place, to show that its view was taken."""
     cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, picture.shape[0] - 1), (80, 255, 80), 6)

@@ -1,4 +1,4 @@
-"""Quality of board pictures: sharpness of edges, coverage of the image."""
+"""Quality of board pictures: sharpness of edges, and coverage of the image."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -18,8 +18,8 @@ def with_edge_widths(view: BoardView, image: Image, board: Board) -> BoardView:
 def edge_widths(image: Image, board: Board, view: BoardView) -> tuple[float, float]:
     """Return edge widths in pixels, along the board's rows and along its columns.
 
-    A sharp picture has about 2. Out of focus both grow; motion during the exposure widens one more than the other.
-    Measured as contrast over steepest slope, halfway between neighbouring corners; NaN where there is no contrast.
+    A sharp picture has about 2. Out of focus, both grow; motion during the exposure widens one more than the other.
+    They are contrast over steepest slope, halfway between neighbouring corners; NaN if there is no contrast.
     """
     grey = grey_of(image)
     columns = board.corner_grid[0]
@@ -49,7 +49,7 @@ def _width(grey: Image, edges: list[tuple[Array, Array]], reach: float) -> float
 
 
 def covered_cells(views: Iterable[BoardView], image_size: tuple[int, int], cells: tuple[int, int]) -> Image:
-    """Return which cells of an image (w, h), across and down, the hulls of the corners cover: ones (rows, columns)."""
+    """Return a mask (rows, columns) of an image's cells that the hulls of the corners cover; the image is (w, h)."""
     covered = np.zeros(cells[::-1], dtype=np.uint8)
     scale = np.array(cells) / np.array(image_size)
     for view in views:
@@ -60,7 +60,7 @@ def covered_cells(views: Iterable[BoardView], image_size: tuple[int, int], cells
 
 @dataclass(frozen=True)
 class Coverage:
-    """Covered share of the image, and whether the board stayed off all sides."""
+    """Covered share of the image, and whether the board stayed away from all sides."""
 
     fraction: float
     in_the_middle: bool

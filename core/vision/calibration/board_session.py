@@ -1,6 +1,6 @@
-"""Live calibration: takes views of the board, guides its holder, judges results.
+"""Live calibration: takes views of the board, guides the person holding it, judges results.
 
-No clock and no threads of its own: images come with their times, and computations go to a function that starts them.
+It has no clock and no threads of its own: images come with their times, and computations are passed to a function.
 """
 
 from collections import Counter
@@ -26,23 +26,23 @@ Start = Callable[..., "Future[Any]"]
 
 @dataclass(frozen=True)
 class Guidance:
-    """Answer to one set of images."""
+    """Response to one set of images."""
 
-    seen: BoardObservation | None  # None when these images were left out
-    advice: str  # next step for the person with the board
-    target: Target | None  # camera and region that the board is wanted in
+    seen: BoardObservation | None  # None if these images were skipped
+    advice: str  # next step for the person holding the board
+    target: Target | None  # camera and region in which the board should appear
     taken: bool = False
 
 
 class BoardSession:
-    """Views of a board taken from images as they come, and the calibration from them.
+    """Views of a board taken from arriving images, and the calibration from them.
 
     Args:
         names: The cameras' names in the calibration; the first two are the left and the right one.
         titles: Their names in sentences, such as "the left camera".
-        start: Begins a computation that must not delay the images, as `Executor.submit` does.
+        start: Starts a computation that must not delay the images, like `Executor.submit`.
         limit: Number of views after which the session ends even if the result is not good.
-        every_s: Seconds between two views; None takes one whenever the board is held still in a new place.
+        every_s: Seconds between two views; None takes one whenever the board is held still in a new position.
 
     Attributes:
         result: Calibration so far.
@@ -66,7 +66,7 @@ class BoardSession:
         self._watch = BoardWatch(board, glimpse_board)
         self._cameras: list[CameraCoverage] = []
         self._running: Future[CalibrationResult] | None = None
-        self._calibrated_views = 0  # views of the last calibration that was started
+        self._calibrated_views = 0  # number of views in the last calibration that was started
         self._asked: Counter[Target] = Counter()
         self._probe = OtherBoardProbe(board, seen_grid, start)
         self._looked_s = -np.inf
@@ -85,18 +85,18 @@ class BoardSession:
 
     @property
     def board_views(self) -> dict[str, list[BoardView]]:
-        """The board in each camera's views, by the camera's title."""
+        """Positions of the board in each camera's views, by the camera's title."""
         return {camera.title: list(camera.views.values()) for camera in self._cameras}
 
     @property
     def fraction(self) -> float:
-        """Estimated share of the work that is done."""
+        """Estimated fraction of the work that is done."""
         views, covered = self.views / GUIDANCE.enough_views, least_covered(self._cameras) / GUIDANCE.enough_covered
         return 0.5 * min(views, 1.0) + 0.5 * min(covered, 1.0)
 
     @property
     def good(self) -> bool:
-        """Whether the calibration so far is good and needs no further view."""
+        """Whether the calibration so far is good and needs no further views."""
         return (
             self.result is not None
             and self.result.verdict == "good"
@@ -110,7 +110,7 @@ class BoardSession:
         return self.good or self.views >= self._limit
 
     def see(self, time_s: float, images: Sequence[Image], usable: Sequence[bool]) -> Guidance:
-        """Take the images of the next moment, one per camera (uint8 BGR).
+        """Process the images of the next moment, one per camera (uint8 BGR).
 
         Raises:
             CalibrationError: The left and the right camera are exchanged.
@@ -130,10 +130,10 @@ class BoardSession:
         return self._last
 
     def finish(self) -> CalibrationResult:
-        """Return the calibration from all views, or the one that is good already.
+        """Return the calibration from all views, or an earlier one that is already good.
 
         Raises:
-            CalibrationError: The views do not suffice, or the left and the right camera are exchanged.
+            CalibrationError: There are too few good views, or the left and the right camera are exchanged.
         """
         if self._running is not None:
             wait([self._running])
@@ -148,7 +148,7 @@ class BoardSession:
         return self.result
 
     def _collect(self) -> None:
-        """Take the result of a calibration that ended; one that had too few views may fail."""
+        """Take the result of a calibration that has ended; one with too few views may have failed."""
         if self._running is None or not self._running.done():
             return
         running, self._running = self._running, None
@@ -189,7 +189,7 @@ class BoardSession:
         return move_advice(self._cameras, next_target(self._cameras, self._asked), advice)
 
     def _is_new(self, seen: BoardObservation) -> bool:
-        """Return whether place, size or tilt of the board differ from every view taken."""
+        """Return whether position, size or tilt of the board differ from every view taken."""
         known = np.ones(self.views, dtype=bool)
         for camera, view in zip(self._cameras, seen.views, strict=True):
             if view is not None:
@@ -198,7 +198,7 @@ class BoardSession:
         return not known.any()
 
     def _take(self, images: Sequence[Image], seen: BoardObservation) -> Guidance:
-        """Take the view if the exact search finds the corners, too."""
+        """Take the view if the exact search also finds the corners."""
         views = [view for image in images if (view := find_board(image, self._board)) is not None]
         if len(views) < len(images):
             return self._guide(seen, "hold it still, in more light: its corners are not clear")

@@ -1,4 +1,4 @@
-"""Observation of a board in live images: its placement, and whether it is still."""
+"""Observation of a board in live images: its placement, and whether it is held still."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -16,19 +16,19 @@ class GuidanceSettings:
     """How a person is guided through a live calibration; lengths in images are shares of their width."""
 
     look_every_s: float = 0.12  # time between searches for the board
-    still_s: float = 0.5  # time without motion after which a board is still
-    still: float = 2.0 / 640.0  # largest motion of a still board: the hand's tremor, which smears no corner
+    still_s: float = 0.5  # time without motion after which a board counts as still
+    still: float = 2.0 / 640.0  # largest motion of a still board: the hand's tremor, which does not smear corners
     least_looks: int = 3  # fewest observations in that time
-    focal: float = 0.9  # focal length of a usual lens, exact enough for tilts
-    new_place: float = 0.1  # distance that makes a new view
+    focal: float = 0.9  # focal length of a typical lens, accurate enough for tilts
+    new_place: float = 0.1  # difference in position that makes a new view
     new_size: float = 1.2  # ratio of sizes that makes a new view
-    new_tilt_deg: float = 12.0  # difference of tilts that makes a new view
-    tilted_deg: float = 20.0  # tilt of a clearly tilted view
-    tilted_views: float = 0.5  # wanted share of clearly tilted views
-    large: float = 0.25  # root of the board's area that is near enough
-    asked_before: float = 0.3  # coverage added to a region for each view that was taken while it was wanted
-    reachable_share: float = 0.3  # smallest share of a region's cells within reach that guidance asks for
-    enough_covered: float = 0.45  # wanted coverage of the image part that all cameras can see together
+    new_tilt_deg: float = 12.0  # difference in tilt that makes a new view
+    tilted_deg: float = 20.0  # tilt above which a view is clearly tilted
+    tilted_views: float = 0.5  # desired share of clearly tilted views
+    large: float = 0.25  # square root of the board's area above which it is near enough
+    asked_before: float = 0.3  # coverage added to a region for each view taken while it was requested
+    reachable_share: float = 0.3  # smallest share of a region's cells that must be reachable for guidance to request it
+    enough_covered: float = 0.45  # desired coverage of the image part that all cameras can see together
     enough_views: int = 10
     calibrate_every: int = 2  # new views between calibrations
     unseen_s: float = 4.0  # time without the board after which boards of other sizes are searched for
@@ -39,10 +39,10 @@ GUIDANCE = GuidanceSettings()
 
 @dataclass(frozen=True)
 class BoardPlacement:
-    """Placement of the board in an image, in image widths, for a usual lens."""
+    """Placement of the board in an image, in image widths, assuming a typical lens."""
 
-    centre: Array  # (2,) relative to the image's middle
-    size: float  # root of the board's area
+    centre: Array  # (2,) relative to the image's centre
+    size: float  # square root of the board's area
     normal: Array  # (3,) unit normal in the camera's frame, away from the camera
 
     @property
@@ -52,7 +52,7 @@ class BoardPlacement:
         return float(np.arccos(min(1.0, abs(float(self.normal @ sight)) / float(np.linalg.norm(sight)))))
 
     def is_like(self, other: "BoardPlacement") -> bool:
-        """Return whether place, size and tilt are nearly the same."""
+        """Return whether position, size and tilt are nearly the same."""
         return (
             float(np.linalg.norm(self.centre - other.centre)) < GUIDANCE.new_place
             and max(self.size / other.size, other.size / self.size) < GUIDANCE.new_size
@@ -62,7 +62,7 @@ class BoardPlacement:
 
 @dataclass(frozen=True)
 class BoardObservation:
-    """Views of the board in one set of images, None where unseen, and its stillness."""
+    """Views of the board in one set of images, None where not visible, and whether it is still."""
 
     views: tuple[BoardView | None, ...]
     still: bool
@@ -74,10 +74,10 @@ class BoardObservation:
 
 
 class BoardWatch:
-    """Search for a board in live images, until it is still.
+    """Search for a board in live images until it is held still.
 
     Args:
-        find: Finds it in one image, as `glimpse_board` or `find_board` do.
+        find: Finds the board in one image, like `glimpse_board` or `find_board`.
     """
 
     def __init__(self, board: Board, find: Callable[[Image, Board], BoardView | None]) -> None:
@@ -86,7 +86,7 @@ class BoardWatch:
         self._past: deque[tuple[float, tuple[BoardView | None, ...]]] = deque()
 
     def see(self, time_s: float, images: Sequence[Image], usable: Sequence[bool]) -> BoardObservation:
-        """Take the images of the next moment, one per camera; unusable ones are skipped."""
+        """Process the images of the next moment, one per camera; unusable ones are skipped."""
         views = tuple(
             self._find(image, self._board) if use else None for image, use in zip(images, usable, strict=True)
         )

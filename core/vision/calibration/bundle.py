@@ -1,6 +1,6 @@
 """Bundle adjustment of cameras and board poses (Triggs et al., 2000).
 
-Compared with OpenCV's stereo calibration it adds the skew of the pixel grid, any number of cameras, a prior of the
+In addition to OpenCV's stereo calibration, it handles skew of the pixel grid, any number of cameras, a prior for the
 lenses, and cameras that take the pictures of a moment at slightly different times.
 """
 
@@ -21,22 +21,22 @@ _POSE = 6
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How boards, lenses and cameras are fitted together."""
+    """Settings for fitting boards, lenses and cameras together."""
 
-    corner_sigma_px: float = 0.2  # standard deviation of a corner along each axis, as recorded boards show it
+    corner_sigma_px: float = 0.2  # standard deviation of a corner along each axis, as observed in recordings
     time_sigma_s: float = 0.05  # standard deviation of a picture's time: unsynchronised cameras are a frame or more off
     aspect_sigma: float = 0.01  # prior standard deviation of fx - fy, as a share of the image's width
-    # prior standard deviations of cx, cy, skew (shares of the width), k1, k2, p1, p2, k3 of ordinary lenses
+    # prior standard deviations of cx, cy, skew (shares of the width), k1, k2, p1, p2, k3 for ordinary lenses
     lens_sigmas: tuple[float, ...] = (0.15, 0.15, 0.03, 0.5, 1.0, 0.02, 0.02, 3.0)
-    # Two cameras see a board in one place up to these limits. They are wide, as board poses of one camera are rough;
-    # half turns and wrong pairs are far outside.
+    # Two cameras may see the same board up to these limits. They are wide, because board poses from one camera are
+    # rough; half turns and wrong pairs are far outside them.
     same_angle_deg: float = 8.0
     same_distance: float = 0.3  # share of the usual distance to the board
     outlier_factor: float = 3.0  # an outlier has an error this many times the median,
     outlier_floor_px: float = 0.6  # and larger than it by this
-    folds: int = 5  # parts of the moments that are held out in turn
-    least_moments: int = 10  # with fewer, nothing is held out
-    richer_may_cost: float = 1.05  # largest held-out error of the chosen lens model, as a multiple of the best one's
+    folds: int = 5  # number of parts of the moments that are held out in turn
+    least_moments: int = 10  # fewest moments; below, nothing is held out
+    richer_may_cost: float = 1.05  # largest held-out error of the chosen lens model, as a multiple of the best model's
 
 
 FIT = FitSettings()
@@ -71,13 +71,13 @@ class LensPrior:
 
 
 def matrix_of(intrinsics: Array) -> Array:
-    """Return the (3, 3) camera matrix, skew included."""
+    """Return the camera matrix (3, 3), including skew."""
     fx, fy, cx, cy, skew = intrinsics[:5]
     return np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
 def intrinsics_of(matrix: Array, distortion: Array) -> Array:
-    """Return the (10,) intrinsics of a matrix and five distortion coefficients."""
+    """Return the intrinsics (10,) for a matrix and five distortion coefficients."""
     head = [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], matrix[0, 1]]
     return np.concatenate((head, np.ravel(distortion)[:5]))
 
@@ -88,19 +88,19 @@ def adjust(
     """Minimise the squared reprojection error by Levenberg-Marquardt.
 
     Args:
-        free: Mask (10,) of the intrinsics that are adjusted, the same for every camera.
+        free: Mask (10,) of the intrinsics that are adjusted, the same for all cameras.
     """
     return _minimise(start, observations, _unknowns(start, free), prior)
 
 
 def adjust_boards(bundle: Bundle, observations: Sequence[CornerObservation]) -> Bundle:
-    """Adjust the poses of the boards only, to test a calibration on other pictures."""
+    """Adjust only the poses of the boards, to test a calibration on other pictures."""
     first = bundle.intrinsics.size + bundle.cameras.size
     return _minimise(bundle, observations, np.arange(first, first + bundle.boards.size), None)
 
 
 def camera_covariance(bundle: Bundle, observations: Sequence[CornerObservation], free: Mask, prior: LensPrior) -> Array:
-    """Return the covariance (6 C, 6 C) of an adjusted bundle's `cameras`, by the variance of its residuals."""
+    """Return the covariance (6 C, 6 C) of an adjusted bundle's `cameras`, scaled by the variance of its residuals."""
     unknowns = _unknowns(bundle, free)
     near = _linearise(bundle, observations, prior)
     part = near.matrix[np.ix_(unknowns, unknowns)]
@@ -114,7 +114,7 @@ def camera_covariance(bundle: Bundle, observations: Sequence[CornerObservation],
 
 
 def _unknowns(bundle: Bundle, free: Mask) -> IntArray:
-    """Return the adjusted numbers of a bundle: free intrinsics, cameras but the first, boards."""
+    """Return the adjusted numbers of a bundle: free intrinsics, cameras except the first, boards."""
     count = len(bundle.intrinsics)
     others = np.arange(bundle.cameras.size + bundle.boards.size) >= _POSE
     return np.flatnonzero(np.concatenate((np.tile(free, count), others)))
@@ -162,13 +162,13 @@ def _linearise(bundle: Bundle, observations: Sequence[CornerObservation], prior:
 
 
 def residuals(bundle: Bundle, observation: CornerObservation) -> Array:
-    """Return predicted minus seen pixels (n, 2), without what the picture's delay explains."""
+    """Return predicted minus observed pixels (n, 2), without the part explained by the picture's delay."""
     errors, _ = _residuals_and_jacobian(bundle, observation)
     return _without_delay(observation, errors.reshape(-1, 1)).reshape(-1, 2)
 
 
 def delay_s(bundle: Bundle, observation: CornerObservation) -> float:
-    """Return the delay of a picture in its moment; NaN where the board did not move."""
+    """Return the delay of a picture within its moment; NaN if the board did not move."""
     motion = observation.motion_px_s
     if motion is None or np.abs(motion).max() * FIT.time_sigma_s < FIT.corner_sigma_px:
         return float("nan")
@@ -177,7 +177,7 @@ def delay_s(bundle: Bundle, observation: CornerObservation) -> float:
 
 
 def rms_by_moment(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
-    """Return the RMS reprojection error (M, C) in pixels, NaN for unseen boards."""
+    """Return the RMS reprojection error (M, C) in pixels, NaN for boards not seen."""
     table = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
     for observation in observations:
         table[observation.moment, observation.camera] = rms(bundle, [observation])
@@ -193,8 +193,8 @@ def rms(bundle: Bundle, observations: Sequence[CornerObservation]) -> float:
 def _without_delay(observation: CornerObservation, columns: Array) -> Array:
     """Whiten columns (2n, k) of errors or derivatives along the pixels' motion.
 
-    With corners of covariance s^2 I and a picture's time of variance t^2, errors have the covariance
-    s^2 I + t^2 v v^T, v (2n) the pixels' velocities; the result is whitened with it, in units of s.
+    Corners have the covariance s^2 I and a picture's time the variance t^2, so errors have the covariance
+    s^2 I + t^2 v v^T with the pixels' velocities v (2n); the result is whitened with it, in units of s.
     """
     motion = np.zeros(1) if observation.motion_px_s is None else observation.motion_px_s.ravel()
     speed = float(np.linalg.norm(motion))
@@ -206,7 +206,7 @@ def _without_delay(observation: CornerObservation, columns: Array) -> Array:
 
 
 def _residuals_and_jacobian(bundle: Bundle, observation: CornerObservation) -> tuple[Array, Array]:
-    """Return errors (n, 2) and derivatives (2n, 22) by lens, camera and board."""
+    """Return errors (n, 2) and derivatives (2n, 22) with respect to lens, camera and board."""
     intrinsics = bundle.intrinsics[observation.camera]
     board, camera = bundle.boards[observation.moment], bundle.cameras[observation.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])
@@ -220,7 +220,7 @@ def _residuals_and_jacobian(bundle: Bundle, observation: CornerObservation) -> t
         np.ascontiguousarray(observation.points_m, dtype=np.float64), turn, shift, plain, intrinsics[5:]
     )
     pixels, derivatives = np.asarray(projected, np.float64).reshape(-1, 2), np.asarray(columns, np.float64)
-    height = (pixels[:, 1] - cy) / fy  # distorted y/z, which the skew multiplies
+    height = (pixels[:, 1] - cy) / fy  # distorted y/z, which is multiplied by the skew
     jacobian = np.empty((len(derivatives), INTRINSICS + 2 * _POSE))
     jacobian[:, :4], jacobian[:, 5:10] = derivatives[:, 6:10], derivatives[:, 10:15]
     jacobian[0::2, 4], jacobian[1::2, 4] = height, 0.0

@@ -1,6 +1,6 @@
-"""Camera calibration from board pictures: lenses, relative poses, advice.
+"""Camera calibration from board pictures: lenses, relative poses, and advice.
 
-OpenCV starts from "A flexible new technique for camera calibration" (Zhang 2000); a bundle adjustment refines all
+OpenCV starts with "A flexible new technique for camera calibration" (Zhang 2000); a bundle adjustment then refines all
 cameras and board poses together.
 """
 
@@ -42,37 +42,37 @@ class VerdictSettings:
     good_rms: float = 0.5 / 640.0
     usable_rms: float = 1.2 / 640.0
     good_coverage: float = 0.25  # share of an image in which the board has been
-    good_coverage_in_the_middle: float = 0.5  # the same of a board that stayed off all sides
+    good_coverage_in_the_middle: float = 0.5  # the same for a board that stayed away from all sides
     good_distance: float = 0.002  # relative standard deviation of the distances between cameras
     good_tilt_deg: float = 15.0  # tilt of the most tilted board
     good_delay_s: float = 0.02  # delay between cameras
     smeared: float = 4.0 / 640.0  # width of edges
-    usable_distance: float = 0.5  # above this, the distances between the cameras are not known
-    same_picture: float = 5e-4  # median difference of corners in two pictures that are copies of one
-    smeared_one_way: float = 1.5  # ratio of edge widths from which motion smears them; below, they are out of focus
+    usable_distance: float = 0.5  # above this, the distances between the cameras are unknown
+    same_picture: float = 5e-4  # median difference of corners below which two pictures are copies
+    smeared_one_way: float = 1.5  # ratio of edge widths above which motion smears them; below, they are out of focus
 
 
 _VERDICT = VerdictSettings()
 
 
 class ExchangedCamerasError(CalibrationError):
-    """The left camera stands on the right."""
+    """Error for a left camera that stands on the right."""
 
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """A calibrated rig and how far to trust it; errors are RMS reprojection errors."""
+    """A calibrated rig and its accuracy; errors are RMS reprojection errors."""
 
     rig: CameraRig  # in the world of the first camera: y up, z towards it, x to the performer's left
     stereo_rms_px: float  # over all cameras with one board pose per moment
-    held_out_px: float  # of moments left out of the fit; NaN with too few of them
-    rms_px: Mapping[str, float]  # of each camera alone
+    held_out_px: float  # for moments left out of the fit; NaN if there are too few
+    rms_px: Mapping[str, float]  # for each camera alone
     baseline_m: float  # distance of the first two optical centres; 0 for one camera
     distance_sigma: float  # largest relative standard deviation of the distances between cameras
     views_px: Mapping[tuple[str, str], float]  # by moment and camera
     coverage: Mapping[str, float]  # share of each camera's image in which the board has been
-    late_s: Mapping[str, float]  # delay of each camera against the first, where videos show it
-    used: tuple[str, ...]  # moments
+    late_s: Mapping[str, float]  # delay of each camera relative to the first, if videos show it
+    used: tuple[str, ...]  # names of the moments used
     rejected: tuple[Rejected, ...] = ()
     verdict: str = "good"  # or "usable", "redo"
     advice: tuple[str, ...] = ()
@@ -112,18 +112,18 @@ def calibrate_from_points(
     left_right: bool = True,
     ambiguous: bool = False,
 ) -> CalibrationResult:
-    """Calibrate from board points (N, 3) and where each camera saw them.
+    """Calibrate from board points (N, 3) and the positions at which each camera saw them.
 
     Args:
         points_m: Board points, z = 0.
-        cameras: Views of each camera; a single one gets its lens and stands in the world's origin.
-        rejected: Pictures already refused, for the result.
-        left_right: Check that the first two cameras are the left and the right one, seen from behind the cameras.
-        ambiguous: The board looks the same after half a turn (see `Board.is_ambiguous`).
+        cameras: Views of each camera; a single camera gets its lens and stands at the world's origin.
+        rejected: Pictures already rejected, to be listed in the result.
+        left_right: Check that the first two cameras are the left and the right one, as seen from behind the cameras.
+        ambiguous: Whether the board looks the same after half a turn (see `Board.is_ambiguous`).
 
     Raises:
         ExchangedCamerasError: The left camera stands on the right.
-        CalibrationError: Too few views, cameras that never saw the board together, or pictures that do not belong
+        CalibrationError: There are too few views, cameras never saw the board together, or the pictures do not belong
             together.
     """
     if not cameras:
@@ -136,7 +136,7 @@ def calibrate_from_points(
     else:
         centre = points_m.mean(axis=0) if ambiguous else None
         fit = fit_rig(points_m, cameras, singles, refused, centre)
-        centre = np.linalg.inv(fit.poses[1])[:3, 3]  # of the second camera, seen from the first
+        centre = np.linalg.inv(fit.poses[1])[:3, 3]  # of the second camera, in the frame of the first
         if left_right and centre[0] < -0.5 * np.linalg.norm(centre):
             raise ExchangedCamerasError(
                 f"camera {cameras[0].name} stands on the right, camera {cameras[1].name} on the left",
@@ -186,7 +186,7 @@ def _calibrate_camera(points_m: Array, camera: CameraViews, refused: list[Reject
 
 
 def _first_guess(points_m: Array, camera: CameraViews, views: Sequence[BoardView]) -> Bundle:
-    """Return a lens with its axis in the middle of the image, and the boards' poses."""
+    """Return a lens with its axis at the image's centre, and the boards' poses."""
     objects = [np.ascontiguousarray(points_m[view.ids], dtype=np.float32) for view in views]
     images = [np.ascontiguousarray(view.pixels, dtype=np.float32).reshape(-1, 1, 2) for view in views]
     flags = cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3

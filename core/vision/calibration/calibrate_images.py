@@ -22,7 +22,7 @@ def calibrate_images(
     """Calibrate cameras from pictures of a board.
 
     Args:
-        patterns: Folder or glob of each camera's pictures, by its name; pictures of one moment share a number.
+        patterns: Folder or glob of each camera's pictures, by camera name; pictures of one moment share a number.
         left_right: Check that the first two are the left and the right camera.
 
     Raises:
@@ -31,7 +31,7 @@ def calibrate_images(
     files, rejected = _paired_files(patterns)
     shown = _most_seen_grid(files, board) if board.kind == "chessboard" else None
     if shown is not None and min(np.subtract(shown, _larger_first(board))) >= 0:
-        _check_size(shown, board)  # before minutes of searching for a part of the board
+        _check_size(shown, board)  # before spending minutes on searching for a part of the board
     total = sum(len(rows) for rows in files.values())
     done = 0
 
@@ -54,7 +54,7 @@ def calibrate_images(
 
 
 def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path]], list[Rejected]]:
-    """Return the files of each camera by moment, those with a shared number."""
+    """Return the files of each camera by moment, if their number is shared."""
     try:
         lists = {name: list_images(pattern) for name, pattern in patterns.items()}
         tables = dict(zip(lists, by_number(list(lists.values())), strict=True))
@@ -74,7 +74,7 @@ def _paired_files(patterns: Mapping[str, str]) -> tuple[dict[str, dict[str, Path
 def _camera_views(
     name: str, files: Mapping[str, Path], board: Board, rejected: list[Rejected], report: Callable[[Path], None]
 ) -> CameraViews:
-    """Return the board in a camera's pictures; those without it, or of an unusual size, are rejected."""
+    """Return the board in a camera's pictures; pictures without it, or of an unusual size, are rejected."""
     sizes: dict[str, tuple[int, int]] = {}
     views: dict[str, BoardView] = {}
     for key, path in files.items():
@@ -100,7 +100,7 @@ def _camera_views(
 
 
 def _check_size(shown: tuple[int, int] | None, board: Board) -> None:
-    """Refuse a board unlike the one shown: a part of it would calibrate badly."""
+    """Raise CalibrationError for a description unlike the board shown, because a part of it would calibrate badly."""
     asked = _larger_first(board)
     if shown is not None and shown != asked:
         raise CalibrationError(
@@ -114,12 +114,12 @@ def _larger_first(board: Board) -> tuple[int, int]:
 
 
 def _most_seen_grid(files: Mapping[str, Mapping[str, Path]], board: Board) -> tuple[int, int] | None:
-    """Return the inner corners that three of five pictures show, or None."""
+    """Return the number of inner corners that three of five pictures show, or None."""
     paths = [path for rows in files.values() for path in rows.values()]
     chosen = [paths[i] for i in np.unique(np.linspace(0, len(paths) - 1, 5).astype(int))]
     shown: dict[tuple[int, int], set[Path]] = defaultdict(set)
     for attempt in range(3):
-        # OpenCV's finder draws random numbers: in a hard picture it finds now the whole board, now a part
+        # OpenCV's finder uses random numbers: in a difficult picture it finds now the whole board, now a part
         cv2.setRNGSeed(attempt)
         for path in chosen:
             try:

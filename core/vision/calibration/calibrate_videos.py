@@ -1,7 +1,7 @@
 """Camera calibration from videos of a moving board, synchronised or not.
 
-Frames with the same number belong together. The corners' motion tells how late each camera took its pictures, so that
-this is reported and does not spoil the calibration.
+Frames with the same number belong together. The corners' motion shows how late each camera took its pictures, so this
+delay is reported and does not spoil the calibration.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,10 +22,10 @@ from .rig_fit import MINIMUM_VIEWS, CameraViews, Rejected
 
 @dataclass(frozen=True)
 class VideoSettings:
-    """How the frames of a video are chosen."""
+    """Settings for choosing frames from a video."""
 
-    searched: int = 240  # moments in which the board is searched for
-    used: int = 60  # moments that are used: those with least motion
+    searched: int = 240  # number of moments in which the board is searched for
+    used: int = 60  # number of moments that are used: those with the least motion
     least_tracked: int = 6  # fewest corners that optical flow must follow
 
 
@@ -38,11 +38,11 @@ def calibrate_videos(
     """Calibrate cameras from videos of a board.
 
     Args:
-        videos: Video file of each camera, by its name; all have one length and rate.
+        videos: Video file of each camera, by camera name; all have the same length and rate.
         left_right: Check that the first two are the left and the right camera.
 
     Raises:
-        CalibrationError: Unreadable videos, videos of different length, too few views, or exchanged cameras.
+        CalibrationError: A video is unreadable, lengths differ, there are too few views, or the cameras are exchanged.
     """
     try:
         source = VideoSource(list(videos.values()))
@@ -80,7 +80,7 @@ def _watch_videos(names: Sequence[str], source: VideoSource, board: Board, progr
 def _moments(
     source: VideoSource,
 ) -> Iterator[tuple[int, tuple[Image, ...] | None, tuple[Image, ...], tuple[Image, ...] | None]]:
-    """Yield number and images of moments, with the frames before and after."""
+    """Yield number and images of moments, with the previous and the next frames."""
     step = max(1, source.frames // _VIDEO.searched)
     before: tuple[Image, ...] | None = None
     now: tuple[Image, ...] | None = None
@@ -112,7 +112,7 @@ def _flow(now: Image, other: Image, pixels: Array) -> Array | None:
     good = np.asarray(status).ravel() > 0
     if good.sum() < _VIDEO.least_tracked:
         return None
-    # the board is a plane: its homography leaves out corners that went astray
+    # the board is a plane: its homography reveals corners that were lost
     homography, kept = cv2.findHomography(start[good], np.asarray(found)[good], cv2.RANSAC, 2.0)
     if homography is None or np.asarray(kept).sum() < _VIDEO.least_tracked:
         return None
@@ -120,7 +120,7 @@ def _flow(now: Image, other: Image, pixels: Array) -> Array | None:
 
 
 def _stillest(cameras: Sequence[CameraViews]) -> tuple[list[CameraViews], list[Rejected]]:
-    """Choose moments of least motion, spread over the recording."""
+    """Choose moments with little motion, spread over the recording."""
     least = min(2, len(cameras))
     shared = sorted(
         key for key in {k for c in cameras for k in c.views} if sum(key in c.views for c in cameras) >= least

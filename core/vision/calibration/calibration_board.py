@@ -1,4 +1,4 @@
-"""Calibration boards: their SPEC, their points, detection in a picture."""
+"""Calibration boards: parsing their SPEC, their points, and detection in a picture."""
 
 import re
 from dataclasses import dataclass, replace
@@ -24,16 +24,16 @@ _SPEC = re.compile(
 
 @dataclass(frozen=True)
 class BoardSearchSettings:
-    """How a board is found in a picture."""
+    """Settings for finding a board in a picture."""
 
-    # On two public sets of 640-pixel pictures, enlarging twice lowers the stereo error from 0.28 to 0.19 px and from
+    # On two public sets of 640-pixel pictures, doubling the size lowers the stereo error from 0.28 to 0.19 px and from
     # 0.34 to 0.27 px. A cut-out with a smaller margin makes single corners jump.
     enlargement: int = 2
-    cut_margin: float = 6.0  # around the corners, in squares
+    cut_margin: float = 6.0  # margin around the corners, in squares
     least_charuco_corners: int = 6
-    glimpse_width: int = 400  # pixels; a chessboard is found as often as in 640, in half the time
-    glimpse_codes_width: int = 960  # codes are smaller than squares
-    glimpse_scale: float = 0.5  # least reduction: large images are meant for boards that are small in them
+    glimpse_width: int = 400  # pixels; chessboards are found as often as at 640, in half the time
+    glimpse_codes_width: int = 960  # pixels; codes are smaller than squares
+    glimpse_scale: float = 0.5  # largest scale, because large images are meant for boards that are small in them
     reach: float = 0.3  # half the side of the window that refines a corner, in squares
 
 
@@ -48,7 +48,7 @@ class Board:
     columns: int  # inner corners of a chessboard, squares of a ChArUco board
     rows: int
     square_m: float
-    marker_m: float = 0.0  # as the following, of ChArUco boards only
+    marker_m: float = 0.0  # this and the following are for ChArUco boards only
     dictionary: str = ""
     inverted: bool = False
 
@@ -70,19 +70,19 @@ class Board:
 
     @property
     def corner_grid(self) -> tuple[int, int]:
-        """Inner corners in columns and rows."""
+        """Number of inner corners in columns and rows."""
         if self.kind == "chessboard":
             return self.columns, self.rows
         return self.columns - 1, self.rows - 1
 
     @property
     def is_ambiguous(self) -> bool:
-        """Whether the board looks the same after half a turn: it has no markers."""
+        """Whether the board looks the same after half a turn, because it has no markers."""
         return self.kind == "chessboard"
 
     @property
     def points_m(self) -> Array:
-        """Inner corners (N, 3) in the board's plane z = 0, row after row."""
+        """Inner corners (N, 3) in the board's plane z = 0, row by row."""
         columns, rows = self.corner_grid
         grid = np.zeros((rows * columns, 3))
         grid[:, 0] = np.tile(np.arange(columns), rows) * self.square_m
@@ -94,19 +94,19 @@ class Board:
 class BoardView:
     """Board points in one picture."""
 
-    ids: IntArray  # (n,) into `Board.points_m`
+    ids: IntArray  # (n,) indices into `Board.points_m`
     pixels: Array  # (n, 2)
-    motion_px_s: Array | None = None  # (n, 2) in a video
+    motion_px_s: Array | None = None  # (n, 2), known in a video
     edge_widths_px: tuple[float, float] | None = None  # as `board_quality.edge_widths` measures them
 
     def reverse(self) -> "BoardView":
-        """Return the view of a whole board numbered from the other end."""
+        """Return the view of a whole board with its corners numbered from the other end."""
         motion = None if self.motion_px_s is None else self.motion_px_s[::-1].copy()
         return replace(self, pixels=self.pixels[::-1].copy(), motion_px_s=motion)
 
 
 def parse_board(spec: str) -> Board:
-    """Return the board of a SPEC; a length without a unit is in millimetres.
+    """Return the board that a SPEC describes; a length without a unit is in millimetres.
 
     Raises:
         SettingsError: The text is not a SPEC.
@@ -142,7 +142,7 @@ def charuco_board(board: Board, is_old: bool = False) -> Any:
     """Return OpenCV's object for a ChArUco board, in metres.
 
     Args:
-        is_old: As OpenCV printed it up to 4.5: with an even number of rows the first square is white, not black.
+        is_old: Use OpenCV's pattern up to 4.5: with an even number of rows the first square is white instead of black.
     """
     made = cv2.aruco.CharucoBoard(
         (board.columns, board.rows), board.square_m, board.marker_m, _dictionary(board.dictionary)
@@ -152,10 +152,10 @@ def charuco_board(board: Board, is_old: bool = False) -> Any:
 
 
 def find_board(image: Image, board: Board) -> BoardView | None:
-    """Return the board's corners in one picture (grey or BGR), or None without a board.
+    """Return the board's corners in a picture (grey or BGR), or None if there is no board.
 
-    A chessboard is found whole or not at all; it may be numbered from either end, as it looks the same after half a
-    turn. The calibration resolves that between the cameras.
+    A chessboard is found completely or not at all; it may be numbered from either end, because it looks the same after
+    half a turn. The calibration resolves this between the cameras.
     """
     grey = grey_of(image)
     if board.kind == "charuco":
@@ -173,7 +173,7 @@ def _whole_view(pixels: Array) -> BoardView:
 
 
 def glimpse_board(image: Image, board: Board) -> BoardView | None:
-    """Return the board's corners in a reduced image: faster, exact to about a pixel."""
+    """Return the board's corners found in a reduced image: faster, accurate to about a pixel."""
     grey = grey_of(image)
     width = _SEARCH.glimpse_codes_width if board.kind == "charuco" else _SEARCH.glimpse_width
     scale = min(1.0, max(_SEARCH.glimpse_scale, width / grey.shape[1]))
@@ -187,7 +187,7 @@ def glimpse_board(image: Image, board: Board) -> BoardView | None:
 
 
 def grey_of(image: Image) -> Image:
-    """Return a grey image of a grey or BGR one."""
+    """Return a grey or BGR image as a grey one."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     return np.asarray(grey, dtype=np.uint8)
 
@@ -203,20 +203,20 @@ def _find_charuco(grey: Image, board: Board) -> BoardView | None:
         return None
     found = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     apart = np.linalg.norm(found[:, None] - found[None], axis=2) + np.diag(np.full(len(found), np.inf))
-    # refined once more: up to OpenCV 4.12 the detector's corners are half a pixel off (opencv issue 25539)
+    # refined again: up to OpenCV 4.12 the detector's corners are half a pixel off (opencv issue 25539)
     return BoardView(
         np.asarray(ids, dtype=np.int64).ravel(), _refine(grey, found, float(apart.min()), edge_reach(board))
     )
 
 
 def edge_reach(board: Board) -> float:
-    """Return the distance from a corner, in squares, that is free of markers."""
+    """Return the distance from a corner, in squares, within which there are no markers."""
     free = 1.0 if board.kind == "chessboard" else 0.5 * (1.0 - board.marker_m / board.square_m)
     return min(_SEARCH.reach, free)
 
 
 def _refine(grey: Image, corners: Array, spacing: float, reach: float = _SEARCH.reach) -> Array:
-    # the window stays inside the four squares around a corner: their far edges would pull it away
+    # the window stays within the four squares around a corner, because their far edges would pull it away
     window = int(np.clip(reach * spacing, 2, 11))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
     start = corners.astype(np.float32).reshape(-1, 1, 2)
@@ -225,7 +225,7 @@ def _refine(grey: Image, corners: Array, spacing: float, reach: float = _SEARCH.
 
 
 def _corners_in_sectors(grey: Image, grid: tuple[int, int], flags: int) -> Array | None:
-    """Search with OpenCV's sector-based finder, which refuses parts of boards."""
+    """Search with OpenCV's sector-based finder, which rejects parts of boards."""
     found, corners = cv2.findChessboardCornersSB(grey, grid, flags=flags)
     return np.asarray(corners, dtype=np.float64).reshape(-1, 2) if found else None
 
@@ -266,7 +266,7 @@ def _enlarged(grey: Image) -> Image:
 
 
 def corner_spacing(corners: Array, grid: tuple[int, int]) -> float:
-    """Return the smallest distance of neighbouring corners (rows*columns, 2), pixels."""
+    """Return the smallest distance between neighbouring corners (rows*columns, 2), pixels."""
     table = corners.reshape(grid[1], grid[0], 2)
     along = np.linalg.norm(np.diff(table, axis=1), axis=-1)
     down = np.linalg.norm(np.diff(table, axis=0), axis=-1)
@@ -274,9 +274,9 @@ def corner_spacing(corners: Array, grid: tuple[int, int]) -> float:
 
 
 def seen_grid(image: Image, smallest: tuple[int, int]) -> tuple[int, int] | None:
-    """Return the inner corners (larger first) of any chessboard in view, or None.
+    """Return the number of inner corners (larger first) of any chessboard in view, or None.
 
-    Boards of at least `smallest` are searched for first, then any, of which often only a part is found.
+    Boards of at least `smallest` are searched for first, then any size, which often finds only a part.
     """
     large = _enlarged(grey_of(image))
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER

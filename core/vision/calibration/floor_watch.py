@@ -1,4 +1,4 @@
-"""The world's floor and scale from markers that lie on the floor."""
+"""Floor and scale of the world, found from markers that lie on the floor."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -15,20 +15,20 @@ from ...geometry.rigid_transform import principal_axes
 
 @dataclass(frozen=True)
 class FloorSettings:
-    """When markers are taken for the floor."""
+    """Conditions for taking markers to be on the floor."""
 
-    fewest: int = 3  # points that determine a plane
+    fewest: int = 3  # number of points that determine a plane
     still_s: float = 1.0  # time for which they must lie still
     least_moments: int = 5  # fewest observations in that time
-    still_m: float = 0.01  # largest motion: noise of a point far from the cameras, less than anybody's step
-    least_width_m: float = 0.2  # smallest extent across the longest line through the markers
+    still_m: float = 0.01  # largest motion: noise of a point far from the cameras, less than anyone's step
+    least_width_m: float = 0.2  # smallest extent perpendicular to the longest line through the markers
 
 
 FLOOR = FloorSettings()
 
 
 class FloorWatch:
-    """Watch of triangulated points until they are markers that lie still on the floor.
+    """Observation of triangulated points until they are markers that lie still on the floor.
 
     Attributes:
         advice: Next step; "" once `points_m` is known.
@@ -41,7 +41,7 @@ class FloorWatch:
         self._past: deque[tuple[float, Array]] = deque()
 
     def see(self, time_s: float, points_m: Array) -> None:
-        """Take the points (N, 3) of a moment."""
+        """Process the points (N, 3) of a moment."""
         if len(points_m) < FLOOR.fewest:
             self._past.clear()
             seen = f"; {len(points_m)} located" if len(points_m) else ""
@@ -67,7 +67,7 @@ class FloorWatch:
 
 
 def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
-    """Return the earlier order (N,) of points; None when they changed or moved."""
+    """Return the earlier order (N,) of points; None if they changed or moved."""
     if len(points_m) != len(before_m):
         return None
     apart = np.linalg.norm(before_m[:, None] - points_m[None], axis=2)
@@ -77,7 +77,7 @@ def _as_before(before_m: Array, points_m: Array) -> IntArray | None:
 
 
 def scaled_to(rig: CameraRig, points_m: ArrayLike, longest_m: float) -> tuple[CameraRig, Array, float]:
-    """Return rig and points (N, 3), scaled to a longest distance of `longest_m`, and the factor."""
+    """Return rig and points (N, 3), scaled so that the longest distance is `longest_m`, and the factor."""
     if not 0.0 < longest_m < np.inf:
         raise CalibrationError(f"markers cannot be {longest_m:g} m apart", advice="measure from middle to middle")
     points = np.asarray(points_m, dtype=np.float64)

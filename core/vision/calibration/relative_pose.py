@@ -1,4 +1,4 @@
-"""Relative pose of two cameras from board poses, with half turns of the board.
+"""Relative pose of two cameras from board poses, allowing for half turns of the board.
 
 Poses are matrices (4, 4) that multiply homogeneous coordinates.
 """
@@ -25,19 +25,19 @@ def pose_vector(matrix: Array) -> Array:
 
 
 def half_turn(centre: Array) -> Array:
-    """Return the half turn (4, 4) of a board about its normal through a point (3,) of it."""
+    """Return the half turn (4, 4) of a board about its normal through a point (3,) on it."""
     matrix = np.diag([-1.0, -1.0, 1.0, 1.0])
     matrix[:2, 3] = 2.0 * centre[:2]
     return matrix
 
 
 def relative_pose(first: Sequence[Array], second: Sequence[Array], centre: Array | None) -> Array:
-    """Return the second-from-first pose (4, 4) that most moments agree on.
+    """Return the second-from-first pose (4, 4) on which most moments agree.
 
-    Ties (a board always held the same way up fits both) go to the pose that turns the cameras least.
+    In a tie (a board always held the same way up fits both), the pose that turns the cameras least wins.
 
     Args:
-        first, second: Camera-from-board poses of the same moments.
+        first, second: Camera-from-board poses at the same moments.
         centre: Centre (3,) of a board that looks the same after a half turn about its normal, else None.
     """
     options = [_options(a, b, centre) for a, b in zip(first, second, strict=True)]
@@ -53,10 +53,10 @@ def relative_pose(first: Sequence[Array], second: Sequence[Array], centre: Array
 def seen_alike(
     first: Array, second: Array, second_from_first: Array, centre: Array | None, scale: float
 ) -> tuple[bool, bool]:
-    """Return whether two cameras see a board in one place, and whether half-turned.
+    """Return whether two cameras see a board in the same place, and whether one sees it half-turned.
 
     Args:
-        first, second: Camera-from-board poses of one moment.
+        first, second: Camera-from-board poses at one moment.
         centre: As for `relative_pose`.
         scale: Usual distance to the board.
     """

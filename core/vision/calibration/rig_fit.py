@@ -1,4 +1,4 @@
-"""Fit of several cameras: moments that agree, start, bundle adjustment, choice of the lens model, errors."""
+"""Fit of several cameras: choice of consistent moments, initial poses, bundle adjustment, lens model, errors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ _MODELS = {"skew": _ALL, "no skew": NO_SKEW, "no skew, no k3": _NO_SKEW_NO_K3}
 
 @dataclass(frozen=True)
 class CameraViews:
-    """Views of one camera: image size (w, h), board views by moment."""
+    """Views of one camera: image size (w, h), and board views by moment."""
 
     name: str
     image_size: tuple[int, int]
@@ -52,7 +52,7 @@ class Rejected:
 
 @dataclass
 class SingleCamera:
-    """One camera calibrated alone."""
+    """One camera, calibrated alone."""
 
     name: str
     image_size: tuple[int, int]
@@ -70,8 +70,8 @@ class RigFit:
     rms_px: float
     held_out_px: float
     used: tuple[str, ...]
-    errors_px: Array  # (M, C) of each view, NaN where a camera takes no part in a moment
-    late_s: Array  # (C,), NaN where the board held still
+    errors_px: Array  # (M, C) for each view, NaN where a camera does not take part in a moment
+    late_s: Array  # (C,), NaN if the board was held still
     distance_sigma: float
 
 
@@ -111,7 +111,7 @@ def fit_rig(
 
 
 def fit_of_one(single: SingleCamera) -> RigFit:
-    """Return the fit of a rig of one camera, which is at the world's origin."""
+    """Return the fit of a rig with one camera, which is at the world's origin."""
     return RigFit(
         single.intrinsics[None],
         (np.eye(4),),
@@ -157,10 +157,10 @@ def _refuse_outliers(
 
 
 def lens_prior(sizes: Sequence[tuple[int, int]]) -> LensPrior:
-    """Return the prior of ordinary lenses with images of these sizes (w, h).
+    """Return the prior for ordinary lenses with images of these sizes (w, h).
 
-    Pixels are nearly square, the axis meets the image near its middle, distortion is moderate. It matters with few
-    views or a small board only; there it keeps noise out of the lens.
+    Pixels are nearly square, the axis meets the image near its centre, and distortion is moderate. The prior matters
+    only with few views or a small board; then it keeps noise out of the lens.
     """
     means, information = np.zeros((len(sizes), INTRINSICS)), np.zeros((len(sizes), INTRINSICS, INTRINSICS))
     for index, (width, height) in enumerate(sizes):
@@ -178,7 +178,7 @@ def _choose_model(
     """Fit the richest lens model that predicts held-out moments well."""
     held_out = {name: _held_out(bundle, observations, free, prior) for name, free in _MODELS.items()}
     if np.isnan(next(iter(held_out.values()))):
-        chosen = "no skew, no k3"  # too few moments to compare: the fewest unknowns
+        chosen = "no skew, no k3"  # too few moments to compare, so use the fewest unknowns
     else:
         limit = FIT.richer_may_cost * min(held_out.values())
         chosen = next(name for name, error in held_out.items() if error <= limit)
@@ -211,7 +211,7 @@ def _distances(cameras: Array) -> Array:
 
 
 def _delays_s(bundle: Bundle, observations: Sequence[CornerObservation]) -> Array:
-    """Return each camera's median delay (C,) against the first, NaN if unknown."""
+    """Return each camera's median delay (C,) relative to the first, NaN if unknown."""
     delays = np.full((len(bundle.boards), len(bundle.intrinsics)), np.nan)
     for observation in observations:
         delays[observation.moment, observation.camera] = delay_s(bundle, observation)
@@ -239,7 +239,7 @@ def _held_out(bundle: Bundle, observations: Sequence[CornerObservation], free: M
 
 
 def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> list[Array]:
-    """Return camera-from-first (4, 4) of all cameras, chained by most shared views."""
+    """Return camera-from-first (4, 4) of all cameras, chained over the pairs with most shared views."""
     starts = {0: np.eye(4)}
     while len(starts) < len(singles):
         shared = {
@@ -263,9 +263,9 @@ def _chain_cameras(singles: Sequence[SingleCamera], centre: Array | None) -> lis
 def _members(
     singles: Sequence[SingleCamera], starts: Sequence[Array], refused: list[Rejected], centre: Array | None
 ) -> dict[str, dict[int, bool]]:
-    """Return each moment's cameras, and whether its board is numbered from the end.
+    """Return each moment's cameras, and whether its board is numbered from the other end.
 
-    A moment's cameras are the most that agree with one of them on where the board is.
+    A moment's cameras are the largest group that agrees with one of them on where the board is.
     """
     scale = float(np.median([np.linalg.norm(pose[:3, 3]) for single in singles for pose in single.poses.values()]))
 

@@ -1,4 +1,4 @@
-"""Floor, origin and axes of the world, from points or a board on the floor."""
+"""Floor, origin and axes of the world, set from points or a board on the floor."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,12 +20,12 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     """Return the rig in a world with the floor at y = 0, z towards the cameras and x to the performer's left.
 
     Args:
-        floor_points_m: Points (N, 3) of the floor in the rig's present world, N >= 3, not on a line.
-        behind_m: Distance from the middle of the points to the origin, away from the cameras.
-        above_m: Height of the points above the floor, such as the radius of balls that lie on it.
+        floor_points_m: Points (N, 3) of the floor in the rig's current world, N >= 3, not on a line.
+        behind_m: Distance from the centre of the points to the origin, away from the cameras.
+        above_m: Height of the points above the floor, such as the radius of balls lying on it.
 
     Raises:
-        CalibrationError: The points are not in a plane, or the cameras see it from straight above.
+        CalibrationError: The points are not in a plane, or the cameras look straight down on it.
     """
     points = np.asarray(floor_points_m, dtype=np.float64)
     if len(points) < 3:
@@ -54,10 +54,10 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
 def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> Array:
     """Return a board's corners (N, 3), metres, from one moment of all cameras.
 
-    Views of a chessboard, which may be numbered from either end, are ordered as they agree best.
+    Views of a chessboard, which may be numbered from either end, are ordered so that they agree best.
 
     Raises:
-        CalibrationError: Other cameras, a view of a part of the board only, or views that do not agree.
+        CalibrationError: The cameras differ, a view shows only a part of the board, or the views do not agree.
     """
     if len(views) != len(rig):
         raise CalibrationError(

@@ -1,7 +1,7 @@
-"""Refinement of calibrated cameras from markers, after a bump or for precision.
+"""Refinement of calibrated cameras with markers, after a bump or for precision.
 
-Any moving markers do, a performer's or one on a wand: with known lenses, points that several cameras see determine the
-cameras' places up to scale (Hartley and Zisserman, Multiple View Geometry, 9 and 18.1). The scale stays as calibrated.
+Any moving markers will do, a performer's or one on a wand: with known lenses, points that several cameras see determine
+the cameras' poses up to scale (Hartley and Zisserman, Multiple View Geometry, 9 and 18.1). The scale is kept.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,20 @@ from ..matching.stereo import StereoMatcher
 
 @dataclass(frozen=True)
 class RefinementSettings:
-    """How cameras are placed by markers."""
+    """Settings for finding camera poses from markers."""
 
-    # epipolar gates of the passes: a bumped camera's lines miss by degrees; each pass lets fewer wrong pairs in
+    # epipolar gates of the passes: a bumped camera's lines miss by degrees; each pass lets fewer wrong pairs through
     gates_deg: tuple[float, ...] = (3.0, 1.0, 0.4)
-    # Prior of a bump, rotation (radians) and shift (m), one standard deviation. Markers tell little of rotations and
-    # shifts that almost cancel; without it, the systematic errors of lenses and times would be taken for such a bump.
+    # Prior of a bump, rotation (radians) and shift (m), one standard deviation. Markers say little about rotations and
+    # shifts that almost cancel; without a prior, systematic errors of lenses and times would be taken for such a bump.
     bump_sigmas: tuple[float, ...] = (0.03, 0.03, 0.03, 0.02, 0.02, 0.02)
-    systematic_px: float = 0.3  # errors that all markers in one place share
-    independent: float = 100.0  # number of independent markers that all together are worth
+    systematic_px: float = 0.3  # errors that all markers in the same place share
+    independent: float = 100.0  # number of independent markers to which all of them are equivalent
     robust_px: float = 0.5  # scale of the soft L1 loss
     least_points: int = 200
     least_frames: int = 20
     sure: float = 0.02  # `depth_sigma` of cameras that are good to measure with; bones are wrong by about as much
-    bumped_px: float = 1.0  # twice the usual error of cameras that stand as calibrated
+    bumped_px: float = 1.0  # twice the usual error of cameras that have not moved
     bumped_factor: float = 2.0  # and this many times the error after the refinement
 
 
@@ -42,35 +42,35 @@ _REFINEMENT = RefinementSettings()
 
 @dataclass(frozen=True)
 class Refinement:
-    """Cameras in their present places."""
+    """Cameras with refined poses."""
 
-    rig: CameraRig  # the first camera and the distance of the first two are as before
-    before_px: float  # median reprojection error with the old places,
-    after_px: float  # and of the same markers with the new places
+    rig: CameraRig  # the first camera and the distance between the first two are unchanged
+    before_px: float  # median reprojection error with the old poses,
+    after_px: float  # and for the same markers with the new poses
     turned_deg: Array  # (C,) since the calibration
     moved_mm: Array  # (C,)
-    depth_sigma: float  # relative standard deviation of markers' distances due to that of the cameras' places
+    depth_sigma: float  # relative standard deviation of markers' distances due to the uncertainty of the camera poses
     points: int
 
     @property
     def bumped(self) -> bool:
-        """Whether the cameras no longer stand as they were calibrated."""
+        """Whether the cameras are no longer where they were calibrated."""
         return self.before_px > max(_REFINEMENT.bumped_px, _REFINEMENT.bumped_factor * self.after_px)
 
     @property
     def sure(self) -> bool:
-        """Whether the new places are good enough to measure with."""
+        """Whether the new poses are good enough to measure with."""
         return self.depth_sigma < _REFINEMENT.sure
 
 
 def refine_rig(rig: CameraRig, frames: Sequence[Sequence[FloatArray]]) -> Refinement:
-    """Return the rig with its cameras placed by markers; lenses stay.
+    """Return the rig with camera poses found from markers; lenses are unchanged.
 
     Args:
-        frames: Blobs (n, 5) of each camera in each moment.
+        frames: Blobs (n, 5) of each camera at each moment.
 
     Raises:
-        CalibrationError: One camera only, or too few markers that several cameras see.
+        CalibrationError: There is only one camera, or too few markers are seen by several cameras.
     """
     if len(rig) < 2:
         raise CalibrationError("one camera cannot be refined", advice="use the take of all cameras")
@@ -118,7 +118,7 @@ def _match_markers(
 
 
 def _fit_cameras(rig: CameraRig, observed: Array, weights: Array) -> tuple[CameraRig, float]:
-    """Move all cameras but the first so that rays meet; return rig and depth sigma."""
+    """Move all cameras except the first so that rays meet; return rig and depth sigma."""
     seen = weights > 0.0
     usual = np.tile(_REFINEMENT.bump_sigmas, len(rig) - 1)
     scale = np.sqrt(_REFINEMENT.independent / len(observed)) * _REFINEMENT.robust_px / _REFINEMENT.systematic_px
@@ -146,14 +146,14 @@ def _depth_sigma(rig: CameraRig, found: Array, covariance: Array, observed: Arra
     sizes, axes = np.linalg.eigh(covariance)
     squares = 0.0
     for size, axis in zip(sizes, axes.T, strict=True):
-        step = 0.1 * np.sqrt(max(size, 0.0))  # a tenth of a deviation: far points do not move in proportion to more
+        step = 0.1 * np.sqrt(max(size, 0.0))  # a tenth of a deviation: distant points do not move in proportion
         other = triangulate(_move_cameras(rig, found + step * axis).cameras, observed, weights, 1.0)[0]
         squares += float(np.median(np.linalg.norm(other - points, axis=1) / far / 0.1)) ** 2
     return float(np.sqrt(squares))
 
 
 def _move_cameras(rig: CameraRig, unknown: Array) -> CameraRig:
-    """Rotate cameras but the first about their centres and move these, by steps (C - 1) * 6."""
+    """Rotate all cameras except the first about their centres and move the centres, by steps (C - 1) * 6."""
     first = rig.cameras[0]
     cameras: list[Camera] = [first]
     for index, (camera, step) in enumerate(zip(rig.cameras[1:], unknown.reshape(-1, 6), strict=True), start=1):

@@ -1,1 +1,1 @@
-"""Find marker blobs in an image."""
+"""Detection of marker blobs in an image."""

@@ -34,7 +34,7 @@ class Background:
     def band(self, sigmas: float, threshold: float) -> tuple[Image, Image]:
         """Return the lowest and highest background value of each pixel and channel.
 
-        A pixel may differ by `threshold` grey levels or by `sigmas` of its deviations, whichever is more.
+        A pixel may differ by `threshold` grey levels or by `sigmas` of its standard deviations, whichever is more.
         """
         reach = np.maximum(sigmas * self.deviation, threshold)
         low = np.ceil(np.clip(self.mean - reach, 0.0, 255.0)).astype(np.uint8)
@@ -43,7 +43,7 @@ class Background:
 
 
 class BackgroundLearner:
-    """Running mean and deviation over frames without the performer."""
+    """Running mean and standard deviation over frames without the performer."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -61,7 +61,7 @@ class BackgroundLearner:
         self._count += 1
 
     def result(self) -> Background:
-        """Return the background, of at least two frames."""
+        """Return the background learned from at least two frames."""
         if self._count < 2 or self._sum is None or self._squares is None:
             raise CaptureError(
                 f"the background cannot be learned from {self._count} frame(s)",
@@ -83,14 +83,14 @@ def learn_backgrounds(moments: Iterable[Sequence[Image]]) -> list[Background]:
 
 
 def background_from_take(samples: Sequence[Image]) -> Background:
-    """Return the background of frames spread over a take with the performer in it.
+    """Return the background from frames spread over a take with the performer in it.
 
     Markers are brighter than the background and move, so the darkest 60 % of a pixel's values are background: a marker
-    may rest on it for 40 % of the take.
+    may cover it for 40 % of the take.
     """
     if len(samples) < 2:
         raise CaptureError(f"the background cannot be learned from {len(samples)} frame(s)")
     stack = np.sort(np.stack(samples), axis=0)
     kept = stack[: max(2, round(0.6 * len(stack)))].astype(np.float32)
-    # cutting off the upper 40 % leaves 0.70 of a normal distribution's deviation
+    # cutting off the upper 40 % leaves 0.70 of a normal distribution's standard deviation
     return Background(kept.mean(axis=0), kept.std(axis=0) / np.float32(0.70))

@@ -1,4 +1,4 @@
-"""Markers in one image: blobs in the foreground with sub-pixel centres."""
+"""Detection of markers in one image: blobs in the foreground with sub-pixel centres."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,30 +16,30 @@ from .background import Background
 
 @dataclass(frozen=True)
 class DetectionSettings:
-    """How markers are found; lengths are pixels, light is in grey levels."""
+    """Settings for finding markers; lengths are in pixels, light is in grey levels."""
 
-    threshold: float | None = None  # least difference of a marker's pixel from the background; None: automatic
-    dilation_px: int = 1  # growth of the foreground, which gives it the soft rims of markers
-    # One in so many images larger than `small_image` is searched as a whole, the others near the last markers: a marker
-    # that comes from elsewhere is found so many images later.
+    threshold: float | None = None  # smallest difference of a marker's pixel from the background; None: automatic
+    dilation_px: int = 1  # growth of the foreground, so that it includes the soft rims of markers
+    # Every nth image larger than `small_image` is searched completely, the others near the last markers: a marker
+    # that comes from elsewhere is found up to n images later.
     whole_every: int = 1
     small_image: int = 640 * 480
-    reach: float = 0.08  # search range around the last markers, of the longer side: 10 m/s seen from 2 m at 60 Hz
+    reach: float = 0.08  # search range around the last markers, share of the longer side: 10 m/s seen from 2 m at 60 Hz
     lowest_threshold: float = 12.0  # smallest automatic threshold
-    sigmas: float = 6.0  # least difference of a pixel from the background, in its standard deviations
-    smallest_px: float = 0.8  # radius of a marker
+    sigmas: float = 6.0  # smallest difference of a pixel from the background, in its standard deviations
+    smallest_px: float = 0.8  # smallest radius of a marker
     largest_px: float = 12.0
     least_roundness: float = 0.3  # ratio of a blob's short to its long axis; motion blur makes discs long
     relative_brightness: float = 0.35  # of the usual marker; a dimmer blob is not a marker (automatic threshold)
-    relative_radius: float = 0.4  # the same of its radius, against small glints of clothing
-    dimmest: float = 0.5  # share of the last image's limit, below which blobs are not even measured
+    relative_radius: float = 0.4  # the same for its radius, against small glints on clothing
+    dimmest: float = 0.5  # share of the last image's limit below which blobs are not even measured
     memory: float = 0.9  # share of the usual brightness that is kept per image
-    usual_markers: int = 8  # number of the brightest markers whose median is the usual one
-    most_blobs: int = 100  # largest number of blobs, the brightest
+    usual_markers: int = 8  # number of the brightest markers whose median counts as usual
+    most_blobs: int = 100  # largest number of blobs; the brightest are kept
     spot_px: int = 11  # side of a spot's surroundings, wider than a marker on a performer seen whole in 640x480 pixels
     spot_contrast: float = 40.0  # smallest contrast of a spot against the body, which is lit and creased
-    spot_brightness: float = 0.85  # of the usual spot; reflectors are brighter than skin and cloth
-    ignored_share: float = 0.01  # radius of an ignored place, of the image's width; reflections flicker and move
+    spot_brightness: float = 0.85  # share of the usual spot's brightness; reflectors are brighter than skin and cloth
+    ignored_share: float = 0.01  # radius of an ignored position, of the image's width; reflections flicker and move
 
     def __post_init__(self) -> None:
         if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:
@@ -47,12 +47,12 @@ class DetectionSettings:
 
     @property
     def rim_px(self) -> int:
-        """Width of the edge of a part of an image where a marker may be cut off."""
+        """Width of the border of an image part in which a marker may be cut off."""
         return int(2.0 * self.largest_px) + self.spot_px
 
 
 def ignored_radius_px(image_width: int, settings: DetectionSettings = DetectionSettings()) -> float:
-    """Return the radius around an ignored place without markers."""
+    """Return the radius around an ignored position in which no markers are found."""
     return settings.ignored_share * image_width
 
 
@@ -62,7 +62,7 @@ class Detector:
     With an automatic threshold it remembers how bright this camera's markers are.
 
     Args:
-        ignored_px: Places (N, 2) of reflections, around which nothing is taken for a marker.
+        ignored_px: Positions (N, 2) of reflections, around which nothing is taken for a marker.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Detector:
         self.threshold = self.settings.threshold or self.settings.lowest_threshold
         self._size: tuple[int, int] | None = None
         self._last = np.empty((0, 5), dtype=np.float32)
-        self._partly = 0  # images in a row that were searched in part
+        self._partly = 0  # successive images that were searched only in part
         if background is not None:
             if self.settings.threshold is None:
                 self.threshold = max(self.settings.lowest_threshold, self.settings.sigmas * background.noise)
@@ -92,18 +92,18 @@ class Detector:
             self._size = background.image_size
 
     def foreground(self, image: Image, part: "_EmptyRoom | None" = None) -> tuple[Image, int]:
-        """Return the dilated mask (0 or 255) of pixels unlike the background, and its first column.
+        """Return the dilated mask (0 or 255) of pixels that differ from the background, and its first column.
 
         It has all rows, but only the columns from the first such pixel to the last.
 
         Args:
-            part: Empty room behind a part of an image.
+            part: Empty room behind a part of the image.
         """
         room, grown_px = part or self._room, self.settings.dilation_px
         if room is None:
             outside = np.asarray(cv2.threshold(image, self.threshold, 255, cv2.THRESH_BINARY)[1])
         else:
-            # values below the band wrap around to above it: much faster than cv2.inRange with bounds of each pixel
+            # values below the band wrap around to above it: much faster than cv2.inRange with bounds for each pixel
             above_low = np.subtract(image, room.low)
             outside = np.asarray(cv2.compare(above_low, room.width, cv2.CMP_GT, dst=above_low))
         height, width = image.shape[:2]
@@ -139,7 +139,7 @@ class Detector:
         return self._last
 
     def _window(self, height: int, width: int) -> "_Window | None":
-        """Return the part of a large image around the last markers; None for all of it."""
+        """Return the part of a large image around the last markers; None for the whole image."""
         is_whole = height * width <= self.settings.small_image or self._partly + 1 >= self.settings.whole_every
         if is_whole or len(self._last) == 0:
             return None
@@ -149,7 +149,7 @@ class Detector:
         return slice(top, min(bottom, height)), slice(left, min(right, width))
 
     def _found_within(self, image: Image, window: "_Window") -> Array:
-        """Return the candidates in a part of an image, without those at its inner edges."""
+        """Return the candidates in a part of an image, except those at its inner edges."""
         rows, columns = window
         table = self._found(image[window], None if self._room is None else self._room.within(window))
         table[:, blobs.X] += columns.start
@@ -219,11 +219,11 @@ class Detector:
         if not np.any(body.inside & (above_background >= 3.0 * dimmest)):
             return blobs.NO_PIXELS
         contrast = cv2.morphologyEx(light, cv2.MORPH_TOPHAT, np.ones((self.settings.spot_px,) * 2, np.uint8))
-        # pixels no brighter than the empty room are the room beside a limb
+        # pixels no brighter than the empty room are the room next to a limb
         lit = body.inside & (light >= (3.0 * self.threshold if room is None else room.lit[window]))
         bright = lit & (contrast >= 3.0 * max(self.threshold, self.settings.spot_contrast))
         spots = np.asarray(cv2.dilate(bright.view(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)
-        places = np.flatnonzero(lit & spots.view(bool))  # `nonzero` of two axes takes ten times as long
+        places = np.flatnonzero(lit & spots.view(bool))  # `nonzero` over two axes takes ten times as long
         if not len(places):
             return blobs.NO_PIXELS
         y, x = np.divmod(places, light.shape[1])
@@ -232,19 +232,19 @@ class Detector:
         return blobs.blob_pixels(owner, x + body.left, y + body.top, contrast[y, x] * third, image[window][y, x])
 
     def _fits(self, table: Array) -> Mask:
-        """Return the rows with a marker's size and shape."""
+        """Return the rows that have a marker's size and shape."""
         radius = table[:, blobs.RADIUS]
         inside = (radius >= self.settings.smallest_px) & (radius <= self.settings.largest_px)
         return np.asarray(inside & (table[:, blobs.ROUNDNESS] >= self.settings.least_roundness))
 
     def _select(self, table: Array) -> FloatArray:
-        # rounding keeps the equally bright in the order of the image's rows
+        # rounding keeps equally bright blobs in the order of the image's rows
         table = table[np.argsort(-table[:, blobs.CONTRAST].round(6), kind="stable")]
         if len(table) == 0:
             self._usual_contrast *= self.settings.memory
         elif self.settings.threshold is None:
             top = median(table[: self.settings.usual_markers, blobs.CONTRAST].tolist())
-            # follows at once when markers get brighter, slowly when they leave or get dimmer
+            # follows at once if markers get brighter, slowly if they leave or get dimmer
             self._usual_contrast = max(top, self.settings.memory * self._usual_contrast)
             limit = self.settings.relative_brightness * min(top, self._usual_contrast)
             table = table[table[:, blobs.CONTRAST] >= limit]
@@ -263,7 +263,7 @@ _Window = tuple[slice, slice]
 class _EmptyRoom:
     """The empty room, or a part of it."""
 
-    low: Image  # (h, w, 3) least value of each pixel and channel that is still background,
+    low: Image  # (h, w, 3) smallest value of each pixel and channel that is still background,
     width: Image  # and the height of the band above it
     mean: FloatArray  # (h, w, 3)
     light: NDArray[np.uint16]  # (h, w) sum of the channels,
@@ -280,7 +280,7 @@ class _Component:
     left: int
     top: int
     inside: Mask  # (h, w) pixels of its box that belong to it
-    may_be_marker: bool  # its box is small enough for a marker, or two that touch
+    may_be_marker: bool  # its box is small enough for a marker, or for two that touch
 
     @property
     def window(self) -> _Window:
@@ -289,8 +289,8 @@ class _Component:
 
 
 def _parts(mask: Image, first_column: int, settings: DetectionSettings) -> list[_Component]:
-    """Return connected parts of a dilated mask, large enough for a marker."""
-    # contours, and labels within their boxes, take half the time of labels with statistics of the whole image
+    """Return connected parts of a dilated mask that are large enough for a marker."""
+    # contours, and labels within their boxes, take half the time of labels with statistics for the whole image
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     parts = []
     for contour, (_, _, _, parent) in zip(contours, hierarchy[0].tolist() if contours else (), strict=True):
@@ -304,17 +304,17 @@ def _parts(mask: Image, first_column: int, settings: DetectionSettings) -> list[
         x, y = contour[0, 0]
         inside = labels == labels[y - top, x - left]
         parts.append(_Component(first_column + left, top, inside, side <= 4.0 * settings.largest_px))
-    return parts[::-1]  # contours come from the last row to the first
+    return parts[::-1]  # contours are listed from the last row to the first
 
 
 def _labels(mask: Image) -> NDArray[np.int32]:
-    """Return the number of each pixel's connected part, 0 for none."""
+    """Return the number of each pixel's connected part, 0 if it has none."""
     labels = cv2.connectedComponentsWithAlgorithm(mask, 8, cv2.CV_32S, cv2.CCL_BOLELLI)[1]
     return np.asarray(labels, dtype=np.int32)
 
 
 def _pixels(parts: Sequence[_Component]) -> tuple[IntArray, IntArray, IntArray]:
-    """Return part, x and y (P,) of the pixels of some parts."""
+    """Return part, x and y (P,) for the pixels of some parts."""
     places = [part.inside.nonzero() for part in parts]
     owner = np.repeat(np.arange(len(parts)), [len(rows) for rows, _ in places])
     x = np.concatenate([columns + part.left for part, (_, columns) in zip(parts, places, strict=True)])
@@ -326,10 +326,10 @@ def _contrast(rise: FloatArray, owner: IntArray, parts: int) -> FloatArray:
     """Return the light (P,) of pixels above the empty room, grey levels.
 
     Channels count by how much brighter they are in the whole part, so that those of a red marker that are darker than a
-    lit wall do not outweigh its red.
+    lit wall do not cancel its red.
 
     Args:
-        rise: Pixels (P, 3) less the empty room.
+        rise: Pixels (P, 3) minus the empty room.
         owner: Part (P,) of each pixel.
     """
     more = np.maximum(rise, 0.0)

@@ -15,22 +15,22 @@ from ...geometry.arrays import Array, FloatArray, Image, IntArray
 X, Y, RADIUS, BRIGHTNESS, HUE, CONTRAST, ROUNDNESS = range(7)
 COLUMNS = 7
 
-_GROUP = 1 << 20  # exceeds the number of blobs in an image
+_GROUP = 1 << 20  # larger than the number of blobs in an image
 
 
 @dataclass(frozen=True)
 class MeasurementSettings:
-    """How blobs are measured and touching markers split."""
+    """Settings for measuring blobs and splitting markers that touch."""
 
-    # exponent of the contrast in centroids: of discs of 1.5 to 6 pixels it has the least error; 1 suffers from what the
-    # rim lacks, more from how the peak falls on the pixels
+    # exponent of the contrast in centroids: it gives discs of 1.5 to 6 pixels the least error; 1 suffers from missing
+    # parts of the rim, larger ones from how the peak falls on the pixels
     exponent: float = 1.3
-    lit: float = 0.5  # contrast of pixels that tell the hue, as a share of the largest
-    round_enough: float = 0.6  # ratio of axes from which a blob is one marker
+    lit: float = 0.5  # smallest contrast of pixels used for the hue, as a share of the largest
+    round_enough: float = 0.6  # ratio of axes above which a blob is one marker
     split_levels: tuple[float, ...] = (0.45, 0.6, 0.75)  # shares of the largest contrast that may separate markers,
     neck_levels: tuple[float, ...] = (0.65, 0.75)  # and of the largest distance to the outside
-    least_piece: float = 0.15  # share of the largest piece
-    rim: float = 0.15  # share of the largest contrast that belongs to the surroundings
+    least_piece: float = 0.15  # smallest part that counts, as a share of the largest
+    rim: float = 0.15  # share of the largest contrast below which pixels belong to the surroundings
     skin: float = 0.35  # level that is subtracted, between skin (0) and marker (1)
 
 
@@ -39,7 +39,7 @@ _MEASUREMENT = MeasurementSettings()
 
 @dataclass(frozen=True)
 class BlobPixels:
-    """Pixels of some blobs, blob after blob, each from its dimmest to its brightest."""
+    """Pixels of some blobs, blob by blob, each from its dimmest to its brightest."""
 
     owner: IntArray  # (P,) ascending number of each pixel's blob
     x: IntArray  # (P,) in the image
@@ -48,7 +48,7 @@ class BlobPixels:
     colours: Image  # (P, 3) BGR
 
     def select(self, which: Any) -> "BlobPixels":
-        """Return some of the pixels, in their order."""
+        """Return some of the pixels, in the same order."""
         return BlobPixels(self.owner[which], self.x[which], self.y[which], self.contrast[which], self.colours[which])
 
     def spans(self) -> tuple[IntArray, IntArray]:
@@ -61,7 +61,7 @@ class BlobPixels:
 
 def blob_pixels(owner: IntArray, x: IntArray, y: IntArray, contrast: FloatArray, colours: Image) -> BlobPixels:
     """Return the pixels with any contrast, in order; the owners are ascending."""
-    order = np.argsort(owner * 1024.0 + contrast)  # contrasts are smaller
+    order = np.argsort(owner * 1024.0 + contrast)  # contrasts are smaller than this factor
     order = order[contrast[order] > 0.0]
     return BlobPixels(owner[order], x[order], y[order], contrast[order], colours[order])
 
@@ -72,7 +72,7 @@ NO_PIXELS = blob_pixels(
 
 
 def join_groups(groups: Sequence[BlobPixels]) -> BlobPixels:
-    """Return the blobs of some groups, their numbers increased by the group's."""
+    """Return the blobs of some groups, with numbers increased by the group's."""
     if len(groups) == 1:
         return groups[0]
     owners = [group.owner + number * _GROUP for number, group in enumerate(groups)]
@@ -86,7 +86,7 @@ def group_of(owners: IntArray) -> IntArray:
 
 
 def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
-    """Return the blobs (N,) with pixels, and their measures (N, 7).
+    """Return the blobs (N,) that have pixels, and their measures (N, 7).
 
     Columns: x, y, radius (pixels), brightness 0-255, hue 0-180, contrast (grey levels), roundness (ratio of axes).
     """
@@ -102,13 +102,13 @@ def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
     x, y, xx, yy, xy = moments[1:] / moments[0]
     spread_x, spread_y, spread_xy = xx - x * x, yy - y * y, xy - x * y
     mean, half = 0.5 * (spread_x + spread_y), np.hypot(0.5 * (spread_x - spread_y), spread_xy)
-    # 1/12, the variance of a pixel's own extent, bounds the ratio of the smallest blobs
+    # 1/12, the variance of a pixel's own extent, limits the ratio of the smallest blobs
     roundness = np.sqrt((np.maximum(mean - half, 0.0) + 1 / 12) / (mean + half + 1 / 12))
     sums, stops = _sums_before(pixels.contrast), starts + counts
     eighth = np.maximum(counts // 8, 1)
     plateau = (sums[stops] - sums[stops - eighth]) / eighth
     radius = np.sqrt((sums[stops] - sums[starts]) / (math.pi * plateau))
-    # without rim pixels, whose number depends on how a small blob falls on the pixels
+    # without rim pixels, because their number depends on how a small blob falls on the pixels
     least = np.array((_MEASUREMENT.lit * plateau, pixels.contrast[stops - eighth]))
     columns = np.ones((len(pixels.x), 4))
     columns[:, :3] = pixels.colours
@@ -121,12 +121,12 @@ def measure(pixels: BlobPixels) -> tuple[IntArray, Array]:
 
 
 def _sums_before(values: FloatArray) -> Array:
-    """Return the sums (P + 1,) of the values before each, and of all."""
+    """Return the cumulative sums (P + 1,) of the values, starting with 0."""
     return np.concatenate(([0.0], np.cumsum(values, dtype=np.float64)))
 
 
 def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
-    """Return `measure` with touching markers split: a blob may have several rows."""
+    """Return `measure` with touching markers split: a blob may yield several rows."""
     owners, table = measure(pixels)
     found = [(owners, table)]
     whole = table[:, ROUNDNESS] >= _MEASUREMENT.round_enough
@@ -143,8 +143,8 @@ def measure_apart(pixels: BlobPixels) -> tuple[IntArray, Array]:
 def subtract_skin(pixels: BlobPixels) -> BlobPixels:
     """Return the spots above the level of the body.
 
-    Where a thin part of the body (a hand) stands out from the background as well, there are two levels, skin and
-    marker. Otherwise only the rim is taken off.
+    If a thin part of the body (a hand) stands out from the background as well, there are two levels, skin and
+    marker. Otherwise only the rim is removed.
     """
     if len(pixels.owner) == 0:
         return pixels
@@ -177,7 +177,7 @@ def _skin_level(values: list[float], sums: list[float], start: int, stop: int) -
 def _split(pixels: BlobPixels) -> list[BlobPixels]:
     """Return the pixels of markers that touch; none for a single marker.
 
-    Higher levels of brightness separate them, or, flat discs that overlap without a valley, the neck between them.
+    They are separated by a higher level of brightness, or, if flat discs overlap without a valley, at the neck.
     """
     x, y = pixels.x - pixels.x.min() + 1, pixels.y - pixels.y.min() + 1
     contrast = np.zeros((y.max() + 2, x.max() + 2), dtype=np.float32)

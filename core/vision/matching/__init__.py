@@ -1,1 +1,1 @@
-"""Match the blobs of several cameras in space and time."""
+"""Matching of the blobs of several cameras in space and time."""

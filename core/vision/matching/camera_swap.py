@@ -1,4 +1,4 @@
-"""Detection of images that do not belong to their cameras: exchanged, mirrored or turned upside down."""
+"""Detection of images that do not belong to their cameras: exchanged, mirrored or upside down."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ _HOW = {_MIRRORED: "mirrored", _TURNED: "turned upside down"}
 
 @dataclass(frozen=True)
 class ImageMismatch:
-    """A change of the images that would make them fit; the flips are of each camera's image."""
+    """A change of the images that would make them fit; each camera's image has its own flip."""
 
     note: str
     flips: tuple[_Flip, _Flip] = (_STRAIGHT, _STRAIGHT)
@@ -31,7 +31,7 @@ class ImageMismatch:
 
 
 class CameraSwapDetector:
-    """Test of two cameras' images, while their blobs match badly; a no-op for other numbers of cameras."""
+    """Test of two cameras' images, made while their blobs match badly; does nothing for other numbers of cameras."""
 
     def __init__(self, rig: CameraRig) -> None:
         self._mismatches = image_mismatches(rig)
@@ -39,12 +39,12 @@ class CameraSwapDetector:
         self._matchers = (
             [] if len(rig) != 2 else [StereoMatcher(CameraRig(cameras)) for cameras in (rig.cameras, rig.cameras[::-1])]
         )
-        # mean errors of each mismatch: of the images as they came, and changed
+        # mean errors of each mismatch: with the images unchanged, and changed
         self._errors_px = [deque[tuple[float, float]](maxlen=MATCHING.swap_frames) for _ in self._mismatches]
         self._turn = 0
 
     def update(self, blobs: Sequence[FloatArray], matches: Matches) -> ImageMismatch | None:
-        """Return what seems to be wrong with the images, or None for nothing."""
+        """Return what seems to be wrong with the images, or None."""
         seen = min(len(rows) for rows in blobs)
         if self._mismatches and seen >= MATCHING.fewest_blobs:
             error = self._error_px(matches, seen)
@@ -69,13 +69,13 @@ class CameraSwapDetector:
         return self._error_px(matcher.match(flipped, matcher.undistort(flipped), None), seen)
 
     def _error_px(self, matches: Matches, seen: int) -> float:
-        """Return the mean reprojection error of blobs, pixels; one without a partner has the largest."""
+        """Return the mean reprojection error of blobs, pixels; a blob without a partner has the largest."""
         unmatched = seen - len(matches.points_m)
         return float(matches.errors_px.mean(axis=1).sum() + MATCHING.epipolar_px * unmatched) / seen
 
 
 def image_mismatches(rig: CameraRig) -> tuple[ImageMismatch, ...]:
-    """Return what can be wrong with the images of two cameras; nothing for other numbers of cameras."""
+    """Return what can be wrong with the images of two cameras; empty for other numbers of cameras."""
     if len(rig) != 2:
         return ()
     found = [ImageMismatch(_EXCHANGED, is_exchange=True)]

@@ -1,4 +1,4 @@
-"""Blobs of one camera followed from image to image."""
+"""Tracking of one camera's blobs from image to image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from .matching_settings import MATCHING
 
 
 class BlobLinker:
-    """Linker of blobs to tracks; a track ends after a gap."""
+    """Links blobs to tracks; a track ends after a gap."""
 
     def __init__(self, width_px: int) -> None:
         self._scale = width_px / 640.0
@@ -21,7 +21,7 @@ class BlobLinker:
         self._ids = np.empty(0, dtype=np.int64)
 
     def link(self, time_s: float, pixels: Array) -> IntArray:
-        """Return the track (n,) of each blob (n, 2) of the next image; the times increase."""
+        """Return the track (n,) of each blob (n, 2) of the next image; times must increase."""
         self._keep(time_s - self._tracks[:, 4] <= MATCHING.longest_gap_s)
         ids = np.full(len(pixels), -1, dtype=np.int64)
         seen = np.full((len(pixels), 5), np.nan)
@@ -53,21 +53,21 @@ class BlobLinker:
 
 @dataclass(frozen=True)
 class ImageTracks:
-    """Tracks of one camera in a table; a row has one track after another."""
+    """Tracks of one camera in a table; a row contains one track after another."""
 
     times_s: Array  # (F,) of the images, increasing
     points: Array  # (S, F, 2) undistorted normalised coordinates, NaN where a row has no track
     ids: IntArray  # (S, F), -1 where a row has no track
 
     def thin(self, most: int) -> "ImageTracks":
-        """Return at most so many images, evenly spaced."""
+        """Return at most this many images, evenly spaced."""
         step = -(-len(self.times_s) // most)
         return ImageTracks(self.times_s[::step], self.points[:, ::step], self.ids[:, ::step])
 
     def at(self, times_s: Array) -> tuple[Array, IntArray]:
         """Return points (S, N, 2) and tracks (S, N) at other times, NaN and -1 outside.
 
-        They are interpolated by cubics between two images before and two after, which all must show the track.
+        They are interpolated with cubics between two images before and two after, all of which must show the track.
         """
         last = len(self.times_s) - 3
         if last < 1:
@@ -92,7 +92,7 @@ class ImageTracks:
 
 def image_tracks(times_s: Sequence[float], points: Sequence[Array], ids: Sequence[IntArray]) -> ImageTracks:
     """Return a table of tracks from the points (n, 2) and tracks (n,) of each image."""
-    rows: list[int] = []  # the frame after each row's last track
+    rows: list[int] = []  # first free frame after each row's last track
     row_of: dict[int, int] = {}
     last = {int(track): f for f, tracks in enumerate(ids) for track in tracks}
     for f, tracks in enumerate(ids):

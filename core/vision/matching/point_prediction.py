@@ -17,14 +17,14 @@ class PointPredictor:
         self._seen_s = np.empty(0)
 
     def predict(self, time_s: float) -> Array | None:
-        """Return expected points (P, 3), or None if there is none."""
+        """Return expected points (P, 3), or None if there are none."""
         if len(self._points) == 0:
             return None
         passed = np.clip(time_s - self._seen_s, 0.0, MATCHING.forget_s)[:, None]
         return np.asarray(self._points + self._velocities * passed)
 
     def update(self, time_s: float, points_m: Array) -> None:
-        """Take the points (N, 3) that were found."""
+        """Update the prediction with the points (N, 3) that were found."""
         velocities = np.zeros_like(points_m)
         kept = time_s - self._seen_s < MATCHING.forget_s
         expected = self.predict(time_s)

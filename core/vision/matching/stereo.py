@@ -1,7 +1,7 @@
 """Stereo matching by epipolar line, colour, size and predicted markers.
 
-Chai and Hodgins 2005 use the epipolar line and colour, then temporal coherence where several candidates remain; here
-all of it is the cost of one assignment problem.
+Chai and Hodgins 2005 use the epipolar line and colour, then temporal coherence if several candidates remain; here all
+of these form the cost of one assignment problem.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ class Matches:
 
 
 class StereoMatcher:
-    """Matching of the blobs of a rig's cameras."""
+    """Matcher for the blobs of a rig's cameras."""
 
     def __init__(self, rig: CameraRig, epipolar_px: float = MATCHING.epipolar_px) -> None:
         self.rig = rig
@@ -48,8 +48,8 @@ class StereoMatcher:
 
         Args:
             blobs: Blobs (n, 5) of each camera.
-            normalised: Their coordinates (n, 2) by `undistort`.
-            predicted_m: Expected markers (P, 3); None when nothing is known.
+            normalised: Their coordinates (n, 2) from `undistort`.
+            predicted_m: Expected markers (P, 3); None if nothing is known.
         """
         cameras = len(self.rig)
         located = self._locate(np.empty((0, cameras), dtype=np.int64), normalised)
@@ -122,7 +122,7 @@ class StereoMatcher:
         candidates = np.full(line.shape, -1, dtype=np.int64)
         candidates[rows, columns] = np.arange(len(rows))
         chosen = _choose(base, rows, columns, candidates)
-        # again, with the performer's distance from the first answer
+        # once more, with the performer's distance from the first result
         if len(chosen) >= 3:
             middle = float(_medians(depth[chosen]))
             cost = base + np.minimum(((depth - middle) / MATCHING.spread_m) ** 2, MATCHING.most_coherence)
@@ -150,14 +150,14 @@ def _choose(cost: Array, rows: IntArray, columns: IntArray, candidates: IntArray
 
 
 def unused_blobs(table: IntArray, camera: int, count: int) -> IntArray:
-    """Return the blobs of a camera that no row of the table (N, C) contains."""
+    """Return a camera's blobs that no row of the table (N, C) contains."""
     free = np.ones(count + 1, dtype=bool)
-    free[table[:, camera]] = False  # -1 is the last, which is no blob
+    free[table[:, camera]] = False  # -1 addresses the last entry, which is not a blob
     return free[:count].nonzero()[0]
 
 
 def _brightest(free: IntArray, blobs: FloatArray) -> IntArray:
-    """Return the brightest of these blobs, in their order."""
+    """Return the brightest of these blobs, in the same order."""
     if len(free) <= MATCHING.most_blobs:
         return free
     return np.sort(free[np.argsort(-blobs[free, 3], kind="stable")[: MATCHING.most_blobs]])
@@ -203,7 +203,7 @@ def _dissimilarity(a: FloatArray, b: FloatArray, rows: IntArray, columns: IntArr
 
 
 def _unlike_usual(blobs: FloatArray) -> Array:
-    """Return log size, log brightness and hue (n, 3), less their medians."""
+    """Return log size, log brightness and hue (n, 3), minus their medians."""
     features = np.empty((len(blobs), 3))
     features[:, 0], features[:, 1], features[:, 2] = blobs[:, 2], blobs[:, 3] + 5.0, blobs[:, 4]
     features[:, :2] = np.log(np.maximum(features[:, :2], 1e-3))
@@ -211,6 +211,6 @@ def _unlike_usual(blobs: FloatArray) -> Array:
 
 
 def _medians(values: Array) -> Array:
-    """Return the medians of the columns, for a few values in a tenth of `np.median`'s time."""
+    """Return the medians of the columns; for few values, ten times as fast as `np.median`."""
     ordered = np.sort(values, axis=0)
     return np.asarray(0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]))

@@ -16,7 +16,7 @@ from .time_offset import TimeOffset
 
 @dataclass(frozen=True)
 class _Seen:
-    """Blobs (n, 5) of one image, their tracks (n,), and the moment it shows."""
+    """Blobs (n, 5) of one image, their tracks (n,), and the time it shows."""
 
     moment_s: float
     blobs: FloatArray
@@ -24,7 +24,7 @@ class _Seen:
 
 
 class TimeAligner:
-    """Alignment of each camera's blobs to the earliest moment of an image set, which delays no image."""
+    """Alignment of each camera's blobs to the earliest moment of an image set, so that no image is delayed."""
 
     def __init__(self, rig: CameraRig, offsets: Sequence[TimeOffset]) -> None:
         self.offsets = tuple(offsets)
@@ -38,7 +38,7 @@ class TimeAligner:
         """Return the common moment and the blobs (n, 5) of each camera at it.
 
         Args:
-            time_s: Time of the images, where none has a stamp.
+            time_s: Time of the images if none has a stamp.
             stamps_s: Time stamps (C,) of the images; NaN where a camera gave none.
         """
         stamps = stamps_s.tolist()
@@ -76,7 +76,7 @@ def _blobs_at(seen: Sequence[_Seen], moment_s: float) -> FloatArray:
     use = shown & (np.cumsum(shown, axis=0) <= MATCHING.parabola_images)
     rows = nearest.blobs.copy()
     left = np.ones(len(rows), dtype=bool)
-    while left.any():  # blobs with the same images together; mostly these are all
+    while left.any():  # blobs with the same images are processed together, which usually means all of them
         pattern = use[:, left.argmax()]
         alike = left & np.all(use == pattern[:, None], axis=0)
         times = moments[pattern].tolist()
@@ -97,7 +97,7 @@ def _nearest(seen: Sequence[_Seen], moment_s: float) -> list[_Seen]:
 
 
 def _of_tracks(image: _Seen, ids: IntArray) -> Array:
-    """Return the places (n, 2) of tracks in an image, NaN where it lacks them."""
+    """Return the positions (n, 2) of tracks in an image, NaN where they are missing."""
     if image.ids is ids:
         return image.blobs[:, :2].astype(np.float64)
     points = np.full((len(ids), 2), np.nan)

@@ -1,8 +1,8 @@
-"""Time offsets between cameras, from moving markers.
+"""Time offsets between cameras, estimated from moving markers.
 
-A marker that moves across the epipolar lines is off them when two images are of different moments. So blobs of one
-camera, moved in time along their tracks, are nearest to the epipolar lines of the other's when the shift is the offset.
-A grid of offsets finds roughly where that is, and the tracks that belong together; Gauss-Newton with Cauchy's weights
+A marker that moves across the epipolar lines is off them if two images show different moments. So one camera's blobs,
+moved in time along their tracks, are nearest to the epipolar lines of the other's if the shift equals the offset.
+A grid of offsets finds this roughly, and which tracks belong together; Gauss-Newton with Cauchy weights
 then refines offset and drift with all tracks.
 """
 
@@ -22,13 +22,13 @@ from .stereo import essential_matrix, homogeneous
 
 @dataclass(frozen=True)
 class TimeOffset:
-    """Time of a camera: an image stamped t shows t + offset_s + drift (t - middle_s) of the reference's clock."""
+    """Timing of a camera: an image stamped t shows t + offset_s + drift (t - middle_s) on the reference's clock."""
 
     offset_s: float = 0.0
     drift: float = 0.0  # seconds per second
     middle_s: float = 0.0
     sigma_s: float = np.inf  # standard deviation of the offset at `middle_s`; infinite without a result
-    samples: int = 0  # pairs of blobs in the estimate
+    samples: int = 0  # number of blob pairs in the estimate
 
     @property
     def is_found(self) -> bool:
@@ -41,7 +41,7 @@ class TimeOffset:
         return self.sigma_s < MATCHING.certain_s and abs(self.offset_s) > MATCHING.significant * self.sigma_s
 
     def moment_s(self, stamp_s: float) -> float:
-        """Return the moment that an image shows."""
+        """Return the time that an image shows."""
         return stamp_s + self.offset_s + self.drift * (stamp_s - self.middle_s)
 
 
@@ -98,7 +98,7 @@ class _Pair:
         return value / np.sqrt(np.maximum(slope, 1e-30)) * self._focal_px, ids
 
     def _costs(self, distances: Array, ids: IntArray) -> Array:
-        """Return capped mean squared distances of tracks (A, B, F); inf where none."""
+        """Return capped mean squared distances of tracks (A, B, F); inf where there are none."""
         squares = np.minimum(distances**2, MATCHING.most_px**2)
         known = np.isfinite(squares)
         width = int(ids.max()) + 1
@@ -130,7 +130,7 @@ class _Pair:
         chosen &= costs <= MATCHING.accepted**2 * max(usual, MATCHING.least_scale_px**2)
         a, b, f = np.nonzero(chosen)
         since = self.times_s[f] - self._middle_s
-        # Velocities and distances are from different images: noise in both would be a bias towards the middle between
+        # Velocities and distances come from different images: noise in both would be a bias towards the middle between
         # two images, where the interpolated noise is least.
         apart_s = MATCHING.difference_frames * float(np.median(np.diff(self._b.times_s)))
 
@@ -172,10 +172,10 @@ class _Pair:
 def estimate_time_offsets(
     rig: CameraRig, frames: Sequence[MarkerFrame], largest_s: float, about: Sequence[TimeOffset] = ()
 ) -> tuple[TimeOffset, ...]:
-    """Return each camera's time offset against the first, from blobs of frames.
+    """Return each camera's time offset relative to the first, from blobs of frames.
 
     Args:
-        frames: Frames with the blobs' places in the images, and the images' time stamps.
+        frames: Frames with the blobs' positions in the images, and the images' time stamps.
         largest_s: Largest difference from `about`.
         about: Rough estimates of the offsets; zeros by default.
     """

@@ -1,1 +1,1 @@
-"""Where images come from."""
+"""Image sources: cameras, videos and image files."""

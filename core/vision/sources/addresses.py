@@ -1,4 +1,4 @@
-"""Addresses of network cameras and of films."""
+"""Network addresses of cameras and films."""
 
 from pathlib import PurePosixPath
 from urllib.parse import urlsplit
@@ -8,22 +8,22 @@ _FILMS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
 
 
 def is_address(text: str) -> bool:
-    """Return whether a text is an address on a network."""
+    """Return whether a string is a network address."""
     return text.lower().startswith(_PREFIXES)
 
 
 def is_stream(text: str) -> bool:
-    """Return whether a text is the address of a camera, not of a film's file."""
+    """Return whether a string is the address of a camera rather than a film file."""
     if not is_address(text):
         return False
     try:
         path = urlsplit(text).path
-    except ValueError:  # an unmatched bracket, which opening the address reports
+    except ValueError:  # an unmatched bracket, which is reported when the address is opened
         return True
     return PurePosixPath(path).suffix.lower() not in _FILMS
 
 
 def camera_name(device: int | str) -> str:
-    """Return a camera's number or address, without a login: others read it in messages and takes."""
+    """Return a camera's number or address, without a login, because others read it in messages and takes."""
     start, mark, rest = str(device).partition("://")
     return start + mark + rest.rpartition("@")[2]

@@ -1,8 +1,8 @@
 """Exposure, gain and focus of cameras.
 
 Drivers disagree about units and about switching automatic controls off, so values are read back. Exposure is in tenths
-of a millisecond under Linux (V4L2), elsewhere the logarithm to base 2 of seconds; gain and focus are the camera's own
-numbers.
+of a millisecond on Linux (V4L2), elsewhere the base-2 logarithm of seconds; gain and focus are in the camera's own
+units.
 """
 
 import math
@@ -21,7 +21,7 @@ _MANUAL, _AUTOMATIC = {_V4L2: 1.0}, {_V4L2: 3.0}
 def apply_controls(capture: Any, controls: CameraControls) -> Sequence[str]:
     """Set controls of an open `cv2.VideoCapture`; return the names of those it refused.
 
-    The others are switched back to automatic: cameras remember the last program's settings.
+    The others are switched back to automatic, because cameras remember the last program's settings.
     """
     backend = str(capture.getBackendName())
     refused = []

@@ -1,4 +1,4 @@
-"""Cameras by device number, or by address on a network, as a source."""
+"""Image source for cameras, given by device number or network address."""
 
 import threading
 import time
@@ -25,23 +25,23 @@ from .source_settings import SOURCES
 
 
 class CameraSource(ClosableSource):
-    """Image sets from cameras, as they come.
+    """Image sets from cameras, as they arrive.
 
-    A thread reads each camera, so that one that freezes delays no other. Images are stamped by the driver if it uses
-    our clock, else on arrival. Frames are numbered by these times; a missing number is a lost frame. A camera that
+    A thread reads each camera, so that a frozen one does not delay the others. Images are stamped by the driver if it
+    uses our clock, else on arrival. Frames are numbered by these times; a missing number is a lost frame. A camera that
     freezes, is gone, black or repeats its image is named in the sets' notes and skipped until it is back; a lost one is
-    opened again twice a second, and so is a network camera that was silent for a second.
+    reopened twice a second, and so is a network camera that was silent for a second.
 
     Args:
         devices: Device number or address of each camera.
-        size: Wanted width and height of the images; None for the camera's default.
-        fps: Wanted rate, which network cameras are taken to have.
+        size: Requested width and height of the images; None for the camera's default.
+        fps: Requested rate; network cameras are assumed to have it.
 
     Attributes:
         warnings: Controls that a camera refused.
 
     Raises:
-        CaptureError: A camera does not open or gives no image; in the iteration, no camera gave any for 10 s.
+        CaptureError: A camera does not open or gives no image; during iteration, no camera gave any for 10 s.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class CameraSource(ClosableSource):
 
 
 class _Reader:
-    """Reader of one camera in a thread, from `begin` to `stop`; reopens a lost one."""
+    """Reads one camera in a thread, from `begin` to `stop`; reopens a lost one."""
 
     def __init__(self, opened: Callable[[], Any], news: threading.Event, controls: CameraControls | None) -> None:
         self.gone = False
@@ -235,7 +235,7 @@ def _first_image(capture: Any) -> Image | None:
 
 @dataclass(frozen=True)
 class FoundCamera:
-    """A camera of this computer; without an image, it has no size (width, height) either."""
+    """A camera on this computer; if it gives no image, its size (width, height) is unknown, too."""
 
     device: int
     size: tuple[int, int] | None
@@ -243,7 +243,7 @@ class FoundCamera:
 
 
 def find_cameras() -> list[FoundCamera]:
-    """Return the plugged-in cameras, also those without images; each is opened for a moment."""
+    """Return the plugged-in cameras, including those without images; each is opened for a moment."""
     found = []
     for device in device_numbers():
         capture = cv2.VideoCapture(device)

@@ -1,4 +1,4 @@
-"""Health of one camera, by the times and content of its images."""
+"""Health of one camera, judged by the times and content of its images."""
 
 from collections import deque
 
@@ -12,7 +12,7 @@ class CameraHealth:
     """Health of a camera: frozen, gone, black, changed, torn, or repeating an image.
 
     Args:
-        is_compressed: Images come compressed: rows of the last image do not show that one is torn.
+        is_compressed: Images arrive compressed, so rows of the last image do not reveal a torn one.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class CameraHealth:
         self._is_compressed = is_compressed
 
     def update(self, time_s: float, image: Image) -> bool:
-        """Take the next image; return whether it shows something new."""
+        """Process the next image; return whether it shows something new."""
         too_often = 0.0 <= time_s - self._last_s < SOURCES.too_often * self._period_s
         self._often_since_s = _since(self._often_since_s, time_s, too_often)
         self._last_s, self._is_resized = time_s, image.shape != self._shape
@@ -44,13 +44,13 @@ class CameraHealth:
         black = self._has_shown and brightest < SOURCES.black_level
         self._has_shown = self._has_shown or brightest >= SOURCES.contrast * SOURCES.black_level
         self._last = image
-        # a sensor has noise, so an equal image is not a new one; black can be all zeros
+        # a sensor has noise, so an identical image is not a new one; black images can be all zeros
         self._repeats_since_s = _since(self._repeats_since_s, time_s, repeated and not black)
         self._black_since_s = _since(self._black_since_s, time_s, black)
         return not (repeated or black or self._is_resized)
 
     def is_silent(self, now_s: float) -> bool:
-        """Return whether images should have come by now."""
+        """Return whether images should have arrived by now."""
         return now_s - self._last_s > self._patience_s
 
     def comes_often(self, now_s: float) -> bool:
@@ -58,10 +58,10 @@ class CameraHealth:
         return self._often_since_s is not None and now_s - self._often_since_s > SOURCES.stale_s
 
     def note(self, now_s: float, gone: bool = False, uneven: bool = False) -> str:
-        """Return a description of the fault, "" without one.
+        """Return a description of the fault, or "" if there is none.
 
         Args:
-            uneven: Some cameras do not deliver too often. All do where a driver reports a wrong rate.
+            uneven: Some cameras do not deliver too often. If a driver reports a wrong rate, all do.
         """
         if self.is_silent(now_s):
             return f"{self._title} is gone, check its cable" if gone else f"{self._title} froze"
@@ -79,23 +79,23 @@ class CameraHealth:
 
 
 class _TearWatch:
-    """Watch for images with the lower part of the last image.
+    """Watch for images whose lower part is from the previous image.
 
-    A sensor's noise makes rows differ from the last image's, so some equal rows betray it; not where the edge stays at
-    one height, as the lower part is always one image late then.
+    A sensor's noise makes rows differ from the last image's, so identical rows reveal such an image; but not if the
+    edge stays at one height, because the lower part is then always one image late.
     """
 
     def __init__(self) -> None:
-        self._fresh_images = np.zeros(0, dtype=int)  # in which each row differed, up to now
+        self._fresh_images = np.zeros(0, dtype=int)  # images so far in which each row differed
         self._same_rows: Mask = np.zeros(0, dtype=bool)
         self._times_s: deque[float] = deque(maxlen=SOURCES.tears)
 
     def update(self, time_s: float, same_rows: Mask) -> None:
-        """Take the next image's mask (N,) of rows that equal the last image's."""
+        """Process the next image's mask (N,) of rows that equal the previous image's."""
         if len(same_rows) != len(self._fresh_images):
             self._fresh_images, self._same_rows = np.zeros(len(same_rows), dtype=int), same_rows
         if same_rows.all():
-            return  # the last image once more
+            return  # the previous image again
         torn = same_rows & ~self._same_rows & (self._fresh_images >= SOURCES.fresh_images)
         is_torn = any(stop - start >= SOURCES.torn_rows for start, stop in runs(torn))
         if is_torn:
@@ -110,12 +110,12 @@ class _TearWatch:
 
 
 def is_repeated(last: Image, image: Image) -> bool:
-    """Return whether an image equals the last one."""
+    """Return whether an image equals the previous one."""
     return bool(_same_rows(last, image).all()) and np.array_equal(last, image)
 
 
 def _same_rows(last: Image | None, image: Image) -> Mask:
-    """Return a mask (N,) of the compared rows that equal the last image's."""
+    """Return a mask (N,) of the compared rows that equal the previous image's."""
     rows = image[:: SOURCES.compared_rows]
     if last is None or last.shape != image.shape:
         return np.zeros(len(rows), dtype=bool)
@@ -123,5 +123,5 @@ def _same_rows(last: Image | None, image: Image) -> Mask:
 
 
 def _since(start_s: float | None, now_s: float, holds: bool) -> float | None:
-    """Return since when something holds, or None while it does not."""
+    """Return since when a condition has held, or None if it does not hold."""
     return (now_s if start_s is None else start_s) if holds else None

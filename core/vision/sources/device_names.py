@@ -1,7 +1,7 @@
 """Names of plugged-in cameras, without opening them.
 
-Linux lists the name of each device number. Windows and macOS have names in another order than OpenCV's numbers, so a
-camera is called by its number there.
+Linux lists the name of each device number. Windows and macOS list names in a different order from OpenCV's numbers, so
+there a camera is called by its number.
 """
 
 import sys
@@ -11,7 +11,7 @@ _LISTED = Path("/sys/class/video4linux")
 
 
 def device_numbers() -> list[int]:
-    """Return the numbers that may be cameras: those of Linux's files, elsewhere 0 to 7."""
+    """Return the numbers that may be cameras: on Linux those of device files, elsewhere 0 to 7."""
     if sys.platform != "linux":
         return list(range(8))
     numbers = (path.name.removeprefix("video") for path in Path("/dev").glob("video*"))

@@ -12,7 +12,7 @@ from ...geometry.arrays import Image
 from .image_files import list_images, pair_by_number, read_image
 from .image_set import ClosableSource, ImageSet
 
-# the time of day in names that cameras write: 14-57-01~73, 10-21-36%593, 10-21-36.593
+# the time of day in file names that cameras write: 14-57-01~73, 10-21-36%593, 10-21-36.593
 _TIME_OF_DAY = re.compile(r"(?<!\d)(\d{1,2})-(\d{2})-(\d{2})[~%.,](\d+)")
 
 
@@ -21,13 +21,13 @@ class ImageFileSource(ClosableSource):
 
     Args:
         patterns: A folder, a pattern or a file for each camera.
-        fps: Rate where the names do not contain times.
+        fps: Rate to use if the names do not contain times.
 
     Attributes:
         warnings: Files that were left out.
 
     Raises:
-        CaptureError: No files, or files that cannot be paired; in the iteration, an unreadable image.
+        CaptureError: There are no files, they cannot be paired, or, during iteration, an image is unreadable.
     """
 
     def __init__(self, patterns: Sequence[str | Path], fps: float = 30.0) -> None:
@@ -42,7 +42,7 @@ class ImageFileSource(ClosableSource):
         self._times = _times_from_names([paths[0] for _, paths in self._pairs])
         if self._times is not None:
             steps = np.diff(self._times)
-            # without pauses; programs write down single frames late by chance
+            # without pauses, because programs sometimes write single frames late
             fps = float(1.0 / np.mean(steps[steps <= 4.0 * np.median(steps)]))
         self.fps = fps
         self.frames = len(self._pairs)
@@ -68,7 +68,7 @@ class ImageFileSource(ClosableSource):
 
 
 def _times_from_names(paths: Sequence[Path]) -> list[float] | None:
-    """Return seconds since the first file, or None without increasing times in the names."""
+    """Return seconds since the first file, or None if the names do not contain increasing times."""
     times = []
     for path in paths:
         match = _TIME_OF_DAY.search(path.stem)

@@ -1,4 +1,4 @@
-"""Image files: search, order by number, pairing between cameras, reading."""
+"""Image files: search, ordering by number, pairing between cameras, and reading."""
 
 import glob
 import os
@@ -37,13 +37,13 @@ def list_images(pattern: str | Path) -> list[Path]:
 
 
 def natural_key(path: Path) -> tuple[tuple[int, int, str], ...]:
-    """Order by the numbers in a name (9 before 10), then by its text."""
+    """Return a key that orders by the numbers in a name (9 before 10), then by its text."""
     parts = re.split(r"(\d+)", path.name)
     return tuple((1, int(part), "") if part.isdecimal() else (2, 0, part) for part in parts if part)
 
 
 def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tuple[Path, ...]]], list[Path]]:
-    """Return the files of several cameras by number, ascending, and the files left over."""
+    """Return the files of several cameras by number, ascending, and the unpaired files."""
     tables = by_number(lists)
     shared = sorted(set.intersection(*(set(table) for table in tables)))
     pairs = [(number, tuple(table[number] for table in tables)) for number in shared]
@@ -52,13 +52,13 @@ def pair_by_number(lists: Sequence[Sequence[Path]]) -> tuple[list[tuple[int, tup
 
 
 def by_number(lists: Sequence[Sequence[Path]]) -> list[dict[int, Path]]:
-    """Return the files of each camera by the number in their names that cameras share.
+    """Return the files of each camera by the number in their names that the cameras share.
 
-    That is the one (first, last, ...) with values that most files share with another camera's. Without common numbers,
+    It is the number (first, last, ...) whose values most files share with another camera's. Without common numbers,
     lists of equal length are numbered in order.
 
     Raises:
-        CaptureError: No common numbers, and lists of different length.
+        CaptureError: There are no common numbers, and the lists have different lengths.
     """
     numbers = [[[int(text) for text in re.findall(r"\d+", path.stem)] for path in paths] for paths in lists]
     width = max((len(row) for rows in numbers for row in rows), default=0)
@@ -92,14 +92,14 @@ def _table(paths: Sequence[Path], rows: Sequence[Sequence[int]], position: int) 
 
 
 def write_image(path: Path | str, image: Image) -> None:
-    """Write an image (BGR) in the format of the ending."""
+    """Write an image (BGR) in the format of the file name's ending."""
     with atomic_path(path) as temporary:
         if not cv2.imwrite(str(temporary), image):
             raise CaptureError("cannot be written", where=str(path), advice="check the free disk space")
 
 
 def read_image(path: Path) -> Image:
-    """Return a BGR image; refuse small files that declare very many pixels."""
+    """Return a BGR image; small files that declare very many pixels are rejected."""
     with reading(path, CaptureError, "export it again", "is not a readable image"):
         data = read_bytes(path, 128 << 20, CaptureError)  # cv2.imread cannot open every path on Windows
         check_kind(data, str(path), "picture", CaptureError)
@@ -111,6 +111,6 @@ def read_image(path: Path) -> Image:
 
 
 def open_address(text: str, opening_ms: int, reading_ms: int) -> Any:
-    """Return a capture of an address, with limited times to open it and to wait for an image."""
+    """Return a capture for an address, with limits on the time to open it and to wait for an image."""
     limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, opening_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, reading_ms]
     return cv2.VideoCapture(text, cv2.CAP_FFMPEG, limits)

@@ -1,4 +1,4 @@
-"""Sizes of pictures from their headers, before a decoder takes memory for them."""
+"""Sizes of pictures read from their headers, before a decoder allocates memory for them."""
 
 import re
 import struct
@@ -11,11 +11,11 @@ _NO_LENGTH = frozenset((0x00, 0x01, *range(0xD0, 0xD9)))  # JPEG markers without
 _NO_FRAME = frozenset((0xC4, 0xC8, 0xCC))  # other segments among JPEG's frame headers, 0xC0 to 0xCF
 _BLANK = rb"(?:\s|#[^\r\n]*[\r\n])*+"
 _PORTABLE = re.compile(rb"P[1-6]" + _BLANK + rb"(\d{1,9})\D" + _BLANK + rb"(\d{1,9})")
-_TIFF_WIDTHS, _TIFF_HEIGHTS = (256, 322), (257, 323)  # tags of the image and of its tiles
+_TIFF_WIDTHS, _TIFF_HEIGHTS = (256, 322), (257, 323)  # tags for the size of the image and of its tiles
 
 
 def check_image_size(size: tuple[int, int], file_bytes: int, where: str) -> None:
-    """Refuse a picture (width, height) with far more bytes of pixels than its file; 0 for a stream."""
+    """Reject a picture (width, height) that declares far more bytes of pixels than its file has; 0 for a stream."""
     width, height = size
     if is_over_budget(width * height * 3, file_bytes):
         raise CaptureError(f"has {width} x {height} pixels", where=where, advice="give smaller pictures")
@@ -40,9 +40,9 @@ def _png(data: bytes) -> tuple[int, int] | None:
     while name != b"IEND" and at < len(data):
         length, name = struct.unpack_from(">I4s", data, at)
         at += 12 + length
-        if at > len(data):  # the decoder would take memory for the declared length
+        if at > len(data):  # the decoder would allocate memory for the declared length
             raise ValueError(f"cut off in its part {name!r}")
-        has_pixels = has_pixels or name == b"IDAT"  # without them, the decoder goes on after the end
+        has_pixels = has_pixels or name == b"IDAT"  # without pixels, the decoder reads beyond the end
     return struct.unpack_from(">II", data, 16) if has_pixels else None
 
 

@@ -16,9 +16,9 @@ class ImageSet:
 
     number: int
     times_s: tuple[float, ...]  # of each image
-    images: tuple[Image, ...]  # (height, width, 3) uint8 BGR; one that does not show this moment is black
+    images: tuple[Image, ...]  # (height, width, 3) uint8 BGR; an image that does not show this moment is black
     notes: tuple[str, ...] = ()
-    usable: tuple[bool, ...] = ()  # images that show this moment; all by default
+    usable: tuple[bool, ...] = ()  # which images show this moment; all by default
 
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.images) or not self.images:
@@ -35,13 +35,13 @@ class ImageSet:
 
     @property
     def mean_time_s(self) -> float | None:
-        """Mean time of the images; None without any."""
+        """Mean time of the images; None if there are none."""
         times_s = [time_s for time_s in self.times_s if np.isfinite(time_s)]
         return float(np.mean(times_s)) if times_s else None
 
 
 class ImageSource(Protocol):
-    """Anything that yields image sets."""
+    """Interface of everything that yields image sets."""
 
     fps: float
 
@@ -53,14 +53,14 @@ class ImageSource(Protocol):
 
 
 class SampledSource(ImageSource, Protocol):
-    """A source with samples in advance: files, and cameras (new images)."""
+    """A source that can give samples in advance: files, and cameras (new images)."""
 
     def samples(self, count: int) -> Iterator[tuple[Image, ...]]:
         """Yield the images of up to `count` moments."""
 
 
 class ClosableSource:
-    """Base of the sources that iterate until `close`."""
+    """Base class of the sources that iterate until `close`."""
 
     _closed = False
 
@@ -70,13 +70,13 @@ class ClosableSource:
 
 
 def camera_title(index: int, names: Sequence[str]) -> str:
-    """Return a camera's name in messages: left or right of two."""
+    """Return a camera's name for messages: left or right if there are two."""
     return f"the {('left', 'right')[index]} camera" if len(names) == 2 else f"camera {names[index]}"
 
 
 def next_number(number: int, passed_s: float, period_s: float) -> int:
-    """Return the frame number `passed_s` after `number`, lost frames counted.
+    """Return the frame number `passed_s` after `number`, counting lost frames.
 
-    Only a gap of more than one and a half periods counts: cameras are late by less now and then.
+    Only a gap of more than one and a half periods counts, because cameras are sometimes late by less.
     """
     return number + (round(passed_s / period_s) if passed_s > 1.5 * period_s else 1)

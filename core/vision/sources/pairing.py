@@ -1,4 +1,4 @@
-"""Image sets from the images of unsynchronised cameras."""
+"""Grouping of unsynchronised cameras' images into image sets."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ from .source_settings import SOURCES
 
 
 class ImagePairing:
-    """Grouping of images by their times; a silent camera is skipped.
+    """Groups images by their times; a silent camera is skipped.
 
-    In place of a missing, repeated or black image the set has a black one that is not usable.
+    Instead of a missing, repeated or black image, the set contains a black one that is not usable.
 
     Args:
-        now_s: Present time of the clock that stamps the images.
-        compressed: Which cameras' images come compressed; none by default.
+        now_s: Current time of the clock that stamps the images.
+        compressed: Which cameras' images arrive compressed; none by default.
     """
 
     def __init__(
@@ -42,14 +42,14 @@ class ImagePairing:
         self._last_s = -np.inf
 
     def put(self, camera: int, time_s: float, image: Image) -> None:
-        """Take an image of a camera."""
+        """Add an image from a camera."""
         fresh = self._watches[camera].update(time_s, image)
         time_s = self._clocks[camera].steady(time_s)
         if time_s >= self._last_s + SOURCES.late * self._period_s:
             self._held[camera].append((time_s, image, fresh))
 
     def take(self, now_s: float, gone: Sequence[bool] = ()) -> ImageSet | None:
-        """Return the next image set, or None while there is none.
+        """Return the next image set, or None if it is not complete yet.
 
         Args:
             gone: Which devices reported that they cannot give images.

@@ -1,4 +1,4 @@
-"""Image sources, opened from texts."""
+"""Opening of image sources described by strings."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,13 +15,13 @@ from .video_source import VideoSource
 def open_image_source(
     *sources: str | Path, fps: float | None = None, size: tuple[int, int] | None = None
 ) -> SampledSource:
-    """Return a source from one text per camera: a video, folder, pattern, device number or address.
+    """Return a source from one string per camera: a video, folder, pattern, device number or address.
 
     Args:
         size: Width and height of the images that devices deliver, as calibrated.
 
     Raises:
-        CaptureError: A text is none of these, or they are not all of one kind.
+        CaptureError: A string is none of these, or they are not all of the same kind.
     """
     texts = [str(source) for source in sources]
     kinds = [_kind(text) for text in texts]
@@ -39,7 +39,7 @@ def open_image_source(
 
 
 def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource:
-    """Return a source from films, or from addresses of network cameras."""
+    """Return a source for films, or for addresses of network cameras."""
     streams = [path for path in paths if is_stream(path)]
     if not streams:
         return VideoSource(paths, fps or 30.0)

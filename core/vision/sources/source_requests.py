@@ -1,4 +1,4 @@
-"""Descriptions of cameras and files as image sources, light to import."""
+"""Descriptions of cameras and files as image sources; importing them is cheap."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,7 +12,7 @@ _RATE = About("frame rate; by default as the source tells it", "frames per secon
 
 @dataclass(frozen=True)
 class CameraControls:
-    """Settings of a camera; None leaves one to the camera."""
+    """Settings of a camera; None lets the camera choose."""
 
     exposure_s: Annotated[
         float | None, About("exposure time; a few milliseconds make markers sharp", "s", most=1.0, above=0.0)

@@ -5,44 +5,44 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SourceSettings:
-    """How live cameras are read, watched and their images put together; a period is that of the frame rate."""
+    """Settings for reading and monitoring live cameras and combining their images; a period is one frame interval."""
 
     # reading
-    warm_up_reads: int = 5  # tries for a first image
-    held: int = 12  # waiting images of a camera; the oldest are dropped
+    warm_up_reads: int = 5  # attempts to get a first image
+    held: int = 12  # images waiting per camera; the oldest are dropped
     poll_s: float = 0.02  # longest sleep of the reading loop
     retry_s: float = 0.01  # pause after a failed read
     gone_s: float = 0.1  # duration of failed reads after which a device is reopened
     reopen_s: float = 0.5  # pause between attempts to reopen it
     all_lost_s: float = 10.0  # time without any image after which the source gives up
-    never_usable_s: float = 5.0  # time without a usable image of one camera after which sampling gives up
+    never_usable_s: float = 5.0  # time without a usable image from one camera after which sampling gives up
     join_s: float = 0.5  # longest wait for a camera at the end
-    same_clock_s: float = 1.0  # largest age of a time stamp on this computer's clock
+    same_clock_s: float = 1.0  # largest age of a time stamp that is on this computer's clock
     stream_opens_ms: int = 5000  # longest wait for a network camera
     stream_stalls_ms: int = 1000  # longest wait for its next image before it is reconnected
-    exposure_step: float = 1.5  # largest ratio to an accepted exposure; drivers know steps of 2
-    control_step: float = 1.0  # largest difference to an accepted gain or focus, in the camera's own numbers
+    exposure_step: float = 1.5  # largest ratio to an accepted exposure; drivers use steps of 2
+    control_step: float = 1.0  # largest difference from an accepted gain or focus, in the camera's own units
     # image sets
     together: float = 0.75  # largest distance in time within an image set, periods
     late: float = 0.25  # time after an incomplete set in which the missing image is dropped, periods
     patience: float = 2.0  # longest wait for the other cameras' images, periods
     # films
-    other_rate: float = 1.2  # ratio of two films' rates from which the slower one gives the moments
-    same_rate: float = 1.001  # largest ratio of rates of films that should have equally many images
+    other_rate: float = 1.2  # ratio of two films' rates above which the slower one determines the moments
+    same_rate: float = 1.001  # largest ratio between rates of films that should have the same number of images
     end_frames: int = 2  # largest difference between the ends of films, frames
-    stamp_jitter: float = 0.25  # largest deviation of a film's time stamps that still means a steady rate, frames
+    stamp_jitter: float = 0.25  # largest deviation of a film's time stamps from a steady rate, frames
     least_step: float = 0.05  # step between two images whose stamps do not ascend, frames
     # faults, reported within a quarter of a second on the panel
-    silent_s: float = 0.12  # time without an image that is a fault
+    silent_s: float = 0.12  # time without an image that counts as a fault
     silent_periods: float = 2.5  # the same in periods; the longer counts
-    stale_s: float = 0.1  # duration from which other faults are reported
+    stale_s: float = 0.1  # duration after which other faults are reported
     too_often: float = 0.6  # interval between images below which the rate is wrong, periods
-    black_level: int = 24  # brightest grey level of a black image, above the noise of a covered sensor
+    black_level: int = 24  # brightest grey level in a black image, above the noise of a covered sensor
     contrast: int = 2  # brightness that shows that a camera can see, as a multiple of the black level
-    compared_rows: int = 16  # distance of the rows of pixels that are compared
-    fresh_images: int = 60  # images in a row without equal rows that show a sensor's noise
-    torn_rows: int = 4  # neighbouring rows equal to the last image's that make an image torn
-    tears: int = 2  # torn images that are reported
+    compared_rows: int = 16  # interval between the rows of pixels that are compared
+    fresh_images: int = 60  # successive images without equal rows that prove a sensor's noise
+    torn_rows: int = 4  # neighbouring rows equal to the previous image's that make an image torn
+    tears: int = 2  # number of torn images that is reported
     tears_s: float = 0.5  # time within which they must occur
 
 

@@ -26,7 +26,7 @@ _CONTAINER = re.compile(
     rb"|\x30\x26\xb2\x75\x8e\x66\xcf\x11|FLV\x01|OggS|\x06\x0e\x2b\x34",
     re.DOTALL,
 )  # AVI, Matroska and WebM, MP4 and MOV, MPEG, WMV, Flash, Ogg, MXF
-_TRANSPORT = ((0, 188), (4, 192))  # first mark of a packet and bytes to the next, in MPEG-TS and in that of camcorders
+_TRANSPORT = ((0, 188), (4, 192))  # first mark of a packet and its length in bytes, in MPEG-TS and camcorders' variant
 
 
 _CODECS = {"av01": "AV1", "hvc1": "H.265", "hev1": "H.265", "hevc": "H.265", "vp09": "VP9", "vp90": "VP9"}
@@ -35,20 +35,20 @@ _CODECS = {"av01": "AV1", "hvc1": "H.265", "hev1": "H.265", "hevc": "H.265", "vp
 class VideoSource(ClosableSource):
     """Image sets from one video per camera; files can be iterated any number of times.
 
-    Images have the time stamps of their videos, so that a variable rate and lost frames are kept; times that miss a
-    steady rate by less than a quarter of a frame are those of the rate. An image set holds the images of one moment. An
-    image that one video lacks, or shows twice while another goes on, is not usable there. Of videos of different rates
-    the slowest gives the moments.
+    Images have the time stamps of their videos, so that variable rates and lost frames are preserved; times within a
+    quarter of a frame of a steady rate are rounded to it. An image set contains the images of one moment. An
+    image that one video lacks, or shows twice while another goes on, is not usable there. If videos have different
+    rates, the slowest determines the moments.
 
     Args:
         paths: Video files or addresses of films, one per camera.
-        fps: Rate where a file does not contain it.
+        fps: Rate to use if a file does not state it.
 
     Attributes:
         warnings: Faults in the frames so far.
 
     Raises:
-        CaptureError: A file is missing or unreadable, or the lengths differ (also in the iteration).
+        CaptureError: A file is missing or unreadable, or the lengths differ (also during iteration).
     """
 
     def __init__(self, paths: Sequence[str | Path], fps: float = 30.0) -> None:
@@ -72,7 +72,7 @@ class VideoSource(ClosableSource):
         self.warnings = self._notes
 
     def _check_lengths(self) -> None:
-        """Refuse videos that cannot show the same moments."""
+        """Raise CaptureError for videos that cannot show the same moments."""
         seconds = [count / rate for count, rate in zip(self._counts, self._rates, strict=True)]
         is_alike = max(self._rates) <= SOURCES.same_rate * min(self._rates)
         is_apart = max(seconds) - min(seconds) > SOURCES.end_frames / min(self._rates)
@@ -99,10 +99,10 @@ class VideoSource(ClosableSource):
                 self._advance(readers, [lead] if self._has_rates else current)
 
     def _image_set(self, readers: Sequence["_Reader"], current: Sequence["_Reader"], first_s: float) -> ImageSet:
-        """Return the images of the current videos, black ones for the others."""
+        """Return the images of the current videos, and black ones for the others."""
         repeated = [reader.is_repeated for reader in readers]
         usable = tuple(
-            # a repetition in all videos shows that nothing moved
+            # a repetition in all videos means that nothing moved
             reader in current and (not reader.is_repeated or all(repeated))
             for reader in readers
         )
@@ -129,7 +129,7 @@ class VideoSource(ClosableSource):
             codec = next(reader.codec for reader in readers if reader.image is None)
             what = f"is a film in {codec}, which cannot be read here" if codec else "has no image that can be read"
             raise CaptureError(what, where=ended[0], advice="convert it to H.264 (MP4), or to AVI (MJPEG)")
-        # the last frames may be lost in one video
+        # the last frames of one video may be missing
         if ended and not all(reader.ends_within(SOURCES.end_frames / self.fps) for reader in readers):
             raise CaptureError(
                 f"ends after {before + 1} frames, before the other video",
@@ -138,7 +138,7 @@ class VideoSource(ClosableSource):
             )
         if ended:
             lead.image = None
-        if ended and before + 1 < self.frames - 1:  # some containers announce a frame too many
+        if ended and before + 1 < self.frames - 1:  # some containers announce one frame too many
             raise CaptureError(
                 f"cannot be read after frame {before + 1} of {self.frames}",
                 where=self._paths[0],
@@ -176,7 +176,7 @@ class VideoSource(ClosableSource):
 
 
 class _Reader:
-    """Reads one video; frames have the times of its own stamps, from the first frame on."""
+    """Reads one video; frames have their own time stamps, relative to the first frame."""
 
     def __init__(self, capture: Any, fps: float) -> None:
         self.number = -1
@@ -190,7 +190,7 @@ class _Reader:
         self._capture = capture
         self._first_s = 0.0
         self._stamp_s = 0.0
-        self._is_steady = True  # so far
+        self._is_steady = True  # as far as is known
 
     def read(self) -> None:
         """Read the next frame; `image` is None at the end."""
@@ -209,7 +209,7 @@ class _Reader:
         self._stamp_s = stamp_s
         self.number = next_number(self.number, passed_s, 1.0 / self.fps)
         since_s, steady_s = stamp_s - self._first_s, self.number / self.fps
-        if passed_s <= 0.0:  # no time stamp at all
+        if passed_s <= 0.0:  # there is no time stamp at all
             self.time_s += 1.0 / self.fps
             return
         self._is_steady &= abs(since_s - steady_s) <= SOURCES.stamp_jitter / self.fps
@@ -218,12 +218,12 @@ class _Reader:
             self.number = max(self.number, round(self.time_s * self.fps))
 
     def read_until(self, time_s: float) -> None:
-        """Read the frame that is the nearest to a moment, or the last one before it."""
+        """Read the frame nearest to a moment, or the last one before it."""
         while self.image is not None and self.time_s < time_s - 0.5 / self.fps:
             self.read()
 
     def ends_within(self, seconds: float) -> bool:
-        """Read on; return whether the video ended within so much time."""
+        """Continue reading; return whether the video ended within this time."""
         last_s = self.time_s + seconds + 0.5 / self.fps
         while self.image is not None and self.time_s < last_s:
             self.read()
@@ -248,7 +248,7 @@ def _open(path: str) -> Any:
 
 
 def _check_container(path: str) -> None:
-    """Refuse a file that does not begin like a video: a playlist would make OpenCV open other files and addresses."""
+    """Reject a file that does not begin like a video: a playlist would make OpenCV open other files and addresses."""
     with open_foreign(path, CaptureError) as file, reading(path, CaptureError, what="cannot be read"):
         head = file.read(1024)
     is_transport = any(len(head) > 2 * step and set(head[at::step]) == {0x47} for at, step in _TRANSPORT)
@@ -262,7 +262,7 @@ def _check_container(path: str) -> None:
 
 
 def _codec_of(capture: Any) -> str:
-    """Return the name of a film's codec, "" if it is unknown."""
+    """Return the name of a film's codec, or "" if it is unknown."""
     letters = (int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1")
     known = _CODECS.get(letters.lower(), letters)
     return known if known.isprintable() and not known.isspace() else ""

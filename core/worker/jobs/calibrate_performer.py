@@ -1,6 +1,6 @@
-"""Record a performer's calibration poses and calibrate the subject from them.
+"""Job: record a performer's calibration poses and calibrate the subject from them.
 
-The RESULT is that of `record_pose` with "subject" (the file), "residual_mm", "verdict" and "advice".
+The RESULT is that of `record_pose` with additional "subject" (the file), "residual_mm", "verdict" and "advice".
 """
 
 from ...markers.marker_set import load_marker_set
@@ -16,7 +16,7 @@ def run(request: CalibratePerformerRequest, channel: Channel) -> None:
     """Record and calibrate; after a STOP no RESULT is sent.
 
     Raises:
-        PerfanimError: the source cannot be opened or used, does not show the performer, or a pose was not held.
+        PerfanimError: The source cannot be opened or used, does not show the performer, or a pose was not held.
     """
     take, result = record_poses(request, channel)
     channel.send_status("measuring the performer")

@@ -1,4 +1,4 @@
-"""Images to marker frames until STOP or the end of the source."""
+"""Job: turn images into marker frames until STOP or the end of the source."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -34,7 +34,7 @@ def run(request: CamerasRequest, channel: Channel) -> None:
     """Send marker frames.
 
     Raises:
-        PerfanimError: the source cannot be opened, stops giving images, or does not fit the calibration.
+        PerfanimError: The source cannot be opened, stops giving images, or does not fit the calibration.
     """
     # images of this size are processed before a second thread starts, and Blender needs the other core
     cv2.setNumThreads(1)
@@ -80,10 +80,10 @@ class _Images:
 
 @contextmanager
 def open_pipeline(request: CamerasRequest, channel: Channel) -> Iterator[tuple[ImageSource, MarkerPipeline]]:
-    """Yield the source and its pipeline with the backgrounds learned.
+    """Yield the source, and its pipeline with learned backgrounds.
 
     Raises:
-        Stopped: a stop was requested meanwhile. PerfanimError: the source cannot be opened or lacks a calibration.
+        Stopped: A stop was requested meanwhile. PerfanimError: The source cannot be opened or lacks a calibration.
     """
     channel.send_status("opening the cameras")
     takes_place = request.after is not None
@@ -118,7 +118,7 @@ def _read_backgrounds(path: Path) -> list[Background]:
 
 
 def _remaining(request: CamerasRequest, source: Any) -> Iterable[ImageSet]:
-    """Return the images that the earlier process has not processed."""
+    """Return the images that the previous process has not processed."""
     if request.after is None or not request.source.is_repeatable:
         return source
     after = request.after.number
@@ -141,7 +141,7 @@ def learn_room(source: Any, request: CamerasRequest, channel: Channel) -> list[B
     """Return the backgrounds of the cameras; none for a film of unknown length.
 
     Raises:
-        Stopped: a stop was requested meanwhile. PerfanimError: the source gives no images.
+        Stopped: A stop was requested meanwhile. PerfanimError: The source gives no images.
     """
     if isinstance(request.source, SimulatedPerformer):
         count = WORKER.empty_images
@@ -167,7 +167,7 @@ def _report_learning(
 def _pace(source: Iterable[ImageSet]) -> Iterator[ImageSet]:
     """Yield the images of a recording at their original pace.
 
-    None is dropped: on a slow machine the performer moves slowly instead of jumping.
+    No image is dropped: on a slow machine the performer moves slowly instead of jumping.
     """
     due_s, last_s = time.perf_counter(), None
     for images in source:

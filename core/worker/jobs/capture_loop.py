@@ -1,4 +1,4 @@
-"""The loop of a capture: poll the cameras' process, record, solve, filter, send."""
+"""Main loop of a capture: poll the cameras' process, record, solve, filter, send."""
 
 import time
 from collections import deque
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 class CaptureLoop:
-    """Solves every marker frame in order; drops none.
+    """Solves every marker frame in order and drops none.
 
     Args:
-        take: Take that gets poses and events; None for no take.
-        is_live: The source cannot wait; other sources may pause for long.
+        take: Take to which poses and events are written; None for no take.
+        is_live: The source cannot wait; other sources may pause for a long time.
     """
 
     def __init__(
@@ -52,18 +52,18 @@ class CaptureLoop:
         self._take = take
         self._is_live = is_live
         self._report = CameraReport(channel)
-        self._frames: deque[tuple[float, MarkerFrame]] = deque()  # recorded, not solved
+        self._frames: deque[tuple[float, MarkerFrame]] = deque()  # recorded but not solved yet
         self._pose: PerformerPose | None = None  # the last pose
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
     def run(self) -> None:
-        """Loop until all frames are solved; then raise the cameras' error, if any."""
+        """Loop until all frames are solved; then raise the cameras' error, if there was one."""
         while self._output.is_ready or self._frames or not (self._client.ended or self._error):
             if self._is_live:
                 self._channel.progress_s = time.monotonic()
             self._receive()
-            if self._channel.disconnected.is_set():  # the frames in the take can be solved later
+            if self._channel.disconnected.is_set():  # frames in the take can be solved later
                 self._frames.clear()
                 self._output.drop()
             if self._output.is_ready:
@@ -126,8 +126,8 @@ class CaptureLoop:
             raise message.error()
 
     def _draw_labels(self, pictures: Image) -> Image:
-        """Draw the names of the last solved markers into the cameras' pictures."""
-        from ...vision.blob_preview import draw_labels  # this process needs no OpenCV otherwise
+        """Draw the names of the last solved markers in the cameras' pictures."""
+        from ...vision.blob_preview import draw_labels  # this process does not need OpenCV otherwise
 
         rig, pose = self._session.rig, self._pose
         if rig is None or pose is None or pose.confidence == 0.0:

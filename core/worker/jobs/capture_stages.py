@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 
 class FrameRecorder:
-    """Unpacks each marker frame once and keeps its bytes in the take, if there is one.
+    """Unpacks each marker frame once and writes its bytes to the take, if there is one.
 
     Args:
-        is_repeatable: A source that is opened again keeps its numbers and times.
+        is_repeatable: Whether a source that is opened again keeps its numbers and times.
     """
 
     def __init__(self, take: TakeWriter | None, channel: Channel, is_repeatable: bool) -> None:
@@ -58,7 +58,7 @@ class FrameRecorder:
 
 
 class CameraReport:
-    """Reports the time between the cameras' images and the count of unusable ones."""
+    """Reports the time between the cameras' images and the number of unusable ones."""
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -66,7 +66,7 @@ class CameraReport:
         self._reported_s = 0.0
 
     def update(self, frame: MarkerFrame) -> None:
-        """Count the images of a frame, and report if that is due."""
+        """Count the images of a frame, and send a report if it is due."""
         times_s = [time_s for time_s in frame.camera_times_s.tolist() if not math.isnan(time_s)]
         count = len(frame.camera_times_s)
         self._unusable_images += count - len(times_s)
@@ -79,10 +79,10 @@ class CameraReport:
 
 
 class PoseOutput:
-    """Filters poses, sends them by VMC, and to Blender as fast as it takes them.
+    """Filters poses and sends them by VMC, and to Blender as fast as it accepts them.
 
     Args:
-        poses_ahead: Number of poses that may wait for Blender's acknowledgement; None for any.
+        poses_ahead: Number of poses that may wait for Blender's acknowledgement; None for any number.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class PoseOutput:
         self._channel = channel
         self._poses_ahead = poses_ahead
         self._vmc = vmc
-        self._ready: bytes | None = None  # packed ahead, to be sent at the acknowledgement of the last one
+        self._ready: bytes | None = None  # packed in advance, to be sent when the previous one is acknowledged
 
     @property
     def is_ready(self) -> bool:
@@ -102,7 +102,7 @@ class PoseOutput:
     def put(self, solved: TimedPose, record: bytes | None) -> None:
         """Filter a pose, send it by VMC, and keep it for Blender.
 
-        `record` is the pose as packed for the take, None without a take.
+        `record` is the pose as packed for the take, or None without a take.
         """
         settings = self._channel.take_filter_settings()
         if settings is not None:

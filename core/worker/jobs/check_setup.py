@@ -1,8 +1,8 @@
-"""Check of light, cameras and markers before a capture.
+"""Job: check light, cameras and markers before a capture.
 
 The RESULT has "findings" (tables with "fault", "text" and "places") and "space" (where all cameras see a performer; ""
 without a calibration that knows the floor). A last PREVIEW shows rings around the findings' places, with reflections
-numbered from 1 in the RESULT's order, crosses on ignored places, and the space on the floor.
+numbered from 1 in the RESULT's order, crosses at ignored positions, and the space on the floor.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -37,13 +37,13 @@ from .record_pose import count_down
 
 @dataclass(frozen=True)
 class CheckSettings:
-    """Course of a check, and drawings in its last picture; colours are BGR."""
+    """Timing of a check, and drawings in its last picture; colours are BGR."""
 
-    pose_s: float = 2.0  # time of the T pose
-    seed: int = 18  # seed of the studio with a fault
+    pose_s: float = 2.0  # duration of the T pose
+    seed: int = 18  # random seed for the studio with a fault
     ring: tuple[int, int, int] = (60, 170, 255)  # colour of the rings around findings
     ring_px: int = 9  # radius of the rings
-    text: float = 1.2  # size of their numbers, as OpenCV has it
+    text: float = 1.2  # size of their numbers, in OpenCV's units
     space: tuple[int, int, int] = (80, 255, 80)  # colour of the space on the floor
 
 
@@ -51,10 +51,10 @@ _SETTINGS = CheckSettings()
 
 
 def run(request: CheckSetupRequest, channel: Channel) -> None:
-    """Check and send the RESULT.
+    """Run the check and send the RESULT.
 
     Raises:
-        Stopped: a stop was requested meanwhile. PerfanimError: the source cannot be opened or used.
+        Stopped: A stop was requested meanwhile. PerfanimError: The source cannot be opened or used.
     """
     check = _check_studio if request.fault else _check_source
     findings, space = check(request, channel)
@@ -89,7 +89,7 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
 
 
 def _check_studio(request: CheckSetupRequest, channel: Channel) -> tuple[list[Finding], None]:
-    """Return the faults that are found in a studio with the requested fault."""
+    """Return the faults found in a studio that has the requested fault."""
     fault = Fault(request.fault)
     channel.send_status(f"building a studio: {fault}")
     studio = studio_with(fault, np.random.default_rng(_SETTINGS.seed))
@@ -139,7 +139,7 @@ class _Watched:
 
 
 def _draw_nothing(camera: int, picture: Image, image_width: int) -> None:
-    """Leave the picture as it is."""
+    """Leave the picture unchanged."""
 
 
 def _outline(camera: Camera, space: CommonSpace, picture: Image, image_width: int) -> None:
@@ -164,7 +164,7 @@ def _ring(findings: Sequence[Finding], camera: int, picture: Image, image_width:
 
 
 def _write_beside(picture: Image, centre: tuple[int, int], text: str) -> None:
-    """Write a text beside a ring, where the picture has room for it."""
+    """Write a text next to a ring, where the picture has space for it."""
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_PLAIN, _SETTINGS.text, 1)
     x = centre[0] + _SETTINGS.ring_px + 3
     if x + width > picture.shape[1]:

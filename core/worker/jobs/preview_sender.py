@@ -1,4 +1,4 @@
-"""Small pictures of the cameras' images for Blender to show."""
+"""Small pictures of the cameras' images for display in Blender."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from ..worker_settings import WORKER
 
 
 class PreviewSender:
-    """Sends the cameras' images side by side, if previews are wanted."""
+    """Sends the cameras' images side by side, if previews are requested."""
 
     def __init__(self, wanted: bool, channel: Channel) -> None:
         self._channel = channel
@@ -22,7 +22,7 @@ class PreviewSender:
     def send(self, images: Sequence[Image], draw: Callable[[int, Image, int], None]) -> None:
         """Send the images (BGR) of one moment, if a preview is due.
 
-        `draw` gets the camera's number, its reduced picture to draw into, and the width of its image.
+        `draw` receives the camera's number, its reduced picture to draw into, and the width of its image.
         """
         if not self._wanted or time.monotonic() < self._due_s:
             return

@@ -1,7 +1,7 @@
-"""Calibrate the cameras from a board carried before them.
+"""Job: calibrate the cameras from a board that is carried in front of them.
 
-A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, "pictures", the
-folders, and "rig", the calibration as tables: Blender writes it, so that a cancelled calibration replaces none.
+A STOP ends it with the views taken so far. The RESULT is that of `perfanim calibrate cameras`, with "pictures", the
+folders, and "rig", the calibration as tables: Blender writes it, so a cancelled calibration does not replace any.
 """
 
 import time
@@ -37,7 +37,7 @@ def run(request: RecordBoardRequest, channel: Channel) -> None:
     """Calibrate and send the RESULT.
 
     Raises:
-        PerfanimError: the source cannot be opened or used, or does not show the board.
+        PerfanimError: The source cannot be opened or used, or does not show the board.
     """
     board, folder = parse_board(request.board), Path(request.out)
     channel.send_status("opening the cameras", 0.0)
@@ -87,13 +87,13 @@ def _watch(
     preview: PreviewSender,
     channel: Channel,
 ) -> None:
-    """Pass images to the session until it is done, a stop, or the source's end."""
+    """Pass images to the session until it is done, STOP, or the end of the source."""
     sent, taken_s = ("", -1), -WORKER.taken_s
     for image_set in images:
         if channel.stop_requested.is_set():
             return
         advice, time_s = "; ".join(image_set.notes), image_set.mean_time_s
-        if time_s is not None:  # some camera gives images
+        if time_s is not None:  # at least one camera gives images
             guidance = session.see(time_s, image_set.images, image_set.usable)
             if guidance.taken:
                 taken_s = time.monotonic()
@@ -118,7 +118,7 @@ def _heading(session: BoardSession) -> str:
 def _draw(
     session: BoardSession, guidance: Guidance, taken: bool, camera: int, picture: Image, image_width: int
 ) -> None:
-    """Draw the board and the coverage into a camera's reduced picture (BGR)."""
+    """Draw the board and the coverage in a camera's reduced picture (BGR)."""
     draw_coverage(picture, session.coverage[camera])
     view = guidance.seen.views[camera] if guidance.seen is not None else None
     if view is not None:

@@ -1,7 +1,7 @@
-"""Find the floor from the board lying on it.
+"""Job: find the floor from the board lying on it.
 
-The RESULT has "rig", the calibration as tables in a world with its origin in the board's middle and its floor at y = 0,
-and "scale", size of the board by the calibration / by its SPEC. There is none after a STOP.
+The RESULT has "rig", the calibration as tables in a world whose origin is the board's centre and whose floor is y = 0,
+and "scale", the size of the board by the calibration divided by that of its SPEC. After a STOP there is none.
 """
 
 from contextlib import closing
@@ -28,7 +28,7 @@ def run(request: RecordFloorRequest, channel: Channel) -> None:
     """Find the floor.
 
     Raises:
-        PerfanimError: the source cannot be opened or used, or does not show the board on the floor.
+        PerfanimError: The source cannot be opened or used, or does not show the board on the floor.
     """
     board, rig = parse_board(request.board), request.rig
     channel.send_status("opening the cameras", 0.0)
@@ -52,7 +52,7 @@ def _still_board(
         if channel.stop_requested.is_set():
             return None
         advice, time_s = "; ".join(image_set.notes), image_set.mean_time_s
-        if time_s is not None:  # some camera gives images
+        if time_s is not None:  # at least one camera gives images
             look = watch.see(time_s, image_set.images, image_set.usable)
             preview.send(image_set.images, partial(_draw, look))
             if look.still:

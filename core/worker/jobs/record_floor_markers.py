@@ -1,7 +1,7 @@
-"""Find the floor, and optionally the scale, from markers lying on it.
+"""Job: find the floor, and optionally the scale, from markers lying on it.
 
-The RESULT has "rig", the calibration as tables in a world with its origin in the markers' middle and its floor at
-y = 0, "markers", their number, and "scale", the factor applied to the calibration. There is none after a STOP.
+The RESULT has "rig", the calibration as tables in a world whose origin is the markers' centre and whose floor is
+y = 0, "markers", their number, and "scale", the factor applied to the calibration. After a STOP there is none.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ def run(request: FloorMarkersRequest, channel: Channel) -> None:
     """Find the floor.
 
     Raises:
-        PerfanimError: the source cannot be opened or used, or does not show markers that lie still.
+        PerfanimError: The source cannot be opened or used, or does not show markers that lie still.
     """
     with _open(request, channel) as (source, pipeline):
         watch = _watch(source, pipeline, PreviewSender(request.preview, channel), channel)
@@ -56,14 +56,14 @@ def _open(request: FloorMarkersRequest, channel: Channel) -> Iterator[tuple[Imag
 
 
 def _watch(source: ImageSource, pipeline: MarkerPipeline, preview: PreviewSender, channel: Channel) -> FloorWatch:
-    """Watch the markers until they lie still, or until the source's end."""
+    """Watch the markers until they lie still, or until the source ends."""
     watch, sent = FloorWatch(), ""
     thresholds = [detector.threshold for detector in pipeline.detectors]
     for images in source:
         if channel.stop_requested.is_set():
             raise Stopped
         time_s = images.mean_time_s
-        if time_s is not None:  # some camera gives images
+        if time_s is not None:  # at least one camera gives images
             frame = pipeline.process(images)
             watch.see(time_s, frame.points_m)
             preview.send(images.images, partial(draw_blobs, frame, thresholds, pipeline.rig))

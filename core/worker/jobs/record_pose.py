@@ -1,6 +1,6 @@
-"""Record the performer in calibration poses, one after the other.
+"""Job: record the performer in calibration poses, one after another.
 
-The recording continues between the poses, so that trajectories are not broken; `pose_points` finds the poses.
+The recording continues between the poses, so that trajectories are unbroken; `pose_points` finds the poses.
 """
 
 import math
@@ -31,10 +31,10 @@ from .camera_frames import open_pipeline
 
 
 def run(request: RecordPoseRequest, channel: Channel) -> None:
-    """Record and send a RESULT with the files written; none after a STOP.
+    """Record, and send a RESULT with the files written; no RESULT after a STOP.
 
     Raises:
-        PerfanimError: the source cannot be opened or used, or does not show the performer.
+        PerfanimError: The source cannot be opened or used, or does not show the performer.
     """
     channel.send_result(record_poses(request, channel)[1])
 
@@ -42,10 +42,10 @@ def run(request: RecordPoseRequest, channel: Channel) -> None:
 def record_poses(request: RecordPoseRequest, channel: Channel) -> tuple[MarkerTake, dict[str, Any]]:
     """Write a take of the poses; return it and the RESULT.
 
-    The feet of the first pose give the floor where the calibration has none.
+    If the calibration has no floor, it is found from the feet in the first pose.
 
     Raises:
-        Stopped: a stop was requested meanwhile. PerfanimError: as in `run`.
+        Stopped: A stop was requested meanwhile. PerfanimError: As in `run`.
     """
     marker_set, poses = load_marker_set(request.marker_set), request.poses
     check_poses(poses)
@@ -79,7 +79,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Ch
     if request.source.is_live:
         count_down(images, request.countdown_s, channel, INSTRUCTIONS[poses[0]])
     elif not isinstance(request.source, SimulatedPerformer) and len(poses) > 1:
-        # a recording does not follow instructions: the poses can be anywhere in it
+        # a recording does not follow instructions, so the poses can be anywhere in it
         yield from _for_seconds(images, WORKER.recording_s, channel, "looking for the markers", None)
         return
     for number, pose in enumerate(poses):
@@ -90,7 +90,7 @@ def _moments(request: RecordPoseRequest, images: Iterator[ImageSet], channel: Ch
 
 
 def count_down(images: Iterator[ImageSet], seconds: float, channel: Channel, text: str) -> None:
-    """Skip the images of a countdown; send the seconds left with a text."""
+    """Skip the images of a countdown; send a text with the seconds left."""
     due_s, sent = time.perf_counter() + seconds, 0
     for _ in images:
         if channel.stop_requested.is_set():
@@ -106,7 +106,7 @@ def count_down(images: Iterator[ImageSet], seconds: float, channel: Channel, tex
 def _for_seconds(
     images: Iterator[ImageSet], seconds: float, channel: Channel, text: str, stage: PoseStage | None
 ) -> Iterator[ImageSet]:
-    """Yield the image sets of some time; send the text, with the time left or the request to hold still."""
+    """Yield image sets for some time; send the text, with the time left or the request to hold still."""
     start_s = None
     for image_set in images:
         start_s = image_set.times_s[0] if start_s is None else start_s

@@ -1,4 +1,4 @@
-"""A command of the command line, run in the worker for Blender."""
+"""Job: run a command of the command line for Blender."""
 
 from ...cli.main import COMMANDS, build_parser
 from ...cli.output_guard import guarded_run
@@ -9,7 +9,7 @@ from ..requests import CommandRequest
 
 
 def run(request: CommandRequest, channel: Channel) -> None:
-    """Run the command; progress as STATUS messages, the summary as RESULT."""
+    """Run the command; send progress as STATUS messages and the summary as RESULT."""
     arguments = request.arguments
     if not arguments or arguments[0] not in COMMANDS:
         raise CaptureError(f"was sent an unknown command: {' '.join(arguments)}", where="worker")

@@ -1,6 +1,7 @@
-"""One picture of each plugged-in camera, to choose the cameras by.
+"""Job: take one picture with each plugged-in camera, so that the user can choose.
 
-The RESULT has "cameras": device and size of each, null for one that gives no image. A PREVIEW shows them side by side.
+The RESULT has "cameras": device and size of each; the size is null if it gives no image. A PREVIEW shows all
+side by side.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
-"""Solve sketches: one, or again after each edit in Blender.
+"""Job: solve sketches, once or after each edit in Blender.
 
-Each RESULT is a `solution_table`. A live edit is answered by the present frame first, then by the whole motion; a newer
-edit ends the work on an older one.
+Each RESULT is a `solution_table`. A live edit is answered with the current frame first, then with the whole motion; a
+newer edit ends the work on an older one.
 """
 
 from ...database.store import open_database
@@ -13,14 +13,14 @@ from ..requests import SketchEdit, SketchRequest, read_request
 
 
 class _OutdatedError(Exception):
-    """A newer edit waits, so this solution is outdated."""
+    """A newer edit is waiting, so this solution is outdated."""
 
 
 def run(request: SketchRequest, channel: Channel) -> None:
-    """Solve the request's sketch; live, go on until Blender closes the connection.
+    """Solve the request's sketch; if live, continue until Blender closes the connection.
 
     Raises:
-        PerfanimError: the database is unusable, or a request damaged; not live, the sketch cannot be solved.
+        PerfanimError: The database is unusable, a request is damaged, or, if not live, the sketch cannot be solved.
     """
     channel.send_status("opening the database", 0.0)
     solver = SketchSolver(request.skeleton, open_database(request.database))
@@ -31,7 +31,7 @@ def run(request: SketchRequest, channel: Channel) -> None:
     while True:
         try:
             _solve(solver, edit, channel, is_live=True)
-        except PerfanimError as error:  # the next edit may mend it
+        except PerfanimError as error:  # the next edit may fix it
             channel.send_result({"number": edit.number, "error": str(error)})
         except _OutdatedError:
             pass
@@ -42,7 +42,7 @@ def run(request: SketchRequest, channel: Channel) -> None:
 
 
 def _solve(solver: SketchSolver, edit: SketchEdit, channel: Channel, is_live: bool) -> None:
-    """Solve a sketch and send its solution; if live, send the present frame first and no progress."""
+    """Solve a sketch and send its solution; if live, send the current frame first and no progress."""
     sketch, settings = sketch_from(edit.sketch), settings_from(edit.settings)
     if is_live:
         motion = solver.preview(sketch, settings, edit.frame)

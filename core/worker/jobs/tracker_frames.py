@@ -1,4 +1,4 @@
-"""Trackers of another program, by VMC, to marker frames."""
+"""Job: turn another program's trackers, received by VMC, into marker frames."""
 
 import math
 import time
@@ -15,7 +15,7 @@ def run(request: TrackersRequest, channel: Channel) -> None:
     """Send marker frames until STOP.
 
     Raises:
-        PerfanimError: the port is taken or the sender is not known.
+        PerfanimError: The port is taken, or the sender is unknown.
     """
     port, sender = request.source.port, request.source.sender
     stream, takes_place = TrackerStream(request.marker_set), request.after is not None
@@ -34,7 +34,7 @@ def run(request: TrackersRequest, channel: Channel) -> None:
 
 
 class _Flood:
-    """Warnings of a flood: at its beginning, and at its end with the number of lost packets.
+    """Warnings about a flood: at its start, and at its end with the number of lost packets.
 
     Without a limit, waiting frames would fill the memory and delay the poses.
     """
@@ -42,12 +42,12 @@ class _Flood:
     def __init__(self, receiver: Receiver, stream: TrackerStream, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
         self._is_on = False
-        self._count, self._last_s = 0, -math.inf  # number and last time of excess packets
+        self._count, self._last_s = 0, -math.inf  # number of excess packets, and time of the last one
         self._left_out = 0  # frames
         self._reported = 0  # lost packets and frames
 
     def update(self, now_s: float) -> None:
-        """Note new packets; warn where a flood begins or ends."""
+        """Note new packets; warn when a flood begins or ends."""
         count = self._stream.gathering.flooding + self._receiver.overflowed
         if count > self._count:
             self._count, self._last_s = count, now_s
@@ -61,7 +61,7 @@ class _Flood:
             self._reported = left_out
 
     def has_room(self) -> bool:
-        """Return whether a frame may be sent; count it otherwise."""
+        """Return whether a frame may be sent; otherwise count it."""
         if not self._is_on or self._channel.frames - self._channel.acknowledged < WORKER.flood_frames:
             return True
         self._left_out += 1
@@ -69,7 +69,7 @@ class _Flood:
 
 
 class _Silence:
-    """Reports the reason why no markers come, and their return."""
+    """Reports why no markers arrive, and their return."""
 
     def __init__(self, receiver: Receiver, stream: TrackerStream, sender: str, channel: Channel) -> None:
         self._receiver, self._stream, self._channel = receiver, stream, channel
@@ -80,7 +80,7 @@ class _Silence:
         self._since_s = time.perf_counter()
 
     def update(self, now_s: float, came: bool) -> None:
-        """Update with the arrival of markers, and with who else sends."""
+        """Update with the arrival of markers, and with other senders."""
         others = self._receiver.others
         if len(others) > self._others:
             named = f"{', '.join(others)} sends to port {self._receiver.port}, too, and is left out"
@@ -93,7 +93,7 @@ class _Silence:
                 self._channel.send_warning(f"the trackers are back after {now_s - self._since_s:.1f} s")
             self._since_s, self._came, self._warning = now_s, True, ""
         elif not self._hears and self._stream.gathering.understood:
-            self._hears, self._since_s = True, now_s  # its content is known after one whole round of packets
+            self._hears, self._since_s = True, now_s  # its content is known after one complete round of packets
         elif now_s - self._since_s > WORKER.silent_trackers_s:
             reason = self._reason()
             if reason != self._warning:
