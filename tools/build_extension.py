@@ -3,9 +3,9 @@
     python tools/build_extension.py --out dist
     python tools/build_extension.py --python 3.13 --platform linux-x64 --out dist
 
-One archive per Python and platform, by default all: scipy has a wheel for every Python, and Blender 4.2 takes the wrong
-one when a manifest lists two. numpy is never among the wheels: Blender has its own, and an extension's copy would
-replace it for everybody. With --blender PROGRAM, Blender's own `extension validate` checks the archives.
+One archive is built per Python and platform, by default all: scipy has a wheel for every Python, and Blender 4.2 takes
+the wrong one if a manifest lists two. numpy is never included: Blender has its own, and an extension's copy would
+replace it for everyone. With --blender PROGRAM, Blender's own `extension validate` checks the archives.
 """
 
 import argparse
@@ -27,10 +27,10 @@ REQUIREMENTS = tuple(
     line for line in (ROOT / "tools" / "wheels.txt").read_text(encoding="utf-8").split("\n") if "==" in line
 )
 
-# Python -> the first Blender that has it, and the first that has it no more.
+# Python -> the first Blender version that has it, and the first that no longer does.
 BLENDERS: dict[str, tuple[str, str | None]] = {"3.11": ("4.2.0", "5.1.0"), "3.13": ("5.1.0", None)}
 
-# Blender's name of a platform -> what pip calls it, the one wanted most first: of macOS the oldest.
+# Blender's name of a platform -> pip's names, most preferred first: for macOS the oldest.
 PLATFORMS = {
     "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
     "windows-x64": ("win_amd64",),
@@ -70,9 +70,9 @@ def _parse() -> argparse.Namespace:
 
 
 def download_wheels(python: str, platform: str, folder: Path) -> list[Path]:
-    """Return the wheels for a Python ("3.13") and a platform.
+    """Return the wheels for a Python version ("3.13") and a platform.
 
-    pip fetches missing ones into `folder`.
+    Missing ones are fetched into `folder` by pip.
     """
     folder = folder / f"{python}-{platform}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -93,10 +93,10 @@ def _wheel(folder: Path, requirement: str) -> Path | None:
 
 
 def build(python: str, platform: str, wheels: list[Path], out: Path, system_python: bool = False) -> Path:
-    """Write the archive; returns its path.
+    """Write the archive and return its path.
 
     Raises:
-        ValueError: a wheel is for another Python or platform.
+        ValueError: A wheel is for another Python or platform.
     """
     for wheel in wheels:
         if not fits(wheel.name, python, platform):
@@ -122,7 +122,7 @@ def build(python: str, platform: str, wheels: list[Path], out: Path, system_pyth
 
 
 def fits(wheel: str, python: str, platform: str) -> bool:
-    """Return whether a wheel of this file name can be used by a Python on a platform."""
+    """Return whether a wheel with this file name can be used by a Python version on a platform."""
     _, pythons, abi, platforms = wheel.removesuffix(".whl").rsplit("-", 3)
     if abi == "none" and platforms == "any":
         return "py3" in pythons.split(".")
@@ -132,7 +132,7 @@ def fits(wheel: str, python: str, platform: str) -> bool:
 
 
 def manifest_text(text: str, versions: tuple[str, str | None], platform: str, wheels: list[Path]) -> str:
-    """Return the manifest's text with Blender's versions [from, to), platform, wheels."""
+    """Return the manifest's text with Blender's versions [from, to), platform and wheels."""
     first, beyond = versions
     lines = [f'blender_version_min = "{first}"']
     lines += [f'blender_version_max = "{beyond}"'] if beyond else []
@@ -142,14 +142,14 @@ def manifest_text(text: str, versions: tuple[str, str | None], platform: str, wh
     if not table:
         raise ValueError("blender_manifest.toml has no [permissions] table")
     head = "".join(line for line in head.splitlines(keepends=True) if not line.startswith("blender_version_min"))
-    tail = tail.partition("[build]")[0]  # concerns building only
+    tail = tail.partition("[build]")[0]  # only concerns building
     return head + "\n".join([*lines, "]"]) + "\n\n" + table + tail.rstrip() + "\n"
 
 
 def content(patterns: list[str]) -> list[Path]:
     """Return the files of the archive.
 
-    Tracked or not, without the manifest's exclude patterns.
+    They include untracked files, but not the manifest's exclude patterns.
     """
     found: list[Path] = []
 
@@ -167,7 +167,7 @@ def content(patterns: list[str]) -> list[Path]:
 
 
 def _excluded(path: Path, patterns: list[str]) -> bool:
-    """Return True if a pattern in the style of .gitignore matches the path.
+    """Return whether a pattern in .gitignore style matches the path.
 
     A leading / anchors the pattern at the root.
     """
@@ -183,7 +183,7 @@ def _excluded(path: Path, patterns: list[str]) -> bool:
 
 
 def validate(blender: str, archive: Path) -> None:
-    """Let Blender's own tool check the archive."""
+    """Check the archive with Blender's own tool."""
     tool = [*shlex.split(blender), "--factory-startup", "--command", "extension", "validate"]
     subprocess.run([*tool, str(archive.resolve())], check=True, stdout=sys.stderr)
 

@@ -1,8 +1,8 @@
-"""Draw the pictures of the documents: marker sets and camera places.
+"""Draw the pictures in the documentation: marker sets and camera positions.
 
     python tools/make_drawings.py [--check]
 
-`--check` writes nothing, and fails if a drawing in docs/drawings is out of date.
+`--check` writes nothing and fails if a drawing in docs/drawings is out of date.
 """
 
 import sys
@@ -26,21 +26,21 @@ from perfanim.core.vision.common_space import common_space
 
 DRAWINGS = Path(__file__).resolve().parents[1] / "docs" / "drawings"
 _INK, _GREY, _PALE, _MARKER, _SPACE = "#333333", "#8a8a8a", "#e3e7ec", "#c22f2f", "#bfe3c4"
-# marker sets: pixels
+# marker sets, in pixels
 _METRE = 225.0
 _VIEW, _TOP, _FLOOR = 440.0, 62.0, 30.0
 _ROW, _COLUMN, _HEAD = 17.0, 268.0, 44.0
 _MOST_ROWS = 21
-_FAR_M = 50.0  # distance of a view that is as good as parallel
-_FEW = 15  # markers that a view from the front shows well enough
-# two usual webcams
-_FIELD_DEG, _SIZE = 64.0, (1280, 720)  # horizontal field of view; pixels
+_FAR_M = 50.0  # distance from which a view is practically parallel
+_FEW = 15  # number of markers that a view from the front shows well enough
+# two typical webcams
+_FIELD_DEG, _SIZE = 64.0, (1280, 720)  # horizontal field of view, degrees; pixels
 _APART_M, _AWAY_M, _HEIGHTS_M, _AIM_M, _TALL_M = 1.6, 3.4, (1.1, 1.7), 0.9, 1.8
-_PLAN_METRE, _BACK_M = 80.0, -3.4  # pixels; z at which the plan ends
+_PLAN_METRE, _BACK_M = 80.0, -3.4  # pixels per metre; z at which the plan ends
 
 
 def main(arguments: list[str]) -> int:
-    """Write the drawings, or check them; return 1 if one is old, missing or left over."""
+    """Write the drawings, or check them; return 1 if one is outdated, missing or left over."""
     rig = usual_rig()
     worn = [each for each in map(load_marker_set, marker_set_names()) if each.points is PointKind.MARKERS]
     wanted = {f"markers-{each.name}.svg": draw_marker_set(each) for each in worn}
@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
     return 1 if old else 0
 
 
-# ---- SVG, one line a shape
+# ---- SVG, one line per shape
 
 
 def _document(width: float, height: float, parts: Iterable[str]) -> str:
@@ -89,10 +89,10 @@ def _text(x: float, y: float, words: str, size: float = 12.0, anchor: str = "sta
 
 
 def draw_marker_set(marker_set: MarkerSet) -> str:
-    """Return the SVG of a set: numbered markers on a body in a T pose, and their names.
+    """Return the SVG for a set: numbered markers on a body in a T pose, and their names.
 
-    Large sets get a view from behind as well. A marker on the far side is a ring, numbered only where no view shows it.
-    The sides are the performer's own.
+    Large sets also get a view from behind. A marker on the far side is a ring, numbered only if no other view shows it.
+    Left and right are the performer's own.
     """
     skeleton = default_skeleton()
     pose, root = t_pose(skeleton), np.zeros(3)
@@ -139,7 +139,7 @@ def _view(cones: RoundCones, markers_m: Array, side: float, middle: float, floor
 
 
 def _label_places(pixels: Array, numbered: IntArray) -> Array:
-    """Return free places beside some of the dots (N, 2), for their numbers."""
+    """Return free positions next to some of the dots (N, 2), for their numbers."""
     angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     ring = 11.0 * np.stack((np.cos(angles), np.sin(angles)), axis=1)
     taken, places = pixels, np.empty((0, 2))
@@ -151,11 +151,11 @@ def _label_places(pixels: Array, numbered: IntArray) -> Array:
     return places
 
 
-# ---- cameras' places
+# ---- camera positions
 
 
 def usual_rig() -> CameraRig:
-    """Return two webcams as the page recommends them, their world on the floor."""
+    """Return two webcams placed as the page recommends, with the world on the floor."""
     focal = 0.5 * _SIZE[0] / np.tan(np.radians(0.5 * _FIELD_DEG))
     matrix = np.array([[focal, 0.0, 0.5 * _SIZE[0]], [0.0, focal, 0.5 * _SIZE[1]], [0.0, 0.0, 1.0]])
     cameras = []

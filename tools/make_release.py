@@ -2,8 +2,8 @@
 
     python tools/make_release.py [--out DIR] [--wheels DIR]
 
-Prints the content of each archive by size. Fails before any work if versions differ or the changelog has no section of
-this one.
+It prints the contents of each archive by size. It fails before any work if versions differ or the changelog has no
+section for this version.
 """
 
 import argparse
@@ -19,14 +19,14 @@ from build_extension import BLENDERS, PLATFORMS, ROOT, build, download_wheels
 from perfanim.core import __version__
 
 CHECKSUMS, NOTES = "SHA256SUMS", "release-notes.md"
-_SHOWN = 12  # largest parts of an archive that are printed
+_SHOWN = 12  # number of an archive's largest parts that are printed
 
 
 def check_version() -> None:
     """Compare the manifest's version with the package's.
 
     Raises:
-        ValueError: they differ.
+        ValueError: The versions differ.
     """
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))["version"]
     if manifest != __version__:
@@ -34,10 +34,10 @@ def check_version() -> None:
 
 
 def release_notes(changelog: str, version: str) -> str:
-    """Return the section of a version.
+    """Return the changelog section for a version.
 
     Raises:
-        ValueError: there is none, or it is empty.
+        ValueError: The section is missing or empty.
     """
     found = re.search(rf"^## {re.escape(version)}(?: [^\n]*)?\n(.*?)(?=^## |\Z)", changelog, re.MULTILINE | re.DOTALL)
     if not found or not found[1].strip():
@@ -46,7 +46,7 @@ def release_notes(changelog: str, version: str) -> str:
 
 
 def sizes(archive: Path) -> Counter[str]:
-    """Return the stored bytes of each wheel and each folder of the second level."""
+    """Return the stored bytes of each wheel and each second-level folder."""
     found: Counter[str] = Counter()
     with zipfile.ZipFile(archive) as content:
         for entry in content.infolist():
@@ -59,7 +59,7 @@ def sizes(archive: Path) -> Counter[str]:
 
 
 def size_table(archive: Path) -> str:
-    """Return an archive's size and its largest parts, a line each."""
+    """Return an archive's size and its largest parts, one line each."""
     parts = sizes(archive)
     rows = [f"  {count / 1e6:8.2f} MB  {name}" for name, count in parts.most_common(_SHOWN)]
     rest = sum(parts.values()) - sum(count for _, count in parts.most_common(_SHOWN))

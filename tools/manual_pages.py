@@ -1,4 +1,4 @@
-"""Pages of the extension's manual: documents as HTML, for F1 without a network."""
+"""Pages of the extension's manual: the documentation as HTML, for F1 without a network."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ pre, code {{ background: #f2f2f2 }} pre {{ padding: .8em; overflow-x: auto }} im
 
 
 def manual_files() -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of each file of the manual: pages, and their pictures."""
+    """Yield name and content of each file of the manual: pages and their pictures."""
     reader = MarkdownIt("commonmark").enable("table")
     pictures: dict[str, Path] = {}
     titles = {name: (DOCS / f"{name}.md").read_text(encoding="utf-8").split("\n")[0].lstrip("# ") for name in PAGES}
@@ -62,7 +62,7 @@ def _inner(tokens: Sequence[Token]) -> Iterator[Token]:
 
 
 def _turn_link(token: Token) -> None:
-    """Point a link at a page's HTML; take it away where the manual has no such page."""
+    """Point a link at a page's HTML; remove it if the manual has no such page."""
     parts = urlsplit(str(token.attrs["href"]))
     if parts.scheme or not parts.path:
         return

@@ -2,7 +2,7 @@
 
     python tools/sketch_sample.py --out out/sketch/sketch-sample.blend
 
-The motion is drawn from the starter motion.
+The motion is drawn from the starter database.
 """
 
 import argparse
@@ -22,9 +22,9 @@ from perfanim.perfanim_addon.sketch.read_controls import read_controls
 from perfanim.perfanim_addon.sketch.write_solution import SketchBody, write_solution
 
 FPS = 30
-MARK = (0.0, -2.0)  # on the floor; the walk begins at the origin, towards -y
+MARK = (0.0, -2.0)  # position on the floor; the walk begins at the origin, towards -y
 HIPS, ANKLE, CHEST, GUARD, FIST = 0.99, 0.08, 1.22, 1.32, 1.42  # heights above the floor
-# joint -> frame -> place in the scene; after the turn the character faces +x
+# joint -> frame -> position in the scene; after the turn the character faces +x
 KEYS = {
     "root": {1: (0.0, 0.0, HIPS), 40: (0.0, -1.05, HIPS), 75: (*MARK, HIPS), 104: (*MARK, HIPS - 0.02)},
     "lfoot": {78: (0.09, MARK[1] - 0.04, ANKLE), 104: (0.16, MARK[1] + 0.12, ANKLE)},

@@ -1,7 +1,7 @@
-"""Train the learned motion prior that the solver multiplies into its own.
+"""Train the learned motion prior, which the solver multiplies with its own prior.
 
-Reads poses of built motion databases, plays them on random bodies with random marker sets, and writes a network's
-numbers. Needs the extra `prior`.
+It reads poses from built motion databases, plays them on random bodies with random marker sets, and writes a network's
+weights. Needs the extra `prior`.
 """
 
 import argparse
@@ -20,16 +20,16 @@ from prior_training.performers import PerformerMaker
 from prior_training.windows import LAGS_S, WindowMaker
 
 _STEPS = 12_000
-_BATCHES = 60  # batches that the errors on unseen people are taken from
-_LEAST_EIGENVALUE = 1e-3  # of the correlation of the errors
-_OUTLIER = 4.0  # standard deviations beyond which errors do not count more
+_BATCHES = 60  # number of batches used to measure the errors on unseen people
+_LEAST_EIGENVALUE = 1e-3  # smallest eigenvalue of the correlation of the errors
+_OUTLIER = 4.0  # standard deviations beyond which errors are clipped
 _LEAST_SIGMA_RAD, _LEAST_SIGMA_M = 0.02, 0.003
-_OPEN_SIGMA_RAD = 0.2  # for entries that do not vary
+_OPEN_SIGMA_RAD = 0.2  # number of outputs for the root
 _PLACED = 6  # outputs of the root
 
 
 def main() -> None:
-    """Train and write."""
+    """Train and write the network."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--database", type=Path, nargs="+", required=True, help="built databases (.pfdb)")
     parser.add_argument("--out", type=Path, required=True, help="file to write (.npz)")
@@ -81,9 +81,9 @@ def main() -> None:
 
 
 def _error_model(errors: Any, sigmas: Any, scale: Any) -> dict[str, Any]:
-    """Return how far the errors exceed the sigmas ("spread"), and how they vary together ("correlation").
+    """Return how far the errors exceed the sigmas ("spread"), and how they are correlated ("correlation").
 
-    Entries that hardly vary in the recordings are left open: elsewhere they may.
+    Entries that hardly vary in the recordings get a wide sigma, because they may vary elsewhere.
     """
     constant = scale <= LEAST_SCALE
     ratio = np.where(constant, 0.0, errors / sigmas)

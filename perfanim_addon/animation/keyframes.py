@@ -27,14 +27,14 @@ class KeyBounds:
 class KeyWriter:
     """Adds curves to a new action.
 
-    animated: Object that will play the action.
-        animated: Object that is going to play the action.
+    Args:
+        animated: Object that will play the action.
         action: Action without curves.
         frames: Scene frame (F,) of each value.
+        bounds: Bounds of the key reduction; None for a key in every frame.
         marked: Scene frames whose keys get the type Jitter.
         doubtful: Further scene frames with such keys, per group.
         leave_out: Insert no keys in the doubtful frames, except the first and the last.
-        leave_out: Insert no keys in the doubtful frames, except the first and last.
     """
 
     def __init__(

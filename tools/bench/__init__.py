@@ -1,10 +1,10 @@
-"""Tables and figures of the paper, and ours, on motion that the databases do not hold.
+"""Benchmarks: the paper's tables and figures, and ours, on motion that is not in the databases.
 
-Every bench is a module with a function of its name, which takes a `Run` (where it reads and writes, and its processes)
+Each benchmark is a module with a function of the same name. It takes a `Run` (where to read and write, and processes)
 and returns the contents of its JSON file.
 """
 
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))  # measures that tests share
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "helpers"))  # metrics shared with the tests

@@ -1,7 +1,7 @@
-"""The default settings beside other methods, from known people to another studio.
+"""Accuracy of the default settings compared with other methods, from known people to another studio.
 
 Each take is solved live and offline from exact and from disturbed markers. The learned prior is one of those beside the
-databases (motion_prior*.npz) that has not seen the performer.
+databases (motion_prior*.npz) that was not trained on the performer.
 """
 
 import re
@@ -51,10 +51,10 @@ from .solving import (
 from .tables import groups, mean, paired_ratios
 
 UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND = "unseen clip", "unseen subject", "unseen kind of motion"
-STUDIO, OTHER_STUDIO = "Bandai-Namco by CMU", "CMU by Bandai-Namco"  # studios
+STUDIO, OTHER_STUDIO = "Bandai-Namco by CMU", "CMU by Bandai-Namco"  # names of the studios
 EMBEDDED = "embedded motion alone"
 CONDITIONS = (UNSEEN_CLIP, UNSEEN_SUBJECT, UNSEEN_KIND, STUDIO, OTHER_STUDIO, EMBEDDED)
-# kind of motion of each trial, and the behaviours that are of that kind
+# kind of motion of each trial, and the behaviours that belong to this kind
 _KINDS = {
     "16_16": ("walk", "walk"),
     "35_01": ("walk", "walk"),
@@ -64,15 +64,15 @@ _KINDS = {
     "86_01": ("kick", "jump|kick|box"),
 }
 _QUICK_METHODS = ("nearest", "best", TUNED)
-_FRAMES, _QUICK_FRAMES = 240, 120  # of each take, so that all takes an hour, or ten minutes
-_MOMENTS = (0.2, 0.4, 0.6, 0.8)  # shares of a take that are pictured
+_FRAMES, _QUICK_FRAMES = 240, 120  # frames per take, so that all takes need an hour, or ten minutes
+_MOMENTS = (0.2, 0.4, 0.6, 0.8)  # positions in a take that are pictured, as shares
 _PLOTTED = ("nearest", LIVE, OFFLINE, BASELINE, TUNED)
 _MEASURES = (*MEASURES, "foot_skate_truth_cm_s")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A take to be solved with a database; another process may read it."""
+    """A take to be solved with a database, prepared so that another process can read it."""
 
     condition: str
     take: Take
@@ -83,11 +83,11 @@ class Case:
 
     @property
     def of(self) -> dict[str, str]:
-        """The columns that name it in tables."""
+        """Return the columns that identify it in tables."""
         return {"condition": self.condition, "take": self.take.title}
 
     def database_of(self, baseline: Baseline) -> Path:
-        """Return another version's database of the same motion, built if missing."""
+        """Return another version's database with the same motion; it is built if missing."""
         if self.condition == EMBEDDED:
             return baseline.embedded_database()
         clips = {clip.name for clip in open_database(self.database).clips}
@@ -100,24 +100,24 @@ class _Solved(NamedTuple):
     rows: list[dict[str, Any]]
     disturbed: list[dict[str, Any]]
     live: Motion  # solved live from exact markers
-    error: float  # of that, degrees per joint
-    expected: dict[tuple[str, str], list[Expected]]  # beside the errors, by disturbance and way
+    error: float  # error of `live`, degrees per joint
+    expected: dict[tuple[str, str], list[Expected]]  # expected and actual errors, by disturbance and mode
 
 
 def accuracy(run: Run, baseline: Path | None = None, quick: bool = False) -> dict[str, Any]:
-    """Solve takes by every method in every condition.
+    """Solve takes with every method under every condition.
 
-    Unseen kinds keep the performer's other clips. `live` and `offline` are the default settings; the methods are all
-    live, without the learned prior.
+    Takes of unseen kinds keep the performer's other clips. `live` and `offline` are the default settings;
+    the methods are all live, without the learned prior.
 
     Args:
         baseline: Folder of another version, which solves the same takes with its own databases of the same motion.
-        quick: Compare fewer methods, solve fewer frames, and disturb markers in three ways with one seed.
+        quick: Compare fewer methods, solve fewer frames, and disturb markers in only three ways with one seed.
 
     Returns:
         rows (condition, take, method, frames, errors, held feet, share of the nearest neighbour's error), means (the
-        same over the takes), ratios (paired, of two methods), disturbed and disturbed_means (live and offline on
-        noisy, missing, slow and fast markers), intervals (shares of errors within twice the expected), confidence
+        same over the takes), ratios (paired, of two methods), disturbed and disturbed_means (live and offline with
+        noisy, missing, slow and fast markers), intervals (shares of errors within twice the expected error), confidence
         (errors of its lowest and highest tenths), priors, databases, outputs.
     """
     check_plots()
@@ -156,7 +156,7 @@ def accuracy(run: Run, baseline: Path | None = None, quick: bool = False) -> dic
 
 
 def cases_of(run: Run, frames: int) -> Iterator[Case]:
-    """Yield the takes of all conditions, at most their first frames."""
+    """Yield the takes of all conditions, limited to their first frames."""
     whole, bandai, embedded = run.whole(CMU), run.whole(BANDAI), run.embedded()
     for take in (*ACCURACY_TAKES, *STUDIO_TAKES):
         truth, file, settings = run.read(take), run.file_of(take), run.settings_for(subject_of(take.trial))
@@ -169,7 +169,7 @@ def cases_of(run: Run, frames: int) -> Iterator[Case]:
 
 
 def _databases(run: Run, whole: Database, take: Take) -> dict[str, Database]:
-    """Return the CMU database of each condition; without other clips of the subject, an unseen clip is unseen."""
+    """Return the CMU database for each condition; without other clips of the subject, an unseen clip is unseen."""
     kind, words = _KINDS[take.trial]
     unseen, clip_unseen = run.without_subject(whole, subject_of(take.trial)), run.without_tests(whole)
     kind_unseen = run.without_tests(
@@ -182,7 +182,7 @@ def _databases(run: Run, whole: Database, take: Take) -> dict[str, Database]:
 
 
 def _solve(case: Case, baseline: tuple[Baseline, Path] | None, quick: bool) -> _Solved:
-    """Return a case solved by all methods, in the other process."""
+    """Return a case solved by all methods, in another process."""
     database, truth = open_database(case.database), case.truth
     faults, seeds = (QUICK_DISTURBANCES, SEEDS[:1]) if quick else (DISTURBANCES, SEEDS)
     several = solve_disturbed(truth, database, case.settings, faults, seeds)
@@ -230,7 +230,7 @@ def _expectations(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return shares of errors within their 95 % intervals, and live errors at low and high confidence.
 
-    By condition, at last of all conditions; confidence of all disturbances together.
+    They are listed by condition, then for all conditions; confidence is for all disturbances together.
     """
     found: dict[str, dict[tuple[str, str], list[Expected]]] = {condition: {} for condition in (*CONDITIONS, "all")}
     for condition in CONDITIONS:
@@ -254,7 +254,7 @@ def _expectations(
 
 
 def _panels(rows: Rows) -> Iterator[Panel]:
-    """Yield a panel of each condition: the errors of its takes in order, by method."""
+    """Yield a panel for each condition: the sorted errors of its takes, by method."""
     found = groups(rows, "condition", "method")
     for condition in CONDITIONS:
         lines = []
@@ -267,7 +267,7 @@ def _panels(rows: Rows) -> Iterator[Panel]:
 
 
 def _pictures(cases: Sequence[Case], solved: Sequence[_Solved]) -> Iterator[Picture]:
-    """Yield moments of each condition's median and worst take, truth beside solved."""
+    """Yield frames of each condition's median and worst take, with the truth next to the solved pose."""
     for condition in CONDITIONS:
         pairs = [pair for pair in zip(cases, solved, strict=True) if pair[0].condition == condition]
         ordered = sorted(pairs, key=lambda pair: pair[1].error)

@@ -1,4 +1,4 @@
-"""Another version of the product, solving the same takes by its own command line."""
+"""Baseline: another version of the product that solves the same takes with its own command line."""
 
 import os
 import subprocess
@@ -26,9 +26,9 @@ class Baseline:
     """A checkout of another commit, with databases that it builds itself.
 
     Args:
-        checkout: Its folder.
+        checkout: Folder of the checkout.
         run: Run whose motion it reads.
-        name: Folder of its databases and results below the run's.
+        name: Folder for its databases and results, inside the run's.
     """
 
     def __init__(self, checkout: Path, run: Run, name: str = "baseline") -> None:
@@ -41,7 +41,7 @@ class Baseline:
         link.symlink_to(self._checkout, target_is_directory=True)
 
     def database(self, name: str, trials: Collection[str], folder: str = CMU) -> Path:
-        """Return its database of trials, the split take cut, built if missing."""
+        """Return its database of trials, without the test part of the split take; it is built if missing."""
         if not (path := self._out / f"{name}.pfdb").exists():
             with motion_files(self._run.folders((folder,))) as files:
                 for file in files:
@@ -52,7 +52,7 @@ class Baseline:
         return path
 
     def embedded_database(self) -> Path:
-        """Return the database of the motion that comes with it, built if missing."""
+        """Return the database of the motion that comes with it; it is built if missing."""
         if not (path := self._out / "embedded.pfdb").exists():
             self._build(self._checkout / "assets" / "motion", path)
         return path
@@ -61,18 +61,18 @@ class Baseline:
         self.call("database", "build", str(folder), "--out", str(path), "--fps", f"{FPS:g}")
 
     def solve(self, take: MarkerTake, skeleton: Path, marker_set: str, database: Path) -> Motion:
-        """Return its solution of a take for the body of a skeleton's file."""
+        """Return its solution of a take for the body in a skeleton file."""
         body = ("--skeleton", str(skeleton), "--marker-set", marker_set)
-        with TemporaryDirectory(dir=self._out) as folder:  # of its own: several processes solve
+        with TemporaryDirectory(dir=self._out) as folder:  # a separate folder, because several processes solve
             markers, motion = Path(folder) / "take.take.npz", Path(folder) / "solved.bvh"
             write_take(take, markers)
             self.call("solve", str(markers), *body, "--database", str(database), "--out", str(motion))
             return read_motion(motion)
 
     def call(self, *arguments: str) -> str:
-        """Return the output of one of its commands, or raise FormatError."""
+        """Return the output of one of its commands; FormatError if it fails."""
         environment = os.environ | {"PYTHONPATH": str(self._path), "OPENBLAS_NUM_THREADS": "1"}
-        # in the folder of the results: the present one may hold another package of that name
+        # run in the folder of the results, because the current one may contain another package of that name
         command = [sys.executable, "-P", "-c", _MAIN, *arguments]
         done = subprocess.run(command, cwd=self._out, env=environment, capture_output=True, text=True, check=False)
         if done.returncode:
@@ -85,7 +85,7 @@ class Baseline:
 
 
 def _lay(path: Path, folder: Path) -> None:
-    """Put a file into a folder; of the split take up to where its test part begins."""
+    """Put a file into a folder; of the split take only the part before its test part."""
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / path.name
     if target.exists():

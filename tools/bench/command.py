@@ -1,4 +1,4 @@
-"""`perfanim bench`: the paper's tables and figures and ours, on real data."""
+"""`perfanim bench`: the paper's tables and figures, and ours, on real data."""
 
 import argparse
 from importlib import import_module
@@ -13,7 +13,7 @@ from .scenarios import PARTS
 
 
 class _Bench(NamedTuple):
-    """A bench: what it measures, what --data holds ("" without data), and its own options (`--name`)."""
+    """A benchmark: what it measures, what --data must contain ("" for nothing), and its own options (`--name`)."""
 
     text: str
     data: str = "folder that holds cmu/ and bandai/"

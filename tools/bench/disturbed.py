@@ -1,4 +1,4 @@
-"""The default settings on markers that are noisy, missing, slow or fast."""
+"""The default settings with markers that are noisy, missing, slow or fast."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -24,9 +24,9 @@ MEASURES = (
     "deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "main_bone_direction_deg", "twist_deg",
     "root_position_mm", "root_rotation_deg", "jitter_ratio", "foot_skate_cm_s",
 )  # fmt: skip
-_WAITED = "waited_s"  # until the first live pose
+_WAITED = "waited_s"  # time until the first live pose
 _RATIOS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "main_bone_direction_deg", "jitter_ratio", "of_clean")
-_FARTHER, _PIXELS = 2.0, 0.2  # of one camera's views: factor on the studio's distance, noise of a centre in pixels
+_FARTHER, _PIXELS = 2.0, 0.2  # the marker that is hidden, and when
 _HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is gone, and when
 
 
@@ -47,7 +47,7 @@ def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[
 
 
 def _by_one_camera(take: MarkerTake, whole: MarkerTake, seed: int) -> SingleViews:
-    """Return views of the markers that a take lacks, each by one camera."""
+    """Return views of the markers that a take lacks, each from one camera."""
     middle_m = np.nanmean(take.positions_m, axis=(0, 1))
     cameras = tuple(
         replace(camera, translation_m=_FARTHER * camera.translation_m - camera.rotation @ (middle_m * (1, 0, 1)))
@@ -69,9 +69,9 @@ class DisturbedTake(NamedTuple):
 
     rows: list[
         dict[str, Any]
-    ]  # errors by disturbance and way, means over the seeds, and their ratios to the clean ones
-    clean: Mapping[str, Way]  # as solved from exact markers, by way
-    expected: dict[tuple[str, str], list[Expected]]  # beside the errors, by disturbance and way, one entry a seed
+    ]  # errors by disturbance and mode, means over the seeds, and their ratios to the clean ones
+    clean: Mapping[str, Way]  # solved from exact markers, by mode
+    expected: dict[tuple[str, str], list[Expected]]  # expected and actual errors, by disturbance and mode, one per seed
 
 
 def solve_disturbed(
@@ -81,10 +81,10 @@ def solve_disturbed(
     disturbances: Sequence[Disturbance],
     seeds: Sequence[int] = SEEDS,
 ) -> DisturbedTake:
-    """Solve a take live and offline with each disturbance, the clean one first.
+    """Solve a take live and offline with each disturbance, the clean take first.
 
-    Disturbances without chance are solved once. Errors are those from the first live pose on: before it too few markers
-    show where the body is.
+    Disturbances without randomness are solved once. Errors count from the first live pose on: before it, too few
+    markers show where the body is.
     """
     subject = true_subject(truth)
     rows: list[dict[str, Any]] = []
@@ -114,9 +114,9 @@ def solve_disturbed(
 
 
 def disturbed_means(rows: Rows, conditions: Sequence[str]) -> list[dict[str, Any]]:
-    """Return means by condition, disturbance and way.
+    """Return means by condition, disturbance and mode.
 
-    Geometric ones of errors and ratios, the plain one of skating, and the largest ratio and depth.
+    They are geometric for errors and ratios, plain for skating, and maxima for the largest ratio and depth.
     """
     found, means = groups(rows, "condition", "disturbance", "way"), []
     for condition in conditions:

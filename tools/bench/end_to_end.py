@@ -1,6 +1,6 @@
-"""Errors from recorded motion via simulated cameras, and from its true markers.
+"""Errors of recorded motion solved through simulated cameras, compared with those from its true markers.
 
-Chai and Hodgins 2005 compare so: boxing with 2.54 degrees per joint angle from video, 2.31 from true markers.
+Chai and Hodgins 2005 make this comparison for boxing: 2.54 degrees per joint angle from video, 2.31 from true markers.
 """
 
 from dataclasses import replace
@@ -40,7 +40,7 @@ from .solving import MARKER_SET
 
 PAPER = {"true markers": 2.31, "video": 2.54}  # boxing, degrees per joint angle
 EXPOSURE_S = 0.004
-_HELD_S = 1.5  # each calibration pose
+_HELD_S = 1.5  # duration of each calibration pose
 _UNITS = ("deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "jitter_ratio", "twist_deg")
 
 
@@ -56,9 +56,9 @@ class Filmed(NamedTuple):
 def staged(
     motion: Motion, poses: tuple[str, ...], held_s: float, marker_set: str = MARKER_SET, cameras: int = 2
 ) -> tuple[SimulatedSource, int]:
-    """Return a source of a motion after calibration poses, and the frame that it begins at.
+    """Return a source for a motion after calibration poses, and the frame at which the motion begins.
 
-    The motion stays in place: walks are longer than two cameras can follow at 640x480.
+    The motion is kept in place, because walks are longer than two cameras can follow at 640x480.
     """
     shown = on_stage(on_treadmill(motion))
     studio = Renderer(CameraRig(default_rig().cameras[:cameras]), StudioSettings(exposure_s=EXPOSURE_S))
@@ -67,12 +67,12 @@ def staged(
 
 
 def calibrated(source: SimulatedSource) -> CameraRig:
-    """Return the rig that a calibration of the source's cameras gives."""
+    """Return the rig obtained by calibrating the source's cameras."""
     return studio_on_floor(calibrate_studio(source).rig, source)
 
 
 def film(source: SimulatedSource, rig: CameraRig) -> Filmed:
-    """Return the marker frames that a rig makes of a source."""
+    """Return the marker frames that a rig produces from a source."""
     pipeline = MarkerPipeline(rig)
     pipeline.learn_empty(source.background_frames(60))
     rows = [(pipeline.process(s), s.truth.markers_m, s.truth.visible.all(axis=0)) for s in source]
@@ -81,11 +81,11 @@ def film(source: SimulatedSource, rig: CameraRig) -> Filmed:
 
 
 def end_to_end(run: Run) -> dict[str, Any]:
-    """Film, track and solve takes that the database lacks; write the table.
+    """Film, track and solve takes that are not in the database; write the table.
 
-    Six rows a take: true markers with the true subject; true markers, present only when two cameras see them; true
-    markers with the subject calibrated from the images of the T pose, and of all poses; the video, without any truth;
-    the video of the first camera alone, with more markers and (one camera measures no body) the true subject.
+    There are six rows per take: true markers with the true subject; true markers, but only while two cameras see them;
+    true markers with the subject calibrated from the images of the T pose, and of all poses; the video, without any
+    truth; the first camera's video alone, with more markers and (one camera cannot measure a body) the true subject.
 
     Returns:
         rows (take, input, errors, difference to the true markers), paper, outputs.
@@ -108,10 +108,10 @@ def end_to_end(run: Run) -> dict[str, Any]:
 def _solved(
     source: SimulatedSource, one_camera: SimulatedSource, database: Database, rig: CameraRig, start: int, person: str
 ) -> list[dict[str, Any]]:
-    """Return the errors of every input from frame `start` on, after calibration.
+    """Return the errors for every input from frame `start` on, after the calibration.
 
     Args:
-        person: Name of the subject in the database, which gives the rest of the hands, not the bones.
+        person: Name of the subject in the database, used for the rest pose of the hands, not for the bones.
     """
     filmed, skeleton = film(source, rig), source.motion.skeleton
     true_subject = Subject("true", skeleton, source.subject.marker_set)

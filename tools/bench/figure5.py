@@ -1,4 +1,4 @@
-"""Figure 5 of the paper: reconstruction of poses by models of few dimensions."""
+"""Figure 5 of the paper: reconstruction of poses by low-dimensional models."""
 
 import importlib.util
 from collections.abc import Sequence
@@ -20,46 +20,46 @@ from .run import Run
 from .scenarios import BANDAI, CMU
 
 DIMENSIONS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 18, 21, 24, 27, 30, 34, 38, 42, 46, 50)
-GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # 14 s each
+GPLVM_DIMENSIONS = tuple(d for d in DIMENSIONS if d <= 10)  # 14 s for each
 PCA, MIXTURE, LOCAL, STRICT, GPLVM = (
     "global PCA", "mixture of local models", "local model", "local model, own second left out", "GPLVM",
 )  # fmt: skip
-# dimensions for less than one degree per joint angle
+# dimensions needed for less than one degree per joint angle
 PAPER = {
     "walking": {PCA: 14, MIXTURE: 6, LOCAL: 4},
     "boxing and martial arts": {PCA: 27, MIXTURE: 18, LOCAL: 6},
     "heterogeneous": {PCA: 38, MIXTURE: 27, LOCAL: 5},
 }
-PAPER_GPLVM = (2, 2.7)  # dimensions and degrees, on walking
+PAPER_GPLVM = (2, 2.7)  # dimensions and degrees, for walking
 _GOOD_ENOUGH_DEG = 1.0
 _SHOWN_DEG = 12.0
-_TESTED = 250  # frames
+_TESTED = 250  # frames tested
 _NEIGHBOURS = 64
-_SMALL_FRAMES = 350  # at 60 Hz as long as the 700 frames at 120 Hz of the paper
-_GPLVM_FRAMES = 1000  # largest database that a GPLVM is learned from
-_GPLVM_TESTED = 5  # one frame of so many is tested, and left out of the examples
-_SAMPLE = 60_000  # frames that global PCA and the mixture are learned from
+_SMALL_FRAMES = 350  # at 60 Hz as long as the paper's 700 frames at 120 Hz
+_GPLVM_FRAMES = 1000  # largest database from which a GPLVM is learned
+_GPLVM_TESTED = 5  # step between the frames that are tested, and left out of the examples
+_SAMPLE = 60_000  # frames from which global PCA and the mixture are learned
 _MARTIAL = ("boxing", "empi", "gedanbarai", "heiansyodan", "mawashigeri", "syutouuke", "yokogeri", "kick", "slash")
-_ROUNDS = 30  # of k-means, at most
-_FRAMES_PER_CLUSTER = 400  # a few times the size of the covariance that is learned from them
-_GPLVM_STEPS = 300  # of L-BFGS: 1000 change the error by less than a tenth
+_ROUNDS = 30  # largest number of k-means iterations
+_FRAMES_PER_CLUSTER = 400  # a few times the size of the covariance learned from them
+_GPLVM_STEPS = 300  # L-BFGS steps: 1000 change the error by less than a tenth
 _GPLVM_NOISE = 0.01  # initial share of the variance
 
 
 class Curve(NamedTuple):
-    """Error of a model by its dimension."""
+    """Error of a model as a function of its dimension."""
 
-    dimensions: tuple[int, ...]  # (N,) numbers that describe a pose
+    dimensions: tuple[int, ...]  # (N,) numbers used to describe a pose
     deg_per_angle: Array  # (N,) mean absolute difference of the joint angles
     rms_deg_per_angle: Array  # (N,) root of their mean square in a frame, averaged over the frames
 
 
 def figure5(run: Run) -> dict[str, Any]:
-    """Reconstruct frames of three databases by each model; write the figure.
+    """Reconstruct frames of three databases with each model; write the figure.
 
     Returns:
         rows (database, frames, model, dimensions, errors), needed (per database and model the dimensions for less
-        than one degree, the paper's, and why there is no figure where there is none), outputs.
+        than one degree, the paper's, and the reason if there is no value), outputs.
     """
     check_plots()
     rows: list[dict[str, Any]] = []
@@ -88,7 +88,7 @@ def figure5(run: Run) -> dict[str, Any]:
 
 
 def _databases(run: Run) -> dict[str, Database]:
-    """Return the whole database, one walk of it, and its boxing and martial arts."""
+    """Return the whole database, one walk from it, and its boxing and martial arts."""
     whole = run.whole(CMU, BANDAI)
     walks = [clip for clip in whole.clips if clip.behaviour == "walk" and clip.stop - clip.start >= _SMALL_FRAMES]
     if not walks:
@@ -106,8 +106,8 @@ def reconstruction_errors(database: Database) -> dict[str, Curve]:
     """Return the errors of each model.
 
     Global PCA and the mixture reconstruct the poses that they were learned from, as in the paper. The local model is
-    learned from the frames closest to the pose: without the pose's own frame ("local model"), or without the second
-    of its clip around it, near copies of the pose (`STRICT`). The paper does not say which frames it leaves out.
+    learned from the frames closest to the pose: without the pose's own frame ("local model"), or without the
+    surrounding second of its clip, which is nearly the same (`STRICT`). The paper does not say which it excludes.
     """
     poses = database.poses.reshape(database.frames, -1)
     tested = np.unique(np.linspace(0, database.frames - 1, _TESTED).astype(np.int64))
@@ -128,7 +128,7 @@ def reconstruction_errors(database: Database) -> dict[str, Curve]:
 
 
 def gplvm_missing(database: Database) -> str | None:
-    """Return why no GPLVM is learned of a database, or None where one is."""
+    """Return why no GPLVM is learned from a database, or None if one is."""
     if database.frames > _GPLVM_FRAMES:
         return f"not computed: its cost grows with the cube of the frames, feasible up to {_GPLVM_FRAMES}"
     if not has_gplvm():
@@ -137,7 +137,7 @@ def gplvm_missing(database: Database) -> str | None:
 
 
 def gplvm_errors(database: Database) -> Curve:
-    """Return the errors of a GPLVM on every fifth frame, left out of its examples.
+    """Return the errors of a GPLVM on every fifth frame, which is left out of its examples.
 
     A Gaussian process reproduces its examples exactly in any number of dimensions.
     """
@@ -159,7 +159,7 @@ def _curve(database: Database, dimensions: tuple[int, ...], found: Array, truth:
 
 
 def _needed(name: str, model: str, curve: Curve) -> dict[str, Any]:
-    """Return the fewest dimensions for less than one degree, or None if none suffices."""
+    """Return the smallest dimension with an error below one degree, or None if there is none."""
     mean, rms = (
         next((d for d, error in zip(curve.dimensions, errors, strict=True) if error < _GOOD_ENOUGH_DEG), None)
         for errors in (curve.deg_per_angle, curve.rms_deg_per_angle)
@@ -168,7 +168,7 @@ def _needed(name: str, model: str, curve: Curve) -> dict[str, Any]:
     return {"database": name, "model": model, "dimensions": mean, "dimensions_rms": rms, "paper": paper, "note": ""}
 
 
-# ---- models: reconstructions (dimensions, N, D) of poses (N, D), one for each number of dimensions
+# ---- models: reconstructions (dimensions, N, D) of poses (N, D), one for each dimension
 
 
 def linear(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
@@ -179,10 +179,10 @@ def linear(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
 
 
 def mixture(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
-    """Reconstruct poses by a mixture of local linear models: k-means, PCA per cluster.
+    """Reconstruct poses with a mixture of local linear models: k-means, then PCA per cluster.
 
-    The paper's mixture (Bregler and Omohundro 1995). A pose belongs to the cluster that reconstructs it best (Kambhatla
-    and Leen 1997): as many numbers, and never worse than the cluster with the nearest centre.
+    This is the paper's mixture (Bregler and Omohundro 1995). A pose belongs to the cluster that reconstructs it best
+    (Kambhatla and Leen 1997), which is never worse than the cluster with the nearest centre.
     """
     members = _k_means(examples, max(2, len(examples) // _FRAMES_PER_CLUSTER))
     best, errors = linear(examples, truth, dimensions), np.full((len(dimensions), len(truth)), np.inf)
@@ -198,7 +198,7 @@ def mixture(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
 
 
 def _k_means(poses: Array, count: int) -> IntArray:
-    """Return the cluster (N,) of every pose by k-means, from centres of k-means++ (Arthur and Vassilvitskii 2007)."""
+    """Return the cluster (N,) of every pose by k-means, started with k-means++ (Arthur and Vassilvitskii 2007)."""
     generator = np.random.default_rng(0)
     norms = np.einsum("fd,fd->f", poses, poses)
     centres = poses[generator.integers(len(poses))][None]
@@ -206,7 +206,7 @@ def _k_means(poses: Array, count: int) -> IntArray:
     while len(centres) < count:
         to_last = norms - 2.0 * (poses @ centres[-1]) + centres[-1] @ centres[-1]
         nearest = np.maximum(np.minimum(nearest, to_last), 0.0)
-        if nearest.sum() <= 0.0:  # fewer different poses than clusters
+        if nearest.sum() <= 0.0:  # fewer distinct poses than clusters
             break
         centres = np.concatenate((centres, poses[generator.choice(len(poses), p=nearest / nearest.sum())][None]))
     members = np.full(len(poses), -1, dtype=np.int64)
@@ -221,15 +221,15 @@ def _k_means(poses: Array, count: int) -> IntArray:
 
 
 def has_gplvm() -> bool:
-    """Return True if the library that learns GPLVMs is installed."""
+    """Return whether the library that learns GPLVMs is installed."""
     return importlib.util.find_spec("GPy") is not None
 
 
 def gplvm(examples: Array, truth: Array, dimensions: Sequence[int]) -> Array:
-    """Reconstruct poses by a Gaussian process latent variable model.
+    """Reconstruct poses with a Gaussian process latent variable model.
 
-    Lawrence 2004; needs `has_gplvm`. The latent point of a pose maps closest to it, searched from that of the closest
-    example. Time grows with the cube of the examples: a few hundred are feasible.
+    See Lawrence 2004; needs `has_gplvm`. A pose's latent point is the one that maps closest to it, searched from that
+    of the closest example. Time grows with the cube of the number of examples: a few hundred are feasible.
     """
     import GPy
 

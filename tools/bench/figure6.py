@@ -19,7 +19,7 @@ _UNITS = ("deg_per_joint", "deg_per_angle", "mpjpe_mm", "bone_direction_deg", "t
 
 
 def figure6(run: Run) -> dict[str, Any]:
-    """Solve a boxing and a walking take, which the database lacks, by every method; write the figure.
+    """Solve a boxing and a walking take, which are not in the database, with every method; write the figure.
 
     Returns:
         rows (take, method, errors, the paper's value), ratios between methods, database, outputs.
@@ -50,7 +50,7 @@ def figure6(run: Run) -> dict[str, Any]:
 
 
 def ratios(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Return, per take, the deg/joint of one method as a share of another's."""
+    """Return, per take, one method's degrees per joint relative to another's."""
     paper = "local-pca (paper's range)"
     pairs = ((paper, "nearest"), (TUNED, "nearest"), ("best", paper), ("best", TUNED))
     result: dict[str, dict[str, float]] = {}

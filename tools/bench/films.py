@@ -1,4 +1,4 @@
-"""Takes filmed by simulated cameras: right labels, and the cost of the video."""
+"""Takes filmed by simulated cameras: share of correct labels, and the loss of accuracy caused by video."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -25,15 +25,15 @@ from .run import Run
 from .scenarios import FILMED, LEFT_OUT, SPLIT
 from .solving import degrees_per_joint, true_subject
 
-_FRAMES = 300  # of a film, at most, after the T pose
+_FRAMES = 300  # largest number of frames in a film, after the T pose
 _T_POSE_S = 0.5
-_RIGHT_M = 0.03  # greatest distance of a rightly labelled marker from its true position
+_RIGHT_M = 0.03  # largest distance of a correctly labelled marker from its true position
 
 
 def play_films(run: Run, whole: Database, count: int) -> Iterator[dict[str, Any]]:
-    """Film, track and solve takes; yield a row each.
+    """Film, track and solve takes; yield one row per take.
 
-    The body is known, so that a row gives the cost of images, stereo and labels.
+    The body is known, so a row shows the loss caused by images, stereo and labels.
     """
     rig: CameraRig | None = None
     for take, unseen in FILMED[:count]:
@@ -59,9 +59,9 @@ def _without(trial: str) -> Callable[[Clip], bool]:
 
 
 def film_row(filmed: Filmed, start: int, rig: CameraRig, database: Database, settings: SolveSettings) -> dict[str, Any]:
-    """Return the figures of a film from frame `start` on.
+    """Return the figures for a film from frame `start` on.
 
-    `shown_true` has the true markers as far as both cameras show them: the rest of the cost is not that of occlusion.
+    `shown_true` has the true markers where both cameras show them: the rest of the loss is not caused by occlusion.
     """
     subject, truth = true_subject(filmed.truth), filmed.truth
     take, _ = simulate_markers(truth, subject)
@@ -71,7 +71,7 @@ def film_row(filmed: Filmed, start: int, rig: CameraRig, database: Database, set
     )
     session = MultiTargetSession([Session(subject, database, rig, settings)])
     tracked = [session.step(frame).performers[0] for frame in filmed.frames]
-    stored = [unpack(pack(frame)) for frame in filmed.frames]  # as a take holds them
+    stored = [unpack(pack(frame)) for frame in filmed.frames]  # as a take stores them
     later = []
     for causal in (True, False):
         session.reset()

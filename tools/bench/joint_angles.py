@@ -1,4 +1,4 @@
-"""Joint angles of the embedded synthetic motion beside those of people."""
+"""Joint angles of the embedded synthetic motion compared with those of people."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +18,7 @@ from perfanim.core.system.assets import MOTION
 from .run import Run
 from .scenarios import CMU, LEFT_OUT, SPLIT
 
-# kind of motion -> names of its clips, of people's and of ours
+# kind of motion -> names of people's clips and of ours
 KINDS = {
     "walking": r"^(slow |quick)?walk(ing|straight)?\b(?! (to|on|dig))",
     "running": r"^run(ning)?(/jog)?( neutral| tired| loose| proud| brisk| energetic|$)",
@@ -26,23 +26,23 @@ KINDS = {
     "boxing": r"^box",
 }
 _FPS = 30.0
-_MOST_CLIPS = 3  # of a person and a kind
+_MOST_CLIPS = 3  # largest number of clips per person and kind
 _INNER = (5.0, 50.0, 95.0)  # percentiles of an angle
-_STILL_DEG = 1.0  # median range of angles that people hold still
+_STILL_DEG = 1.0  # median range below which an angle counts as held still by people
 
-Angles = Mapping[tuple[str, str], Array]  # of a joint about an axis
+Angles = Mapping[tuple[str, str], Array]  # angles of a joint about an axis
 
 
 def joint_angles(run: Run) -> dict[str, Any]:
     """Compare medians and ranges of joint angles by kind of motion.
 
-    Of people's recordings, not the test takes: whoever changes the embedded motion by these rows must not know them. A
-    range is that from the 5th to the 95th percentile of frames. Angles that people's recordings hold still, as fingers
-    and clavicles, are left out.
+    The recordings exclude the test takes: whoever changes the embedded motion by these rows must not know them. A
+    range extends from the 5th to the 95th percentile of frames. Angles that people hold still in recordings, such as
+    fingers and clavicles, are left out.
 
     Returns:
-        rows (kind, joint, axis; of people, and of our clips: the median, the least and the greatest of their medians,
-        and the median of their ranges; outside_deg: how far our median is outside those of people), people (their
+        rows (kind, joint, axis; for people and for our clips: the median, the least and the greatest of their medians,
+        and the median of their ranges; outside_deg: how far our median is outside people's), people (their
         names by kind), outputs.
     """
     run.out.mkdir(parents=True, exist_ok=True)
@@ -71,7 +71,7 @@ def _by_kind(folders: Sequence[Path], performer: Callable[[str], str]) -> dict[s
 
 
 def _angles(motion: Motion) -> Angles:
-    """Return the angles (F,) of a motion in degrees, without the root's."""
+    """Return the angles (F,) of a motion in degrees, except the root's."""
     skeleton = with_angle_frames(motion.skeleton)
     columns = zip(
         skeleton.names, skeleton.angle_orders, skeletons.joint_angles(skeleton, motion.rotations), strict=True

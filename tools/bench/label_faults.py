@@ -1,4 +1,4 @@
-"""Faults of labels put into takes at random places: how many are found, and what they cost when they are solved."""
+"""Label faults inserted into takes at random: how many are found, and how much accuracy they cost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,26 +25,26 @@ from .scenarios import BANDAI, CMU, FPS, LABEL_FAULTS, LABELLED_TAKES, LABELS_CH
 from .solving import true_subject
 from .tables import groups
 
-_LEAST_M = 0.02  # a fault moves a marker at least so far; frozen feet that stand are none
+_LEAST_M = 0.02  # smallest movement of a marker that counts as a fault; frozen feet that stand do not
 _WILD_M = (0.05, 0.17)  # distance of wild points
-_WILD_FRAMES = 3  # most in a row
-_LASTS_S = (0.1, 1.0)  # exchanges and frozen stretches
-_APART_S = 0.5  # between two faults
+_WILD_FRAMES = 3  # most wild points in a row
+_LASTS_S = (0.1, 1.0)  # duration of exchanges and frozen stretches
+_APART_S = 0.5  # time between two faults
 _TRIES = 100
 _NOISE_MM = 1.0
-_SOLVED_S = 6.0  # of each take that is solved
-_EVERY = 6  # of the many clips of the other studio, one of so many is looked at
+_SOLVED_S = 6.0  # duration of each take that is solved
+_EVERY = 6  # step between the clips of the other studio that are used, because there are many
 _ERRORS = ("mpjpe_mm", "main_bone_direction_deg")
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault that was put into a take.
+    """A fault that was inserted into a take.
 
     Args:
-        name: What kind of fault, for tables.
+        name: Kind of fault, for tables.
         stretch: Where it is.
-        wrong: Positions (F, M) that it moved by at least 20 mm.
+        wrong: Mask (F, M) of positions that it moved by at least 20 mm.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Fault:
 
 
 def with_faults(take: MarkerTake, names: Sequence[str], seed: int) -> tuple[MarkerTake, list[Fault]]:
-    """Return a take with one fault of each name, as far as there is room.
+    """Return a take with one fault of each name, as far as there is space.
 
     Args:
         names: "frozen", "wild", "sides" (all markers of both sides), or the ends of two names, such as "FOO" for LFOO
@@ -85,7 +85,7 @@ def with_faults(take: MarkerTake, names: Sequence[str], seed: int) -> tuple[Mark
 
 
 def _made(take: MarkerTake, name: str, generator: np.random.Generator) -> tuple[LabelFault, Array] | None:
-    """Return a fault at a random place, and the positions (n, M, 3) of its frames."""
+    """Return a fault at a random position, and the positions (n, M, 3) of its frames."""
     frames = int(generator.integers(1, _WILD_FRAMES + 1))
     if name != "wild":
         frames = max(round(float(generator.uniform(*_LASTS_S)) * take.fps), 2)
@@ -118,11 +118,11 @@ def _made(take: MarkerTake, name: str, generator: np.random.Generator) -> tuple[
 def scored(
     take: MarkerTake, corrected: MarkerTake, found: Sequence[LabelFault], faults: Sequence[Fault]
 ) -> tuple[list[dict[str, Any]], list[LabelFault]]:
-    """Return a row for each fault, and the stretches that name none.
+    """Return a row for each fault, and the reported stretches that do not match one.
 
     Args:
-        take: Without faults.
-        corrected: With faults, corrected.
+        take: Take without faults.
+        corrected: Take with faults, corrected.
     """
     told = np.zeros(take.positions_m.shape[:2], dtype=bool)
     for each in found:
@@ -152,10 +152,10 @@ def scored(
 
 
 def label_faults(run: Run, seed: int = 0) -> dict[str, Any]:
-    """Put faults into takes that the settings were not chosen on; find them, and solve with and without them.
+    """Insert faults into takes that were not used to choose the settings; find them, and solve with and without them.
 
     Returns:
-        found (by marker set and fault), limbs (errors of each take as ratios to the one without faults), alarms (in
+        found (by marker set and fault), limbs (errors of each take relative to the one without faults), alarms (in
         clean takes), alarms_per_10_min, outputs.
     """
     folders = run.folders((CMU, BANDAI))
@@ -213,7 +213,7 @@ def _row(fault: LabelFault) -> dict[str, Any]:
 
 
 def _limbs(truth: Motion, database: Path, seed: int) -> Rows:
-    """Return the errors of a take with faults, corrected and trusted, as ratios to those without."""
+    """Return the errors of a take with faults, corrected and uncorrected, relative to those without faults."""
     frames = min(round(_SOLVED_S * truth.fps), truth.frames)
     first = (truth.frames - frames) // 2
     truth = sliced(truth, first, first + frames)

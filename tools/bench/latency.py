@@ -1,10 +1,10 @@
-"""Latency of a live capture by stages, from images in hand to bones.
+"""Latency of a live capture by stage, from the arrival of images to the posed bones.
 
-Runs the chain of a live capture: the cameras' process, the solver's process, and this one in place of Blender, with its
-timer and a character of `bpy`. The cameras are simulated, with images drawn beforehand, and the processes treat them as
-plugged-in ones: nobody waits for anybody. Each process notes when a frame passed a stage; the product itself only
-carries the time of the images, by which the notes are put together. Excluded: exposure and the camera's own delay,
-Blender's evaluation and drawing. Needs bpy.
+It runs all processes of a live capture: the cameras' process, the solver's process, and this one in place of Blender,
+with its timer and a character in `bpy`. The cameras are simulated, with images drawn beforehand, and are treated like
+plugged-in ones: no process waits for another. Each process notes when a frame passed a stage; the product itself only
+carries the time of the images, which identifies a frame in the notes. Exposure, the camera's own delay, and Blender's
+evaluation and drawing are excluded. Needs bpy.
 """
 
 import atexit
@@ -35,36 +35,36 @@ from perfanim.perfanim_addon.capture.capture_run import CaptureRun, Phase
 
 from .run import Run
 
-STAGES = (  # each ends at
+STAGES = (  # points at which the stages end
     "detected",  # blobs of all cameras
-    "located",  # points in space, handed to the socket's thread
-    "received by the solver",  # unpacked and noted in the take
+    "located",  # points in space, passed to the socket's thread
+    "received by the solver",  # unpacked and written to the take
     "its turn in the solver",
     "labelled and solved",
-    "filtered, handed over",  # to the socket's thread
-    "received by Blender",  # unpacked at a tick of its timer
+    "filtered, handed over",  # passed to the socket's thread
+    "received by Blender",  # unpacked on a tick of its timer
     "bones set",
 )
 WHOLE = "images to bones"
-_NOTES = "PERFANIM_LATENCY_NOTES"  # environment: folder of the processes' notes
+_NOTES = "PERFANIM_LATENCY_NOTES"  # environment variable: folder of the processes' notes
 _STAMP = struct.Struct("<d")
 _SOURCE = {"kind": "simulated", "behaviour": "boxing", "seconds": 2.0, "live": True, "loop": True}
-_WARM_S = 8.0  # all images are drawn, the performer is labelled
+_WARM_S = 8.0  # by then all images are drawn and the performer is labelled
 _PATIENCE_S = 120.0
 
 
 class Notes:
-    """Moments of frames at the ends of stages, by the time of their images."""
+    """Times at which frames passed the ends of stages, by the time of their images."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, str, float]] = []
 
     def add(self, stamp_s: float, stage: str) -> None:
-        """Note that a frame has passed a stage now."""
+        """Note that a frame has just passed a stage."""
         self.rows.append((stamp_s, stage, time.perf_counter()))
 
     def after(self, owner: Any, name: str, stage: str, stamp_of: Callable[..., float]) -> None:
-        """Let a method note the end of a stage for the frame that its arguments carry."""
+        """Make a method note the end of a stage for the frame in its arguments."""
         method = getattr(owner, name)
 
         @wraps(method)
@@ -83,13 +83,13 @@ class Notes:
 def latency(
     run: Run, seconds: float = 20.0, tick_ms: float | None = None, fps: float = 60.0, database: Path | None = None
 ) -> dict[str, Any]:
-    """Run the chain.
+    """Run all processes and measure.
 
     Args:
-        seconds: Length of the capture that is measured.
-        tick_ms: Interval of Blender's timer; the product's by default.
-        fps: Images of a camera per second.
-        database: Database to solve with; the embedded motion's by default.
+        seconds: Duration of the capture that is measured.
+        tick_ms: Interval of Blender's timer; by default the product's.
+        fps: Images per camera and second.
+        database: Database to solve with; by default the embedded motion's.
 
     Returns:
         rows (stage, median and 99 % in ms), frames, idle_tick_us (a tick of the timer without a pose), outputs.
@@ -113,13 +113,13 @@ def latency(
 
 
 def stage_times(folder: Path) -> Array:
-    """Return the seconds of each frame (F, stages), from all processes' notes."""
+    """Return the times, s, of each frame (F, stages) from the notes of all processes."""
     passed: dict[float, dict[str, float]] = {}
     for path in folder.glob("*.json"):
         for stamp_s, stage, moment_s in json.loads(path.read_text()):
             passed.setdefault(stamp_s, {})[stage] = moment_s
     measured_from_s = min(passed) + _WARM_S
-    # a pose that another one overtook within a tick never was on the bones
+    # a pose that was overtaken by another within a tick never reached the bones
     whole = [
         [stamp_s, *(moments[stage] for stage in STAGES)]
         for stamp_s, moments in sorted(passed.items())
@@ -129,7 +129,7 @@ def stage_times(folder: Path) -> Array:
 
 
 def figures(times_s: Array) -> dict[str, tuple[float, float]]:
-    """Return median and 99 % of each stage and of the whole, ms, from (F, stages)."""
+    """Return median and 99th percentile of each stage and of the total, ms, from (F, stages)."""
     milliseconds = 1e3 * np.column_stack((times_s, times_s.sum(axis=1)))
     return {
         stage: (float(np.median(column)), float(np.percentile(column, 99)))
@@ -138,7 +138,7 @@ def figures(times_s: Array) -> dict[str, tuple[float, float]]:
 
 
 def captured(request: dict[str, Any], seconds: float, tick_ms: float | None) -> float:
-    """Capture as Blender does; return the microseconds of a tick without a pose."""
+    """Capture as Blender does; return the duration of a tick without a pose in microseconds."""
     import bpy
     from perfanim.perfanim_addon.capture.armature_driver import ArmatureDriver
     from perfanim.perfanim_addon.capture.tuning import TUNING
@@ -166,7 +166,7 @@ def captured(request: dict[str, Any], seconds: float, tick_ms: float | None) -> 
                 end_s = started_s + _WARM_S + seconds if end_s == limit_s else end_s
                 driver.apply(pose.performers[0].rotations, pose.performers[0].root_position_m)
                 notes.add(capture._stamp, "bones set")
-            due_s = max(due_s + tick_s, time.perf_counter())  # no tick is made up for
+            due_s = max(due_s + tick_s, time.perf_counter())  # missed ticks are not made up for
             time.sleep(max(due_s - time.perf_counter(), 0.0))
         capture.stop()
         while capture.phase is not Phase.DONE:
@@ -179,17 +179,17 @@ def captured(request: dict[str, Any], seconds: float, tick_ms: float | None) -> 
 
 
 def probe_children() -> None:
-    """Let child processes of this one take notes, and theirs."""
+    """Make child processes of this one take notes, and their children, too."""
     folder, paths = str(Path(__file__).parents[1]), child_process.library_paths
     vars(child_process).update(process=SimpleNamespace(main=probed), library_paths=lambda: [folder, *paths()])
 
 
 def probed(port: int, token: str, job: str) -> int:
-    """Be a worker process that notes when frames pass its stages."""
+    """Run a worker process that notes when frames pass its stages."""
     notes = Notes()
     atexit.register(notes.write)
     probe_children()
-    # as plugged-in cameras: nobody waits for anybody
+    # like plugged-in cameras: no process waits for another
     setattr(SimulatedPerformer, "is_live", True)  # noqa: B010 - a property of another class
     if job == "capture":
         vars(import_module("perfanim.core.worker.jobs.run_capture"))["_POSES_AHEAD"] = None
@@ -249,5 +249,5 @@ def _probe_solver(notes: Notes) -> None:
 
 
 def _stamp(record: bytes) -> float:
-    """Return the time of the images that a packed frame or pose begins with."""
+    """Return the time of the images at the start of a packed frame or pose."""
     return float(_STAMP.unpack_from(record)[0])

@@ -1,4 +1,4 @@
-"""Full suits solved by Momentum (Meta, MIT) beside our own solve: markers, joints, time."""
+"""Full suits solved with Momentum (Meta, MIT) and with our solver: markers, joints, time."""
 
 import subprocess
 import time
@@ -25,11 +25,11 @@ from .scenarios import CMU, PUBLISHED_TAKES, SUITS
 _TOOL = Path(__file__).with_name("momentum_solve.py")
 _SIMULATED = {"simulated " + take.title: take for take in PUBLISHED_TAKES if take.trial in ("16_34", "127_26")}
 _SET = "plug-in-gait"
-_HEIGHT_M = 1.75  # of the body that both begin with
+_HEIGHT_M = 1.75  # height of the body with which both begin
 
 
 class _Solved(NamedTuple):
-    """Joints (F, J, 3) and markers (F, M, 3), metres, and the seconds of the fit of the body and of the solve."""
+    """Joints (F, J, 3) and markers (F, M, 3), metres, and the duration of the body fit and of the solve, s."""
 
     joints_m: Array
     markers_m: Array
@@ -38,15 +38,15 @@ class _Solved(NamedTuple):
 
 
 def beside_momentum(run: Run, python: Path, suits: Path) -> list[dict[str, Any]]:
-    """Solve suits by both, each with all markers and a body of its own fit.
+    """Solve suits with both, each using all markers and a body that it fits itself.
 
     Args:
-        python: Python that has `pymomentum-cpu`.
-        suits: Folder that holds c3d/ and trc/.
+        python: Python interpreter with `pymomentum-cpu`.
+        suits: Folder that contains c3d/ and trc/.
 
     Returns:
-        rows of take and method: median and 95 % distance of the markers, mean distance of the joints (to the truth of
-        a simulated suit; of a recorded one to our solve), milliseconds a frame, seconds of the body's fit.
+        rows per take and method: median and 95 % distance of the markers, mean distance of the joints (from the truth
+        of a simulated suit; for a recorded one, from our solution), milliseconds per frame, seconds for the body fit.
     """
     run.without_takes(run.whole(CMU), "cmu-without-published", PUBLISHED_TAKES)
     path, python = run.path_of("cmu-without-published"), python.absolute()
@@ -57,7 +57,7 @@ def beside_momentum(run: Run, python: Path, suits: Path) -> list[dict[str, Any]]
 
 
 def _both(name: str, source: Path | Motion, database: Path, python: Path) -> list[dict[str, Any]]:
-    """Return the rows of a recorded or simulated suit, in another process."""
+    """Return the rows for a recorded or simulated suit, in another process."""
     start, take = _start(source)
     ours, theirs = _ours(take, start, database), _theirs(take, start, python)
     true_m = ours.joints_m
@@ -82,7 +82,7 @@ def _both(name: str, source: Path | Motion, database: Path, python: Path) -> lis
 
 
 def _start(source: Path | Motion) -> tuple[Subject, MarkerTake]:
-    """Return the usual body in the take's marker set, without the markers that are never seen, and the take."""
+    """Return the usual body with the take's marker set, without markers that are never visible, and the take."""
     if isinstance(source, Motion):
         worn = load_marker_set(_SET)
         take, _ = simulate_markers(source, Subject(source.name, source.skeleton, worn))
@@ -105,7 +105,7 @@ def _ours(take: MarkerTake, start: Subject, database: Path) -> _Solved:
 
 
 def _theirs(take: MarkerTake, start: Subject, python: Path) -> _Solved:
-    """Return Momentum's solution, from another Python by files."""
+    """Return Momentum's solution, computed by another Python and exchanged through files."""
     worn, skeleton = start.marker_set, start.skeleton
     with TemporaryDirectory() as folder:
         given, out = Path(folder) / "given.npz", Path(folder) / "solved.npz"

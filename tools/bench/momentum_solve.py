@@ -1,8 +1,8 @@
-"""Solve labelled markers by Momentum (Meta, MIT), for `perfanim bench published --momentum PYTHON`.
+"""Solve labelled markers with Momentum (Meta, MIT), for `perfanim bench published --momentum PYTHON`.
 
-Runs by a Python that has `pymomentum-cpu`, which our own has not; both talk by files. Momentum gets the skeleton, the
-marker set and the markers that our own solve begins with: it calibrates the sizes of the bones (left as right) and the
-places of the markers, then tracks.
+It runs in a Python that has `pymomentum-cpu`, which ours does not; data is exchanged through files. Momentum gets the
+same skeleton, marker set and markers as our solver at its start: it calibrates the sizes of the bones (left like right)
+and the positions of the markers, then tracks.
 """
 
 import argparse
@@ -31,14 +31,14 @@ def main() -> None:
     parser.add_argument("out", help=".npz to write")
     args = parser.parse_args()
     library = Path(sysconfig.get_path("platlib"), "pymomentum_cpu.libs", "libstdc++-pymomentum.so.6")
-    if library.exists() and "LD_PRELOAD" not in os.environ:  # its progress bar crashes with another
+    if library.exists() and "LD_PRELOAD" not in os.environ:  # its progress bar crashes with another libstdc++
         os.execve(sys.executable, [sys.executable, *sys.argv], os.environ | {"LD_PRELOAD": str(library)})  # noqa: S606
     with np.load(args.given) as file:
         given = {name: file[name] for name in file.files}
     character = _character(given)
     frames = [_markers(given["markers"], row) for row in given["positions_m"]]
     started, settings = time.perf_counter(), CalibrationConfig()
-    sizes, *_ = calibrate_markers(character, np.array([], np.float32), frames, settings)  # moves its locators, too
+    sizes, *_ = calibrate_markers(character, np.array([], np.float32), frames, settings)  # also moves its locators
     fitted = time.perf_counter()
     motion = process_markers(character, sizes, frames, TrackingConfig(), settings, calibrate=False)
     seconds = (fitted - started, time.perf_counter() - fitted)
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def _character(given: dict[str, Array]) -> pm.Character:
-    """Return the skeleton with rotations of all joints, a place of the root, and sizes, left as right."""
+    """Return the skeleton with rotations of all joints, a position of the root, and sizes, left like right."""
     names, none = [str(name) for name in given["joints"]], np.array([0.0, 0.0, 0.0, 1.0], np.float32)
     skeleton = pm.Skeleton(
         [
@@ -67,7 +67,7 @@ def _character(given: dict[str, Array]) -> pm.Character:
             if number == 0:
                 columns[f"root_t{'xyz'[axis]}"] = [(first + axis, 1.0)]
             columns[f"{name}_r{'xyz'[axis]}"] = [(first + 3 + axis, 1.0)]
-            if number and given["offsets_m"][number][axis]:  # a bone grows by where its child begins
+            if number and given["offsets_m"][number][axis]:  # a bone is lengthened by moving the start of its child
                 size = f"scale_{re.sub('^[lr](?=clav|hum|rad|wri|hand|fem|tib|foot|toes|thumb|fing)', '', name)}"
                 columns.setdefault(size, []).append((first + axis, _CM * float(given["offsets_m"][number][axis])))
     transform = np.zeros((pm.PARAMETERS_PER_JOINT * len(names), len(columns)), np.float32)
@@ -91,7 +91,7 @@ def _markers(names: Array, positions_m: Array) -> list[pm.Marker]:
 
 
 def _rotated(turns: Array, vectors: Array) -> Array:
-    """Return vectors turned by quaternions (x, y, z, w)."""
+    """Return vectors rotated by quaternions (x, y, z, w)."""
     axis, w = turns[..., :3], turns[..., 3:]
     once = 2.0 * np.cross(axis, vectors)
     return vectors + w * once + np.cross(axis, once)

@@ -1,4 +1,4 @@
-"""Takes after a T pose, and with noise, by subjects that the database lacks; the worst frames."""
+"""Takes after a T pose, and with noise, by subjects who are not in the database; the worst frames."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,18 +18,18 @@ from .scenes import Cut, Faults, facing, play_cut
 from .solving import degrees_per_joint, expected_of, markers_of, share_within, solve_truth
 
 Row = dict[str, Any]
-_LISTED, _DRAWN = 20, 24  # worst frames of each check; drawn ones
-_JUMP_DEG = 10.0  # change of a joint between two frames beyond the truth's own
-_T_POSE_S, _FIRST = 0.5, 15  # T pose before a take; frames after it that are compared
+_LISTED, _DRAWN = 20, 24  # worst frames listed for each check, and drawn
+_JUMP_DEG = 10.0  # change of a joint between two frames in addition to the truth's
+_T_POSE_S, _FIRST = 0.5, 15  # duration of the T pose before a take; number of frames after it that are compared
 _FAR_M = 0.03
 _NOISE_MM, _DROPOUT = 3.0, 0.1
-_WORSE, _WORSE_S = 1.2, 0.2  # factor on nearest's error, and how long it may last
+_WORSE, _WORSE_S = 1.2, 0.2  # factor on the error of "nearest", and how long it may be exceeded
 _GHOSTS = Faults(0.001 * _NOISE_MM, _DROPOUT, 1.0, 2)
 _NEAREST = SolveSettings(method="nearest")
 
 
 class Worst:
-    """Values of single frames, and pictures of some with their errors."""
+    """Values of single frames, and pictures of some of them with their errors."""
 
     def __init__(self) -> None:
         self.frames: list[Row] = []
@@ -50,7 +50,7 @@ class Worst:
         self.pictures += other.pictures
 
     def listed(self) -> list[Row]:
-        """Return the largest positive values of each check."""
+        """Return the largest positive values for each check."""
         ordered = sorted((frame for frame in self.frames if frame["value"] > 0.0), key=lambda frame: -frame["value"])
         checks = dict.fromkeys(frame["check"] for frame in self.frames)
         return [frame for check in checks for frame in [f for f in ordered if f["check"] == check][:_LISTED]]
@@ -61,7 +61,7 @@ class Worst:
 
 
 class Curves(NamedTuple):
-    """Errors (F,) of a part of a take, degrees per joint."""
+    """Errors (F,) in a part of a take, degrees per joint."""
 
     first: int  # number of its first frame in the take
     best: Array
@@ -71,7 +71,7 @@ class Curves(NamedTuple):
 def take_figures(
     name: str, take: Motion, database: Path, settings: SolveSettings, frames: tuple[int, int], passes: int
 ) -> tuple[Row, list[Row], dict[str, Curves], Worst]:
-    """Solve a take after a T pose, and its middle with noise, by at most so many frames each."""
+    """Solve a take after a T pose, and its middle with noise, using at most this many frames each."""
     opened, worst = open_database(database), Worst()
     after = _t_pose_row(name, sliced(take, 0, min(frames[0], take.frames)), opened, settings, worst)
     start = max((take.frames - frames[1]) // 2, 0)
@@ -81,7 +81,7 @@ def take_figures(
 
 
 def _t_pose_row(name: str, truth: Motion, database: Database, settings: SolveSettings, worst: Worst) -> Row:
-    """Return how much a T pose before a take costs the frames after it."""
+    """Return how much a T pose before a take worsens the frames after it."""
     cold = degrees_per_joint(solve_truth(truth, database, settings).motion, truth)[:_FIRST].mean()
     both = with_t_pose(truth)
     lead = both.frames - truth.frames
@@ -106,7 +106,7 @@ def _t_pose_row(name: str, truth: Motion, database: Database, settings: SolveSet
 def _noisy_row(
     name: str, truth: Motion, start: int, database: Database, settings: SolveSettings, seed: int, worst: Worst
 ) -> tuple[Row, Curves]:
-    """Return figures of a part of a take, which begins at frame `start`, with noise, and both errors by frame."""
+    """Return figures for a part of a take with noise that begins at frame `start`, and both errors by frame."""
     solved, other = (solve_truth(truth, database, each, _NOISE_MM, _DROPOUT, seed) for each in (settings, _NEAREST))
     error, nearest = (degrees_per_joint(each.motion, truth) for each in (solved, other))
     rms_m, nearest_rms_m = (np.array([pose.marker_rms_m for pose in each.poses_of()]) for each in (solved, other))
@@ -148,7 +148,7 @@ def _noisy_row(
 
 
 def with_t_pose(motion: Motion) -> Motion:
-    """Return the motion with a T pose held before it, where it begins and facing the same way; a cut is between."""
+    """Return the motion with a T pose held before it, at its start and facing the same way, followed by a cut."""
     forward = rot.rotate(motion.rotations[0, 0], np.array([0.0, 0.0, 1.0]))
     first = motion.root_positions_m[:1]
     still = replace(motion, rotations=t_pose(motion.skeleton)[None], root_positions_m=first)
@@ -162,5 +162,5 @@ def with_t_pose(motion: Motion) -> Motion:
 
 
 def _changes_deg(motion: Motion) -> Array:
-    """Return (F - 1, J - 1) turns of the joints but the root between two frames."""
+    """Return the rotations (F - 1, J - 1) of the joints except the root between two frames."""
     return np.asarray(np.degrees(rot.angle_between(motion.rotations[:-1, 1:], motion.rotations[1:, 1:])))

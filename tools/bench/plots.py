@@ -1,4 +1,4 @@
-"""Plots like those of the paper as SVG and PNG, and pictures of poses beside the true ones."""
+"""Plots like the paper's as SVG and PNG, and pictures of poses next to the true ones."""
 
 import importlib.util
 from collections.abc import Sequence
@@ -16,21 +16,21 @@ from perfanim.core.system.files import atomic_path
 
 _COLOURS = ("#2a9d3a", "#1f5fd0", "#d02a2a", "#8a4fbf", "#111111")
 _COLUMNS = 4  # pairs of pictures in a row
-_SHOWN_M = 1.1  # half height of a picture, about the root
+_SHOWN_M = 1.1  # half the height of a picture, around the root
 _LEFT, _RIGHT, _MIDDLE = "#1f5fd0", "#d02a2a", "#111111"
 
 
 class Line(NamedTuple):
-    """A curve of a plot."""
+    """A curve in a plot."""
 
     name: str
     x: NDArray[Any]
     y: NDArray[Any]
-    paper: tuple[float, float] | None = None  # the paper's value beside it
+    paper: tuple[float, float] | None = None  # the paper's value to compare with
 
 
 class Panel(NamedTuple):
-    """One of the plots that stand side by side."""
+    """One of the plots shown side by side."""
 
     title: str
     lines: Sequence[Line]
@@ -52,7 +52,7 @@ class Picture(NamedTuple):
 
 
 def check_plots() -> None:
-    """Raise SettingsError with advice when the library that plots is missing."""
+    """Raise SettingsError with advice if the plotting library is missing."""
     if importlib.util.find_spec("matplotlib") is None:
         advice = "install it: pip install 'perfanim[plots]'"
         raise SettingsError("plots need matplotlib, which is missing", advice=advice)
@@ -80,7 +80,7 @@ def write_plot(path: Path, panels: Sequence[Panel], x_label: str, y_label: str, 
 
 
 def write_pictures(path: Path, pictures: Sequence[Picture]) -> list[Path]:
-    """Write pictures of poses to `path` as .png, the truth at the left of each pair."""
+    """Write pictures of poses to `path` as .png, with the truth on the left of each pair."""
     if not pictures:
         return []
     rows = -(-len(pictures) // _COLUMNS)
@@ -98,7 +98,7 @@ def write_pictures(path: Path, pictures: Sequence[Picture]) -> list[Path]:
 
 
 def _draw_pose(axes: Any, motion: Motion, heading: Array) -> None:
-    """Draw a pose, seen half from the front of the truth."""
+    """Draw a pose, seen from halfway to the front of the truth."""
     skeleton = motion.skeleton
     joints, _ = forward_kinematics(skeleton, motion.rotations[0], motion.root_positions_m[0])
     angle = np.arctan2(heading[0], heading[2]) + 0.5

@@ -1,8 +1,8 @@
-"""Trials and measures of published work on sparse inputs, solved with the benches' nine markers.
+"""Test takes and metrics of published work on sparse inputs, solved with the benchmarks' nine markers.
 
-The trials are those of the split of AvatarPoser (Jiang et al., ECCV 2022) and AGRoL (Du et al., CVPR 2023) that are
-at hand. Both work from the position and orientation of three devices, learn from AMASS, and measure 22 joints of SMPL;
-here nine points without orientation are seen, and the joints are the ones of this skeleton that stand for SMPL's.
+The takes are those of AvatarPoser's (Jiang et al., ECCV 2022) and AGRoL's (Du et al., CVPR 2023) test split that are
+available here. Both methods use the position and orientation of three devices, learn from AMASS, and measure 22 joints
+of SMPL; here nine points without orientation are used, and this skeleton's joints that correspond to SMPL's.
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ from .scenarios import CMU, LIVE, OFFLINE, PUBLISHED_TAKES
 from .solving import describe, solve_both_ways, true_subject
 from .tables import groups, mean
 
-# SMPL's first 22 joints as this skeleton has them, with the number of the joint above
+# this skeleton's counterparts of SMPL's first 22 joints, with the index of the parent joint
 _SMPL = (
     ("root", -1), ("lfemur", 0), ("rfemur", 0), ("lowerback", 0), ("ltibia", 1), ("rtibia", 2), ("upperback", 3),
     ("lfoot", 4), ("rfoot", 5), ("thorax", 6), ("ltoes", 7), ("rtoes", 8), ("lowerneck", 9), ("lclavicle", 9),
@@ -34,19 +34,19 @@ _SMPL = (
     ("lwrist", 18), ("rwrist", 19),
 )  # fmt: skip
 _OURS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "jitter_ratio", "foot_skate_cm_s", "foot_skate_truth_cm_s")
-_MOMENTS = (0.2, 0.5, 0.8)  # shares of a take that are pictured
+_MOMENTS = (0.2, 0.5, 0.8)  # positions in a take that are pictured, as shares
 
 
 def published(run: Run, momentum: Path | None = None, suits: Path | None = None) -> dict[str, Any]:
-    """Solve the trials live and offline; measure them as their publications do, and as the other benches do.
+    """Solve the takes live and offline; measure them as in their publications, and as in the other benchmarks.
 
     Args:
-        momentum: Python that has `pymomentum-cpu`, to solve full suits by Momentum beside our own solve.
-        suits: Folder that holds c3d/ and trc/; default that of the motion.
+        momentum: Python interpreter with `pymomentum-cpu`, to solve full suits with Momentum and with our solver.
+        suits: Folder that contains c3d/ and trc/; by default that of the motion.
 
     Returns:
-        rows (take, way, frames, their measures, ours), means (over the frames of all takes, as they average), suits
-        (see `beside_momentum`), priors, database, outputs. Theirs are mpjre_deg, mpjpe_world_mm, mpjve_cm_s and
+        rows (take, mode, frames, their metrics, ours), means (over the frames of all takes, as they average), suits
+        (see `beside_momentum`), priors, database, outputs. Their metrics are mpjre_deg, mpjpe_world_mm, mpjve_cm_s and
         jitter_100_m_s3, with the truth's own jitter; see `published_measures`.
     """
     check_plots()
@@ -71,7 +71,7 @@ def published(run: Run, momentum: Path | None = None, suits: Path | None = None)
 def _solve(
     title: str, truth: Motion, path: Path, settings: SolveSettings
 ) -> tuple[list[dict[str, Any]], list[Picture]]:
-    """Return the rows of a take and its pictures, in another process."""
+    """Return the rows for a take and its pictures, in another process."""
     subject = true_subject(truth)
     take, _ = simulate_markers(truth, subject)
     ways = solve_both_ways(take, subject, open_database(path), settings)
@@ -88,15 +88,15 @@ def _solve(
 
 
 def published_measures(motion: Motion, truth: Motion) -> dict[str, float]:
-    """Measure a motion as AvatarPoser and AGRoL do.
+    """Measure a motion like AvatarPoser and AGRoL.
 
     Args:
         motion: Solved motion with the truth's skeleton, rate and frames.
 
     Returns:
         mpjre_deg: Mean absolute difference of the components of the rotation vectors of 21 joints, each relative to
-        the joint above, without the root.
-        mpjpe_world_mm: Mean distance of 22 joints in the room, nothing aligned. mpjve_cm_s: Mean difference of their
+        the parent joint, without the root.
+        mpjpe_world_mm: Mean distance of 22 joints in the world, without alignment. mpjve_cm_s: Mean difference of their
         velocities. jitter_100_m_s3, jitter_truth_100_m_s3: Mean length of the third derivative, 100 m/s^3.
     """
     (mine_m, mine), (true_m, true) = (_smpl_joints(each) for each in (motion, truth))
@@ -122,7 +122,7 @@ def _smpl_joints(motion: Motion) -> tuple[Array, Array]:
 
 
 def _means(rows: Rows) -> list[dict[str, Any]]:
-    """Return the means over the frames of all takes, by way."""
+    """Return the means over the frames of all takes, by mode."""
     found = []
     for (way,), of in groups(rows, "way").items():
         weights = [row["frames"] for row in of]

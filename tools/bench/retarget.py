@@ -1,4 +1,4 @@
-"""A walk and boxing on every character below a folder: bones found, where limbs point, twists, sliding feet."""
+"""A walk and boxing on every character in a folder: bones found, limb directions, twists, sliding feet."""
 
 import contextlib
 import io
@@ -23,18 +23,18 @@ from .run import Run
 ENDINGS = (".glb", ".gltf", ".vrm", ".blend")
 CLIPS = ("walking-01-neutral", "boxing-01-neutral")
 FRAMES = 180
-SCENE_FPS = 24.0  # a .blend keeps its own rate: each frame of the motion on one of the scene's
-DIRECTION_DEG, TURN, SLIDE_CM_S = 3.0, 2.0, 1.0  # goals
+SCENE_FPS = 24.0  # a .blend keeps its own rate, so each frame of the motion is put on one of the scene's
+DIRECTION_DEG, TURN, SLIDE_CM_S = 3.0, 2.0, 1.0  # limits to reach
 
 
 def retarget(run: Run) -> dict[str, Any]:
     """Retarget two clips to all characters below `data`.
 
     Returns:
-        rows (character, clip, how far its arms hang in the rest pose, bones without a map or doubtful, by which method
-        the map was found, largest median angle between the direction of a limb and the performer's, fastest turn of a
-        bone as a share of the performer's fastest joint, speed of feet beyond the performer's while these stand),
-        refused (character, reason), missed (rows beyond a goal), outputs.
+        rows (character, clip, how far its arms hang in the rest pose, unmapped or doubtful bones, origin of the map,
+        largest median angle between the direction of a limb and the performer's, fastest rotation of a
+        bone relative to the performer's fastest joint, speed of feet beyond the performer's while these stand),
+        refused (character, reason), missed (rows that exceed a limit), outputs.
     """
     run.out.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
@@ -76,7 +76,7 @@ def _row(path: Path, clip: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Hide output of Blender's importers, from Python and below."""
+    """Hide output of Blender's importers, written by Python or by lower levels."""
     sys.stdout.flush()
     kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)

@@ -1,4 +1,4 @@
-"""Labels and poses after cuts, a T pose, noise, all with the subject unseen."""
+"""Labels and poses after cuts, after a T pose, and with noise, all for unseen subjects."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -20,19 +20,19 @@ from .scenarios import CMU, PARTS
 from .scenes import Cut, Pair
 
 Row = dict[str, Any]
-# the database's file and the settings for the name of a take, neither of which has seen its performer
+# the database's file and the settings for a take's name; neither has seen its performer
 SolvedBy = Callable[[str], tuple[Path, SolveSettings]]
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is tried."""
+    """Number of trials."""
 
-    takes: int  # development takes, at most
+    takes: int  # largest number of development takes
     cuts: int  # random cuts between them
-    t_pose_frames: int  # frames of each take after a T pose, at most
-    noisy_frames: int  # frames from the middle of each take with noise, at most
-    passes: int = 1  # times that these are solved, each with other noise
+    t_pose_frames: int  # largest number of frames of each take after a T pose
+    noisy_frames: int  # largest number of frames from the middle of each take with noise
+    passes: int = 1  # number of times that these are solved, each with different noise
     crossings: int = 12  # pairs of performers who pass each other
     meetings: int = 12  # pairs of performers who touch or embrace
     absences: int = 12  # cuts hidden for seconds; as many performers walk out of the images and back in
@@ -43,32 +43,32 @@ QUICK = Sizes(takes=32, cuts=60, t_pose_frames=60, noisy_frames=100)  # about 25
 FULL = Sizes(
     1000, cuts=500, t_pose_frames=60, noisy_frames=600, passes=2, crossings=60, meetings=60, absences=60
 )  # 182 takes, 104,528 noisy frames
-_PICTURED = 3  # takes with the largest errors
+_PICTURED = 3  # takes with the largest errors that are pictured
 
 
 def robustness(
     run: Run, full: bool = False, only: Collection[str] = PARTS, seed: int = 3, sizes: Sizes | None = None
 ) -> dict[str, Any]:
-    """Solve disturbed takes by unseen subjects and list the worst frames.
+    """Solve disturbed takes of unseen subjects and list the worst frames.
 
-    On development takes, by the default settings with a prior beside the databases that has not seen the performer, if
-    any (`make bench-priors`). Parts have the same figures whether others are run or not.
+    Uses development takes and the default settings, with a prior next to the databases that has not seen the performer,
+    if there is one (`make bench-priors`). A part's figures do not depend on which other parts are run.
 
     Args:
-        full: Try 500 cuts and 100,000 frames, for hours.
+        full: Try 500 cuts and 100,000 frames, which takes hours.
         only: Some of `PARTS`.
-        seed: Seed of all that is drawn by chance.
-        sizes: How much is tried, in place of `full`.
+        seed: Seed for everything random.
+        sizes: Number of trials, instead of `full`.
 
     Returns:
         rows (check, value, goal), a row for each cut, absence, pair, take or film (cuts, absences, crossings,
         meetings, t_pose, noise, films), worst (check, take, frame,
-        joint, value), sizes, outputs; of the parts alone.
+        joint, value), sizes, outputs; only for the parts that were run.
     """
     check_plots()
     sizes, worst, parts = sizes or (FULL if full else QUICK), Worst(), tuple(dict.fromkeys(only))
     whole, takes = run.whole(CMU), run.development_takes(sizes.takes)
-    found = {  # built here, as several processes read them
+    found = {  # built here, because several processes read them
         subject: (run.without_subject(whole, subject).path, run.settings_for(subject))
         for subject in sorted(set(map(subject_of, takes)))
     }
@@ -126,7 +126,7 @@ def _cuts(
 ) -> list[Row]:
     """Return a row for each cut; add its most confident wrong frame to the worst.
 
-    Each has a generator of its own: its noise is the same whatever was played before.
+    Each cut has its own random generator, so its noise does not depend on what was played before.
     """
     jobs = {
         f"{number}, {cut.title}": (number, cut, *solved_by(cut.subject), chance.spawn(1)[0])
@@ -206,7 +206,7 @@ _REDUCED: dict[str, Callable[[Array, Array], Any]] = {
 
 
 def summary(tables: Mapping[str, list[Row]]) -> list[Row]:
-    """Return a row (check, value, goal) for each thing that is asked of the tables; means are weighted by frames."""
+    """Return a row (check, value, goal) for each requirement on the tables; means are weighted by frames."""
     result = []
     for table, columns, reduced, goal in CHECKS:
         part, _, whole = columns.partition(" / ")
@@ -225,7 +225,7 @@ def summary(tables: Mapping[str, list[Row]]) -> list[Row]:
 
 
 def _cut_plot(out: Path, cuts: list[Row]) -> list[Path]:
-    """Write how fast labels come back after cuts."""
+    """Plot how fast labels come back after cuts."""
     times = np.sort([row["right_again_s"] for row in cuts])
     share = np.arange(1, len(times) + 1) / len(times)
     panel = Panel(f"{len(times)} cuts", [Line("labels right again", times, share)], limit=0.95, top=1.0)
@@ -233,7 +233,7 @@ def _cut_plot(out: Path, cuts: list[Row]) -> list[Path]:
 
 
 def _take_plot(out: Path, curves: Mapping[str, Curves]) -> list[Path]:
-    """Write the errors of the worst takes by frame."""
+    """Plot the errors of the worst takes by frame."""
     worst = sorted(curves.items(), key=lambda item: -float(item[1].best.mean() / item[1].nearest.mean()))[:_PICTURED]
     panels = []
     for name, curve in worst:

@@ -1,4 +1,4 @@
-"""Where a bench reads, writes and computes: motion, databases without the takes they solve, processes, files."""
+"""Run of a benchmark: motion to read, databases without the takes they solve, processes, output files."""
 
 import csv
 import json
@@ -31,10 +31,10 @@ Rows = Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a bench.
+    """One run of a benchmark.
 
     Args:
-        data: Folder that holds cmu/ and bandai/.
+        data: Folder that contains cmu/ and bandai/.
         out: Folder to write to; databases are kept in databases/ and built if missing.
         workers: Number of processes that read motion and solve.
     """
@@ -74,7 +74,7 @@ class Run:
         return sliced(motion, int(motion.frames * take.first), int(motion.frames * take.last))
 
     def development_takes(self, count: int) -> dict[str, Motion]:
-        """Return up to `count` takes by name, evenly chosen, none of the test takes."""
+        """Return up to `count` takes by name, evenly spread, excluding the test takes."""
         with motion_files(self.folders((CMU,))) as files:
             free = sorted((file for file in files if file.stem not in (*LEFT_OUT, SPLIT)), key=lambda file: file.stem)
             chosen = [free[i * len(free) // count] for i in range(count)] if count < len(free) else free
@@ -94,15 +94,15 @@ class Run:
         return open_database(path)
 
     def whole(self, *sets: str) -> Database:
-        """Return the database of all motion of the sets."""
+        """Return the database of all motion in the sets."""
         return self.built("-".join(sets), self.folders(sets))
 
     def embedded(self) -> Database:
-        """Return the database of the motion that is shipped."""
+        """Return the database of the shipped motion."""
         return self.built("embedded", [MOTION])
 
     def subset(self, whole: Database, name: str, kept: Iterable[Part]) -> Database:
-        """Return a database of parts of another."""
+        """Return a database made of parts of another."""
         path = self.path_of(name)
         return open_database(path) if path.exists() else write_subset(whole, path, kept)
 
@@ -115,11 +115,11 @@ class Run:
         return self.subset(whole, name, [(clip, 0, count) for clip, count in clips.items() if count > 0])
 
     def without_subject(self, whole: Database, subject: str) -> Database:
-        """Return the database without test takes and a subject."""
+        """Return the database without test takes and without a subject."""
         return self.without_tests(whole, f"cmu-without-subject-{subject}", lambda clip: clip.subject != subject)
 
     def without_takes(self, whole: Database, name: str, takes: Collection[Take]) -> Database:
-        """Return the database without takes; of the split one, its beginning stays."""
+        """Return the database without takes; the beginning of the split take is kept."""
         last = {take.trial: 0.0 for take in takes}
         last |= {SPLIT: min(take.first for take in takes if take.trial == SPLIT)} if SPLIT in last else {}
         kept = [(clip, 0, int((clip.stop - clip.start) * last.get(clip.name, 1.0))) for clip in whole.clips]
@@ -128,8 +128,8 @@ class Run:
     def settings_for(self, subject: str) -> SolveSettings:
         """Return the default settings with a prior that has not seen the subject.
 
-        The prior is the first of those beside the databases (`motion_prior*.npz`, see `tools/train_prior.py`) that was
-        not trained on the subject, never the shipped one, which has seen everybody; none if there is no such file.
+        The prior is the first of those next to the databases (`motion_prior*.npz`, see `tools/train_prior.py`) that was
+        not trained on the subject, never the shipped one, which has seen everyone; none if there is no such file.
         """
         best = NO_PRIOR
         for path in sorted((self.out / "databases").glob("motion_prior*.npz"), reverse=True):
@@ -147,13 +147,13 @@ class Run:
         jobs: Mapping[str, tuple[Any, ...]],
         rows_of: Callable[[Result], Rows] = lambda result: (),
     ) -> list[Result]:
-        """Return the results of a function, computed in processes, in the order of its jobs.
+        """Return the results of a function computed in several processes, in the order of its jobs.
 
-        Each result's rows go to NAME.jsonl as it comes, because all jobs may last for hours.
+        Each result's rows are written to NAME.jsonl as they arrive, because all jobs together may take hours.
 
         Args:
             jobs: Arguments of each job, by its title.
-            rows_of: Rows of a result.
+            rows_of: Returns the rows of a result.
         """
         self.out.mkdir(parents=True, exist_ok=True)
         pool = ProcessPoolExecutor(self.workers, get_context("spawn"))
@@ -176,7 +176,7 @@ class Run:
         """Write figures as JSON and tables as CSV; return the figures with the paths.
 
         Args:
-            tables: Rows of equal keys by the end of the file's name, "" for the bench's own.
+            tables: Rows with equal keys, by the suffix of the file name; "" for the benchmark's own table.
         """
         path = self.out / f"{bench}.json"
         with atomic_path(path) as temporary:

@@ -1,4 +1,4 @@
-"""Time, memory and error by the size of the database."""
+"""Time, memory and error as functions of the database size."""
 
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -22,24 +22,24 @@ from .scenarios import BANDAI, CMU, LEFT_OUT, SPLIT, UNLIKE, WALKING, WITHOUT_PR
 from .solving import true_subject
 from .speed import FIRST_FRAMES, frames_of, reference_ms, without_labels
 
-_SIZES = (10_000, 86_000, 172_000, 400_000, 1_050_000)  # frames; the last is all there are, mirrored ones included
-_VARIED_FRAMES = 10_000_000  # with variations of all
-# standard deviations of a variation: angles of a joint are multiplied by 1 within this, and moved within this
+_SIZES = (10_000, 86_000, 172_000, 400_000, 1_050_000)  # frames; the last is all there are, including mirror images
+_VARIED_FRAMES = 10_000_000  # including variations of everything
+# standard deviations of a variation: a joint's angles are scaled by a factor within this of 1, and offset within this
 _VARIED, _MOVED_RAD = 0.06, 0.03
-_FRAMES = 240  # solved, of each take
-_TAKES = {"known": WALKING, "unlike": UNLIKE}  # motion that the database has much of, and none
+_FRAMES = 240  # frames solved per take
+_TAKES = {"known": WALKING, "unlike": UNLIKE}  # motion of which the database has much, and none
 
 
 def scale(run: Run, full: bool = False) -> dict[str, Any]:
-    """Solve two takes with ever larger databases, and write the figures.
+    """Solve two takes with databases of increasing size, and write the figures.
 
-    Times are the processor's; for those of one core run this with OPENBLAS_NUM_THREADS=1.
+    Times are processor time; for a single core, run this with OPENBLAS_NUM_THREADS=1.
 
     Args:
-        full: Include 10 million frames; needs 5 GB of disk and 8 GB of memory.
+        full: Include 10 million frames, which needs 5 GB of disk and 8 GB of memory.
 
     Returns:
-        rows (frames, clips, size, memory of a solver beside the file, times and their shares of one exhaustive search
+        rows (frames, clips, size, memory of a solver besides the file, times and their ratio to an exhaustive search
         in NumPy, error), outputs.
     """
     check_plots()
@@ -61,7 +61,7 @@ def scale(run: Run, full: bool = False) -> dict[str, Any]:
 
 
 def _part(run: Run, whole: Database, size: int) -> Database:
-    """Return a database of so many frames at most, of clips from everywhere."""
+    """Return a database of at most this many frames, with clips from everywhere."""
     if size >= whole.frames:
         return whole if size in _SIZES else _with_variations(whole, size, run.path_of(f"scale-{size}"))
     recorded = [clip for clip in whole.clips if not clip.mirrored]
@@ -75,7 +75,7 @@ def _part(run: Run, whole: Database, size: int) -> Database:
 
 
 def _with_variations(whole: Database, size: int, path: Path) -> Database:
-    """Return a database over and over, each time with other joint angles, built if missing."""
+    """Return a database repeated with different joint angles each time; it is built if missing."""
     if path.exists():
         return open_database(path)
     copies, random = -(-size // whole.frames), np.random.default_rng(0)
@@ -95,7 +95,7 @@ def _with_variations(whole: Database, size: int, path: Path) -> Database:
 
 
 def _own_memory_mb(truth: Motion, path: Path) -> float:
-    """Return the memory of a solver beside its file's pages; NaN but on Linux."""
+    """Return the memory of a solver without its file's pages; NaN except on Linux."""
     before_mb = _anonymous_mb()
     database = open_database(path)
     _session = Session(true_subject(truth), database)
@@ -132,7 +132,7 @@ def _row(takes: dict[str, Motion], database: Database) -> dict[str, Any]:
 
 
 def _solve(truth: Motion, database: Database, settings: SolveSettings) -> tuple[Array, Motion]:
-    """Return the milliseconds of each frame after the first, and the motion solved."""
+    """Return the milliseconds for each frame after the first, and the solved motion."""
     subject = true_subject(truth)
     session, taken, poses = Session(subject, database, settings=settings), [], []
     for number, frame in enumerate(frames_of(truth, subject)):

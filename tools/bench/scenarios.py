@@ -1,4 +1,4 @@
-"""What the benches compare: takes, methods, disturbances."""
+"""Scenarios of the benchmarks: takes, methods, disturbances."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,8 +7,8 @@ from perfanim.core.solver.settings import BestSettings, LocalPcaSettings, SolveS
 
 FPS = 60.0
 CMU, BANDAI = "cmu", "bandai"
-LEFT_OUT = ("16_16", "35_01", "16_02", "09_03", "86_01")  # takes that no database of a bench holds
-SPLIT, SPLIT_AT = "14_02", 2 / 3  # the first two thirds of this take are in the databases, the last is a test
+LEFT_OUT = ("16_16", "35_01", "16_02", "09_03", "86_01")  # takes that are in no benchmark's database
+SPLIT, SPLIT_AT = "14_02", 2 / 3  # the first two thirds of this take are in the databases, the last third is a test
 
 
 @dataclass(frozen=True)
@@ -17,13 +17,13 @@ class Take:
 
     title: str  # name in tables and plots
     trial: str  # name of its file
-    first: float = 0.0  # shares of the take at which the part begins and ends
+    first: float = 0.0  # positions in the take at which the part begins and ends, as shares
     last: float = 1.0
     folder: str = CMU
 
 
 WALKING = Take("walking (16_16)", "16_16")
-UNLIKE = Take("jumps, kicks and punches (86_01)", "86_01")  # of a performer without other takes
+UNLIKE = Take("jumps, kicks and punches (86_01)", "86_01")  # by a performer without other takes
 BOXING = Take("boxing (14_02, last third)", SPLIT, SPLIT_AT)
 RUNNING, JUMPING = Take("running (09_03)", "09_03"), Take("jumping (16_02)", "16_02")
 ACCURACY_TAKES = (
@@ -47,7 +47,7 @@ STUDIO_TAKES = tuple(
     )
 )
 TABLE1_TAKES = (BOXING, WALKING, Take("walking (35_01)", "35_01"), RUNNING, JUMPING)
-# clips of the other set, which no database of table 1 holds
+# clips of the other set that are not in any database of table 1
 TABLE1_BANDAI = (
     "dataset-1_dash_happy_001",
     "dataset-2_raise-up-right-hand_feminine_010",
@@ -55,7 +55,7 @@ TABLE1_BANDAI = (
     "dataset-2_walk_normal_005",
     "dataset-2_wave-left-hand_elderly_006",
 )
-# of the test split of AvatarPoser and AGRoL those that are at hand
+# takes of AvatarPoser's and AGRoL's test split that are available here
 PUBLISHED_TAKES = tuple(
     Take(f"{title} ({trial})", trial)
     for trial, title in (
@@ -69,8 +69,8 @@ PUBLISHED_TAKES = tuple(
         ("127_26", "run and jump over"),
     )
 )
-# The constants of the sketches' solver were chosen on 16_31, 16_20, 09_06, 16_06, 14_02 (second third), 135_05, 14_14
-# and 49_13, while the first takes here were seen; the fresh ones were solved after the last choice.
+# The constants of the sketch solver were chosen on 16_31, 16_20, 09_06, 16_06, 14_02 (second third), 135_05, 14_14
+# and 49_13, when the first takes here had been seen; the fresh ones were solved after the last choice.
 SKETCHED = (
     Take("walk (16_16)", "16_16"),
     Take("walk with a turn (16_17)", "16_17"),
@@ -91,7 +91,7 @@ SKETCHED_FRESH = (
     Take("squat (13_29)", "13_29", 0.55, 0.8),
     Take("dance (05_17)", "05_17"),
 )
-# filmed by simulated cameras; True: with the performer out of the database
+# filmed by simulated cameras; True: the performer is removed from the database
 FILMED = (
     (Take("walking (07_02)", "07_02"), False),
     (Take("jumping forward (16_06), subject unseen", "16_06"), True),
@@ -102,7 +102,7 @@ FILMED = (
     (Take("mopping, both hands on a stick (14_13)", "14_13"), False),
     (Take("boxing (14_02, 6th sixth)", SPLIT, 5 / 6), False),
 )
-# public recordings of moving people with at least 24 named markers of a shipped set, the only ones there
+# all public recordings of moving people with at least 24 named markers of a shipped set
 SUITS = {
     "running": "c3d/jstoecker_c3dviewer/examples/running.c3d",
     "kick": "c3d/jstoecker_c3dviewer/examples/kick.c3d",
@@ -120,16 +120,16 @@ KEYPOINT_TAKES = (
     (Take("hop on one foot (49_02)", "49_02", 0.3, 0.5), "opencap"),
     (Take("climb steps (14_21)", "14_21", 0.2, 0.6), "halpe-26"),
 )
-# CMU subjects that the settings of label faults were chosen on
+# CMU subjects on which the settings of label faults were chosen
 LABELS_CHOSEN_ON = ("05", "14", "16", "127", "135")
-# faults of labels by the marker set that they are put into, see `with_faults`
+# label faults by the marker set of the takes they are inserted into, see `with_faults`
 LABEL_FAULTS = {
     "boxing": ("FOO", "HAN", "sides", "frozen", "frozen", "wild", "wild"),
     "cmu-41": ("KNE", "WRA", "sides", "frozen", "frozen", "wild", "wild"),
 }
 LABELLED_TAKES = (*(take for take in (*ACCURACY_TAKES, *SKETCHED_FRESH, *STUDIO_TAKES) if take.trial != SPLIT),)[:20]
-# parts of `robustness`: cuts between takes without labels; cuts hidden for seconds, and performers out of the images
-# and back; two who pass or meet; a T pose before takes, and noise, dropout, ghosts; filmed takes
+# Parts of `robustness`: cuts between takes without labels; cuts hidden for seconds, and performers out of the images
+# and back; two who pass or meet; a T pose before takes, and noise, dropout, ghosts; filmed takes.
 PARTS = ("cuts", "absences", "pairs", "takes", "films")
 
 
@@ -137,15 +137,15 @@ def _local_pca(**settings: Any) -> SolveSettings:
     return SolveSettings(method="local-pca", local_pca=LocalPcaSettings(**settings), search="exhaustive")
 
 
-# The paper names neither the units of its terms nor its grid of K. Both were chosen by the mean error on the takes
-# 16_31, 07_08, 16_06, 09_06 and the second third of 14_02, with their frames out of the database.
+# The paper gives neither the units of its terms nor its values of K. Both were chosen by the mean error on the takes
+# 16_31, 07_08, 16_06, 09_06 and the second third of 14_02, with their frames removed from the database.
 PAPER_RANGE = _local_pca(
     neighbours=(30, 60, 120), dimensions=(3, 5, 7), marker_sigma_m=0.03, pose_sigma_rad=1.0, query_pose_m_per_rad=0.3
 )
 TUNED = "local-pca (tuned)"
 NO_PRIOR = BestSettings(prior_share=0.0)
 WITHOUT_PRIOR = SolveSettings(best=NO_PRIOR)  # the shipped prior has seen every subject
-# methods are compared, not searches: every one gets the truly closest frames
+# methods are compared, not searches, so all of them get the truly closest frames
 METHODS = {
     "nearest": SolveSettings(method="nearest", search="exhaustive"),
     "lwr": SolveSettings(method="lwr", search="exhaustive"),
@@ -160,14 +160,14 @@ LIVE, OFFLINE, BASELINE = "live", "offline", "best of the other version"
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Faults of the markers of a take."""
+    """Faults added to the markers of a take."""
 
     name: str
     noise_mm: float = 0.0  # standard deviation of each coordinate
     dropout: float = 0.0  # share of marker positions that are missing
-    hides: bool = False  # hide one hand's marker for half a second, too
+    hides: bool = False  # also hide one hand's marker for half a second
     rays: bool = False  # show each missing marker to one of two cameras
-    fps: float = 0.0  # rate; 0 as the take
+    fps: float = 0.0  # frame rate; 0 keeps the take's
 
 
 CLEAN = Disturbance("clean")

@@ -1,4 +1,4 @@
-"""Markers without labels: cuts between takes, absences, performers who pass or meet; when labels are right again."""
+"""Unlabelled markers: cuts between takes, absences, performers who pass or meet; when labels are correct again."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,25 +24,25 @@ from .scenarios import FPS
 from .solving import markers_of, true_subject
 
 BEFORE, AFTER = 45, 75  # frames of a cut's two takes
-_UNSOLVABLE = ("49_21",)  # hangs on ropes, which nobody does in the database
-_T_POSE_EVERY = 3  # one cut of so many comes from a T pose
+_UNSOLVABLE = ("49_21",)  # hangs on ropes, which no one does in the database
+_T_POSE_EVERY = 3  # step between the cuts that start from a T pose
 _GHOST_SPREAD_M = 0.7
-_RIGHT_M = 0.02  # greatest distance of a rightly labelled marker from its true position
-_STEADY = 10  # consecutive frames that must be right
-_WAY, _SPEED_M_S = 120, 1.4  # frames of the way out of the images and back in
+_RIGHT_M = 0.02  # largest distance of a correctly labelled marker from its true position
+_STEADY = 10  # consecutive frames that must be correct
+_WAY, _SPEED_M_S = 120, 1.4  # frames and speed of the walk out of the images and back in
 _PAIR_FRAMES = 150
-_PASS_M, _MEET_M = (0.3, 0.9), (0.15, 0.3)  # least distance of two bodies who pass; of hands or torsos who meet
-_WALK_M, _STAY_M = 1.0, 0.5  # least way of a take that walks; most of one that stays in its place
+_PASS_M, _MEET_M = (0.3, 0.9), (0.15, 0.3)  # smallest distance of two bodies that pass; of hands or torsos that meet
+_WALK_M, _STAY_M = 1.0, 0.5  # smallest distance covered in a take that walks; largest in one that stays in place
 _STEPS_M, _MEETING = (
     1.2,
     (15, 45, 105, 135),
-)  # way to each other; frames at which they begin to come, have come, go, left
-_WRONG_M = 0.03  # distance of a wrongly labelled marker of a pair
+)  # distance walked towards each other; frames at which they start to approach, have met, leave, are gone
+_WRONG_M = 0.03  # distance of a wrongly labelled marker in a pair
 _FORWARD, _LEVEL = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 1.0])
 
 
 class Absence(NamedTuple):
-    """Frames hidden between takes; how far, at most, the second is turned and moved."""
+    """Number of hidden frames between takes; largest rotation and shift of the second take."""
 
     hidden: tuple[int, ...] = (0, 12, 30, 60, 300)
     turn_rad: float = 1.2
@@ -54,7 +54,7 @@ LONG = Absence((120, 180, 240, 300), 1.5, 1.0)
 
 
 class Faults(NamedTuple):
-    """Noise, metres; share of lost markers; share of frames with up to so many ghosts."""
+    """Noise, metres; share of lost markers; share of frames with ghosts, and the most ghosts in one."""
 
     noise_m: float = 0.002
     lost: float = 0.03
@@ -70,17 +70,17 @@ class Cut:
     """Markers of one take, then none, then those of another take on the same body."""
 
     title: str
-    subject: str  # name of the take that gives the body
+    subject: str  # name of the take from which the body comes
     skeleton: Skeleton
     positions_m: Array  # (F, M, 3) true positions, NaN while hidden
     hidden: int = 0  # frames between the takes
-    back: int = 0  # first frame that must have right labels
+    back: int = 0  # first frame that must have correct labels
 
 
 def random_cuts(
     takes: Mapping[str, Motion], count: int, generator: np.random.Generator, absence: Absence = _SHORT
 ) -> Iterator[Cut]:
-    """Yield cuts between any two takes; the body is always that of the first."""
+    """Yield cuts between any two takes; the body is always the first take's."""
     pools = [
         [name for name, take in takes.items() if take.frames >= frames and name not in _UNSOLVABLE]
         for frames in (BEFORE, AFTER)
@@ -104,9 +104,9 @@ def random_cuts(
 
 
 def walk_outs(takes: Mapping[str, Motion], count: int, generator: np.random.Generator) -> Iterator[Cut]:
-    """Yield up to `count` walks out of the images and back in elsewhere; the body is that of the first take.
+    """Yield up to `count` walks out of the images and back in elsewhere; the body is the first take's.
 
-    The whole body must be shown by both cameras again.
+    Both cameras must show the whole body again.
     """
     names = [name for name, take in takes.items() if take.frames >= _WAY + AFTER]
     for first, second in _chosen(names, count, generator):
@@ -135,7 +135,7 @@ def _shown(markers_m: Array) -> Mask:
 
 
 def facing(motion: Motion, yaw_rad: float, place_m: Array) -> Motion:
-    """Return the motion moved to `place_m` and turned to face `yaw_rad` off +z."""
+    """Return the motion moved to `place_m` and rotated to face `yaw_rad` away from +z."""
     forward = rot.rotate(motion.rotations[0, 0], _FORWARD)
     turn = rot.from_rotation_vector(np.array([0.0, yaw_rad - np.arctan2(forward[0], forward[2]), 0.0]))
     rotations = motion.rotations.copy()
@@ -153,7 +153,7 @@ def on_treadmill(motion: Motion) -> Motion:
 
 
 def part_of(motion: Motion, frames: int, generator: np.random.Generator) -> Motion:
-    """Return so many frames from anywhere in a motion."""
+    """Return this many frames from a random position in a motion."""
     start = int(generator.integers(0, motion.frames - frames + 1))
     return sliced(motion, start, start + frames)
 
@@ -161,7 +161,7 @@ def part_of(motion: Motion, frames: int, generator: np.random.Generator) -> Moti
 def frame_of(
     number: int, true: Array, generator: np.random.Generator, faults: Faults = USUAL
 ) -> tuple[MarkerFrame, Mask]:
-    """Return a frame of points in any order, and the markers (M,) among them."""
+    """Return a frame of points in random order, and the markers (M,) among them."""
     visible = np.isfinite(true[:, 0])
     shown = visible & (generator.random(len(true)) >= faults.lost)
     points = generator.permutation(true[shown] + generator.normal(0.0, faults.noise_m, (int(shown.sum()), 3)))
@@ -179,7 +179,7 @@ def play_cut(
     """Show a cut's markers without labels to a session, live and as a recorded take.
 
     Returns:
-        row of the table; (N,) frames of the second take with right labels live, and their confidences.
+        Row of the table; (N,) frames of the second take with correct live labels, and their confidence.
     """
     body = Motion(cut.subject, FPS, cut.skeleton, t_pose(cut.skeleton)[None], np.zeros((1, 3)))
     session = MultiTargetSession([Session(true_subject(body), database, settings=settings)])
@@ -211,7 +211,7 @@ def play_cut(
 
 
 def _right_markers(poses: list[PerformerPose], cut: Cut, shown: Mask) -> int:
-    """Return how many shown markers of all frames have their label."""
+    """Return the share of shown markers in all frames that have their label."""
     away = np.linalg.norm([pose.observed_m for pose in poses] - cut.positions_m, axis=2)
     return int(np.sum((away < _RIGHT_M) & shown))
 
@@ -225,16 +225,16 @@ def _is_right(located: Array, true: Array, shown: Mask) -> bool:
 
 
 class Pair(NamedTuple):
-    """Markers (F, M, 3) of two performers of the same body."""
+    """Markers (F, M, 3) of two performers with the same body."""
 
     title: str
     motion: Motion
     markers_m: tuple[Array, Array]
-    apart_m: float  # smallest distance between the middles of the bodies, or between what meets
+    apart_m: float  # smallest distance between the centres of the bodies, or between the parts that meet
 
 
 def crossings(takes: Mapping[str, Motion], count: int, generator: np.random.Generator) -> Iterator[Pair]:
-    """Yield pairs of walking takes on one body that pass each other in the middle of the time."""
+    """Yield pairs of walking takes on one body that pass each other halfway through."""
     walks = {name: part for name, part in _middles(takes).items() if _gone_m(part) > _WALK_M}
     for first, second in _chosen(list(walks), count, generator):
         apart_m = float(generator.uniform(*_PASS_M))
@@ -246,7 +246,7 @@ def crossings(takes: Mapping[str, Motion], count: int, generator: np.random.Gene
 
 
 def meetings(takes: Mapping[str, Motion], count: int, generator: np.random.Generator) -> Iterator[Pair]:
-    """Yield pairs of takes in place, on one body, that face each other and come near.
+    """Yield pairs of takes in place, on one body, that face each other and approach.
 
     For a second, right hands touch in every other pair, and torsos in the others.
     """
@@ -275,7 +275,7 @@ def _chosen(names: list[str], count: int, generator: np.random.Generator) -> Ite
 
 
 def _opposite(first: Motion, second: Motion) -> Iterator[tuple[Motion, float]]:
-    """Yield both motions on the first's body at the origin, one to the left and one to the right, with their signs."""
+    """Yield both motions on the first one's body at the origin, one to the left and one to the right, with signs."""
     for motion, side in ((first, 1.0), (second, -1.0)):
         yield facing(replace(motion, skeleton=first.skeleton), side * 0.5 * np.pi, np.zeros(3)), side
 
@@ -286,7 +286,7 @@ def _middles(takes: Mapping[str, Motion]) -> dict[str, Motion]:
 
 
 def _gone_m(part: Motion) -> float:
-    """Return how far a motion goes in the direction that it faces first."""
+    """Return how far a motion moves in the direction that it faces at first."""
     way = part.root_positions_m[-1] - part.root_positions_m[0]
     return float(np.dot(way, rot.rotate(part.rotations[0, 0], _FORWARD)))
 
@@ -296,7 +296,7 @@ def play_pair(
 ) -> dict[str, Any]:
     """Show both performers' markers without labels to a new session; return the row.
 
-    Both have the same body, so the first frame that shows both decides who is who.
+    Both have the same body, so the first frame that shows both determines who is who.
     """
     subject = true_subject(pair.motion)
     session = MultiTargetSession([Session(subject, database, settings=settings) for _ in range(2)])

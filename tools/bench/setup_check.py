@@ -1,4 +1,4 @@
-"""How often the check before a capture names the right fault of random studios."""
+"""How often the setup check names the right fault in random studios."""
 
 from collections import Counter
 from typing import Any
@@ -16,9 +16,9 @@ HEALTHY = "healthy"
 
 
 def setup_check(run: Run, studios: int = 12, seed: int = 71) -> dict[str, Any]:
-    """Check random studios, so many of each fault and healthy ones.
+    """Check random studios: a number of each fault, and of faultless ones.
 
-    A studio counts as right if its own fault, and no other, is named; a healthy one if none is.
+    A studio counts as right if exactly its own fault is named; a faultless one if none is.
 
     Returns:
         rows (kind of studio, right, studios, what was named instead), wrong, outputs.
@@ -38,7 +38,7 @@ def setup_check(run: Run, studios: int = 12, seed: int = 71) -> dict[str, Any]:
 
 
 def named(kind: str, rng: np.random.Generator) -> tuple[str, ...]:
-    """Return the faults that are named in a random studio of a kind."""
+    """Return the faults that are named in a random studio of a given kind."""
     if kind == Fault.BOARD_SMALL or (kind == HEALTHY and rng.random() < 0.2):
         findings = board_faults(*board_views(rng, small=kind != HEALTHY))
     else:

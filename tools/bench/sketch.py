@@ -1,8 +1,8 @@
-"""Sketches made of recorded takes: bodies from keys, by several methods.
+"""Sketches made from recorded takes: bodies solved from keys, by several methods.
 
-The true paths of a few joints are keyed every 8, 16 or 32 frames of 30 a second, or where they turn most, and joined by
-Blender's default curves. The takes are out of the database; other takes of their subjects are in it. Five controls with
-keys every 16 frames are also solved with the whole subject out of the database, and for fresh takes.
+The true paths of a few joints are keyed every 8, 16 or 32 frames at 30 per second, or where they turn most, and joined
+by Blender's default curves. The takes are not in the database, but other takes of their subjects are. Five controls
+with keys every 16 frames are also solved with the whole subject removed, and for fresh takes.
 """
 
 import time
@@ -41,25 +41,25 @@ KEYS = ("8", "16", "32", "turns")
 UNSEEN, FRESH = "five, unseen subject", "five, fresh takes"
 OURS, IK, BEST, NEAREST = "sketch", "two-bone IK", "best on the curves", "nearest on the curves"
 _EDITS = 5
-_TURNS_EVERY = 16  # frames for each key where paths turn most
-_MOST_FRAMES = 240  # of a take
+_TURNS_EVERY = 16  # frames per key if paths are keyed where they turn most
+_MOST_FRAMES = 240  # largest number of frames of a take
 _MEASURES = (
     "deg_per_joint", "mpjpe_mm", "mpjpe_absolute_mm", "foot_skate_cm_s", "foot_skate_truth_cm_s", "jitter_ratio",
 )  # fmt: skip
 _GLIDES = ("glide_cm_s", "glide_truth_cm_s")
-_LOW_M = 0.02  # toes on the floor are this low above their lowest place within a second
+_LOW_M = 0.02  # toes on the floor are at most this far above their lowest position within a second
 _UP = np.array([0.0, 1.0, 0.0])
 _KNEE, _ELBOW = np.array([1.0, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0])  # knees bend forwards, elbows backwards
 _SPINE = ("lowerback", "upperback", "thorax")
-_MOST_TWIST_RAD = np.radians(60.0)  # of the chest against the hips
-_BENT_RAD = 0.2  # of limbs without a control
+_MOST_TWIST_RAD = np.radians(60.0)  # largest twist of the chest relative to the hips
+_BENT_RAD = 0.2  # bend of limbs without a control
 _STRAIGHTEST = 0.995  # longest reach, as a share of the limb's length
 
 Rows = list[dict[str, Any]]
 
 
 def sketch(run: Run) -> dict[str, Any]:
-    """Solve sketches of eight takes by every method, and write the table.
+    """Solve sketches of eight takes with every method, and write the table.
 
     Returns:
         rows (take, controls, keys, method, errors), means over the takes, ratios, times of edits, database, outputs.
@@ -90,7 +90,7 @@ def sketch(run: Run) -> dict[str, Any]:
 
 
 def _rows(take: Take, truth: Motion, database: Database, controls: str, keys: str) -> Rows:
-    """Solve a sketch by every method; return a row with the errors of each."""
+    """Solve a sketch with every method; return a row with the errors of each."""
     skeleton = truth.skeleton
     drawn = sketch_of(truth, CONTROLS.get(controls, CONTROLS["five"]), keys)
     motions = {
@@ -107,9 +107,9 @@ def _rows(take: Take, truth: Motion, database: Database, controls: str, keys: st
 
 
 def edit_times(database: Database, truth: Motion) -> dict[str, float]:
-    """Return times to solve a sketch, and to solve it again after a key moved, ms.
+    """Return the time to solve a sketch, and to solve it again after a key moved, ms.
 
-    A hand's key in the middle moves by 3 cm a time, and the frame in the middle is shown; medians, of the processor's
+    A hand's key in the middle moves by 3 cm each time, and the middle frame is displayed; both are medians of processor
     time.
     """
     drawn = sketch_of(truth, CONTROLS["five"], "16")
@@ -133,7 +133,7 @@ def edit_times(database: Database, truth: Motion) -> dict[str, float]:
 
 
 def true_motion(run: Run, take: Take) -> Motion:
-    """Return a take at the rate of sketches, its middle if it is long."""
+    """Return a take at the rate of sketches, only its middle if it is long."""
     motion = resampled(run.read(take), FPS)
     first = max(0, (motion.frames - _MOST_FRAMES) // 2)
     return sliced(motion, first, min(motion.frames, first + _MOST_FRAMES))
@@ -154,7 +154,7 @@ def sketch_of(truth: Motion, joints: tuple[str, ...], keys: str) -> Sketch:
 
 
 def _turning_frames(path: Array, count: int) -> Array:
-    """Return frames of keys, each where the curve of the others is furthest off."""
+    """Return frames for keys, each where the curve through the others is furthest off."""
     frames, at = np.array([0, len(path) - 1]), np.arange(len(path), dtype=np.float64)
     while len(frames) < min(count, len(path)):
         away = np.linalg.norm(curve_positions(frames.astype(np.float64), path[frames], at) - path, axis=1)
@@ -163,7 +163,7 @@ def _turning_frames(path: Array, count: int) -> Array:
 
 
 def errors_of(drawn: Sketch, motion: Motion, truth: Motion) -> dict[str, float]:
-    """Return the errors of a motion, and how far it is from the keys at most."""
+    """Return the errors of a motion, and its largest distance from the keys."""
     errors = evaluate(motion, truth)
     row = {measure: round(float(errors[measure]), 3) for measure in _MEASURES}
     row |= {name: round(_glide_cm_s(each), 3) for name, each in zip(_GLIDES, (motion, truth), strict=True)}
@@ -173,7 +173,7 @@ def errors_of(drawn: Sketch, motion: Motion, truth: Motion) -> dict[str, float]:
 def _glide_cm_s(motion: Motion) -> float:
     """Return the mean horizontal speed of a motion's toes while they are on the floor.
 
-    Unlike skate it does not ask when the true foot stands: a step at another moment is none the worse.
+    Unlike skate, it ignores when the true foot stands, so a step at another time is not penalised.
     """
     positions = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0]
     toes = positions[:, [motion.skeleton.index(name) for name in TOES]]
@@ -193,7 +193,7 @@ def _means(rows: Rows) -> Rows:
 
 
 def _ratios(means: Rows) -> Rows:
-    """Return our mean joint distance as a share of the other methods'."""
+    """Return our mean joint distance relative to the other methods'."""
     result = []
     for (controls, keys), same in groups(means, "controls", "keys").items():
         error = {row["method"]: row["mpjpe_mm"] for row in same}
@@ -202,13 +202,13 @@ def _ratios(means: Rows) -> Rows:
     return result
 
 
-# ---- other methods from the curves of a sketch to a body
+# ---- other methods that solve a body from the curves of a sketch
 
 
 def solved_as_markers(sketch: Sketch, skeleton: Skeleton, database: Database, settings: SolveSettings) -> Motion:
-    """Return the motion of a method that takes the curves for markers.
+    """Return the motion from a method that treats the curves as markers.
 
-    All count as the torso's: else nothing would tell where the root is.
+    All of them count as torso markers, because otherwise nothing would determine the root.
     """
     joints = tuple(control.joint for control in sketch.controls)
     markers = MarkerSet("controls", tuple(Marker(name, name, (0.0, 0.0, 0.0), torso=True) for name in joints))
@@ -218,10 +218,10 @@ def solved_as_markers(sketch: Sketch, skeleton: Skeleton, database: Database, se
 
 
 def inverse_kinematics(sketch: Sketch, skeleton: Skeleton) -> Motion:
-    """Return the motion of a usual rig on the curves: two-bone limbs, a spline spine.
+    """Return the motion of a typical rig on the curves: two-bone limbs, a spline spine.
 
-    Hips and chest turn about the vertical as the feet and the hands lie to each other, the spine between them evenly;
-    limbs without a control hang.
+    Hips and chest turn about the vertical according to the positions of feet and hands, and the spine between them
+    evenly; limbs without a control hang.
     """
     curves = {control.joint: control.curve(sketch.frames) for control in sketch.controls}
     chest = _yaws([curves["lhand"] - curves["rhand"]])
@@ -238,7 +238,7 @@ def inverse_kinematics(sketch: Sketch, skeleton: Skeleton) -> Motion:
 
 
 def _bent(skeleton: Skeleton) -> Array:
-    """Return rotations (J, 4) of a standing body, limbs a little bent as a rig's."""
+    """Return rotations (J, 4) of a standing body, with the limbs slightly bent like a rig's."""
     rotations = standing(skeleton)
     _, world = forward_kinematics(skeleton, rotations, np.zeros(3))
     for name, axis in (("tibia", _KNEE), ("radius", _ELBOW)):
@@ -249,13 +249,13 @@ def _bent(skeleton: Skeleton) -> Array:
 
 
 def _yaws(pairs: list[Array]) -> Array:
-    """Return yaws (F,) of a body with its left along the sum of vectors."""
+    """Return yaws (F,) of a body whose left is along the sum of vectors."""
     planar = sum(pair[:, [0, 2]] / np.linalg.norm(pair[:, [0, 2]], axis=1, keepdims=True) for pair in pairs)
     return np.asarray(np.unwrap(np.arctan2(-planar[:, 1], planar[:, 0])))
 
 
 def _reach(skeleton: Skeleton, rotations: Array, root_m: Array, goals: dict[str, Array]) -> None:
-    """Turn the limbs of one frame's rotations (J, 4) so that they end at goals."""
+    """Turn the limbs in one frame's rotations (J, 4) so that they end at goals."""
     for joint, goal in goals.items():
         is_leg, end = joint[1:] == "foot", skeleton.index(joint)
         names = ("femur", "tibia") if is_leg else ("humerus", "radius")

@@ -1,4 +1,4 @@
-"""Takes solved, and how far their poses are off, beside what the solver expects."""
+"""Solving of takes, and comparison of pose errors with the errors that the solver expects."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ _SHARE = 10  # the lowest and the highest tenth of the frames are compared
 
 
 def true_subject(truth: Motion) -> Subject:
-    """Return the subject of a motion's own skeleton with the benches' markers."""
+    """Return the subject with a motion's own skeleton and the benchmarks' markers."""
     return Subject(truth.name, truth.skeleton, load_marker_set(MARKER_SET))
 
 
@@ -51,14 +51,14 @@ def solve_truth(
     dropout: float = 0.0,
     seed: int = 0,
 ) -> SolvedTake:
-    """Solve a motion's labelled markers, as live."""
+    """Solve a motion's labelled markers as in a live capture."""
     subject = true_subject(truth)
     take, _ = simulate_markers(truth, subject, noise_mm, dropout, seed)
     return solve_take(take, subject, database, settings, no_progress, causal=True)
 
 
 def degrees_per_joint(motion: Motion, truth: Motion) -> Array:
-    """Return (F,) the mean angle between local rotations, without the root, degrees."""
+    """Return the mean angle (F,) between local rotations, without the root, degrees."""
     between = rot.angle_between(motion.rotations[:, 1:], truth.rotations[:, 1:])
     return np.asarray(np.degrees(between.mean(axis=1)))
 
@@ -69,16 +69,16 @@ def describe(database: Database) -> dict[str, Any]:
 
 
 class Way(NamedTuple):
-    """A take as it was solved one way."""
+    """A take solved in one mode, live or offline."""
 
     motion: Motion
     poses: list[PerformerPose]
 
 
 def solve_both_ways(take: MarkerTake, subject: Subject, database: Database, settings: SolveSettings) -> dict[str, Way]:
-    """Return a labelled take as solved live and offline, as `solve_take` does each.
+    """Return a labelled take solved live and offline, as `solve_take` does for each.
 
-    In one go, as offline begins with the live poses: labels that are known do not change.
+    Both are done together, because offline begins with the live poses: known labels do not change.
     """
     session = MultiTargetSession([Session(subject, database, None, settings)])
     live = solve_frames(list(take_frames(take, subject.marker_set)), session, "", no_progress, causal=True)
@@ -88,16 +88,16 @@ def solve_both_ways(take: MarkerTake, subject: Subject, database: Database, sett
 
 
 def first_pose(poses: Sequence[PerformerPose]) -> int:
-    """Return the frame of the first pose that was solved; 0 if none was."""
+    """Return the frame of the first pose that was solved; 0 if there is none."""
     return next((frame for frame, pose in enumerate(poses) if np.isfinite(pose.marker_rms_m)), 0)
 
 
 def feet_errors(motion: Motion, truth: Motion) -> dict[str, float]:
-    """Return how feet skate and sink when they are held as in a capture.
+    """Return how feet skate and sink if they are held as in a capture.
 
     Returns:
-        skate_beyond_cm_s: mean horizontal speed of the toes while the true ones stand, less the truth's own; NaN when
-        they never do. toes_below_mm: how far the toes' joint or tip comes below the lowest place of the true ones.
+        skate_beyond_cm_s: mean horizontal speed of the toes while the true ones stand, minus the truth's own; NaN if
+        they never do. toes_below_mm: how far the toes' joint or tip goes below the lowest position of the true ones.
     """
     held = hold_feet(motion, "auto", None)
     errors = evaluate(held, truth)
@@ -118,12 +118,12 @@ def _toe_heights(motion: Motion) -> Array:
 
 
 class Expected(NamedTuple):
-    """Errors of a solved take beside those that the solver expected."""
+    """Errors of a solved take and the errors that the solver expected."""
 
     confidence: Array  # (F,)
-    joints_deg: Array  # (F, J - 1) errors of the joints but the root, degrees
-    parts: Array  # (F, P) errors of the body's parts as shares of the expected ones, NaN where nothing was expected
-    joints: Array  # (F, J - 1) the same of joints
+    joints_deg: Array  # (F, J - 1) errors of the joints except the root, degrees
+    parts: Array  # (F, P) errors of the body's parts relative to the expected ones, NaN where nothing was expected
+    joints: Array  # (F, J - 1) the same for joints
 
 
 def expected_of(poses: Sequence[PerformerPose], truth: Motion) -> Expected:
@@ -140,15 +140,15 @@ def expected_of(poses: Sequence[PerformerPose], truth: Motion) -> Expected:
 
 
 def _filled(errors_deg: Sequence[Array], count: int) -> Array:
-    """Return (F, count) expected errors, NaN in frames without any."""
+    """Return expected errors (F, count), NaN in frames without any."""
     return np.array([row if len(row) else np.full(count, np.nan) for row in errors_deg])
 
 
 def coverage(cases: Sequence[Expected], names: Sequence[str]) -> dict[str, Any]:
-    """Return the shares of errors within twice the expected, the 95 % intervals.
+    """Return the shares of errors within twice the expected error, the 95 % intervals.
 
     Returns:
-        frames, parts, joints, and by_joint (the share of each name).
+        frames, parts, joints, and by_joint (the share for each name).
     """
     parts, joints = (np.concatenate([getattr(case, name) for case in cases]) for name in ("parts", "joints"))
     by_joint = {name: share_within(column) for name, column in zip(names, joints.T, strict=True)}
@@ -162,7 +162,7 @@ def share_within(ratios: Array) -> float:
 
 
 def confidence_ratio(cases: Sequence[Expected]) -> dict[str, float]:
-    """Return the mean errors of the tenths of lowest and of highest confidence, and their ratio."""
+    """Return the mean errors in the tenths with lowest and highest confidence, and their ratio."""
     confidence = np.concatenate([case.confidence for case in cases])
     error = np.concatenate([case.joints_deg.mean(axis=1) for case in cases])
     order = np.argsort(confidence, kind="stable")

@@ -1,6 +1,6 @@
-"""Times of all stages, each beside one exhaustive search in NumPy of the same run.
+"""Computing time of all stages, compared with an exhaustive search in NumPy in the same run.
 
-The search makes figures of different machines comparable. Where a frame's time goes: `python -m cProfile`.
+The search makes figures from different machines comparable. To see where a frame's time goes: `python -m cProfile`.
 """
 
 import os
@@ -41,23 +41,23 @@ from .vision import noisy
 Row = dict[str, Any]
 
 STAGES = ("detect", "locate", "label")
-FIRST_FRAMES = 20  # frames in which a session begins
+FIRST_FRAMES = 20  # frames in which a session starts up
 _REFERENCE = (433_000, 60, 32)  # rows, columns, nearest
 _REFERENCE_RUNS = 15
 _DATABASE_FRAMES = 395_399
 _PAIRS, _STREAM_FPS = 480, 240.0
 _EMPTY = 30  # images of the empty room
-_SKIPPED_S, _LEAST_S = 4.0, 3.0  # of the performance: T pose and arms down come first
-_BLOCK = 40  # pairs of images in one measurement of processor time: the clock's steps are coarse
+_SKIPPED_S, _LEAST_S = 4.0, 3.0  # part of the performance skipped (T pose, arms down); shortest duration
+_BLOCK = 40  # pairs of images in one measurement of processor time, because the clock's steps are coarse
 _MARKERS, _MARKER_PX, _MARKER_LEVEL, _ROOM_LEVEL = 12, 3.0, 220.0, 16.0
 _IMAGES = 40
-_WARM_FRAMES = 20  # solved by each process before recorded takes are timed
+_WARM_FRAMES = 20  # frames solved by each process before recorded takes are timed
 
 
 def speed(run: Run) -> dict[str, Any]:
-    """Time the chain and write the figures.
+    """Time all stages and write the figures.
 
-    Processor time counts all threads of a process; for figures of one core run this with OPENBLAS_NUM_THREADS=1.
+    Processor time counts all threads of a process; for figures of a single core run this with OPENBLAS_NUM_THREADS=1.
 
     Returns:
         rows (work, value, unit, clock, goal or "", ratio to the reference search or ""), machine (processors, load),
@@ -80,7 +80,7 @@ def speed(run: Run) -> dict[str, Any]:
 
 
 def _load() -> list[float]:
-    """Return the machine's load, empty if unknown: a busy machine's figures mean less."""
+    """Return the machine's load, empty if unknown: figures from a busy machine mean less."""
     return [round(value, 2) for value in os.getloadavg()] if hasattr(os, "getloadavg") else []
 
 
@@ -102,7 +102,7 @@ def reference_ms() -> tuple[float, float]:
 
 
 def _times(work: Callable[[Any], Any], inputs: Iterable[Any]) -> NDArray[np.float64]:
-    """Return (N, 2) wall and processor times of a work for its inputs, ms."""
+    """Return wall and processor times (N, 2) of some work for its inputs, ms."""
     taken = []
     for given in inputs:
         wall_s, processor_s = time.perf_counter(), time.process_time()
@@ -112,7 +112,7 @@ def _times(work: Callable[[Any], Any], inputs: Iterable[Any]) -> NDArray[np.floa
 
 
 class _Rows:
-    """Figures of one part, beside the reference as it was then."""
+    """Figures for one part, with the reference at that time."""
 
     def __init__(self) -> None:
         self.reference_ms = dict(zip(("wall", "processor"), reference_ms(), strict=True))
@@ -186,7 +186,7 @@ def _with_markers(room: NDArray[Any], rng: np.random.Generator) -> Image:
 
 
 def _import(run: Run) -> tuple[Database, list[Row]]:
-    """Time the import of all motion, and opening it again."""
+    """Time the import of all motion, and opening the result."""
     rows, path = _Rows(), run.path_of("speed-whole")
     settings = BuildSettings(fps=FPS, workers=run.workers)
     started_s = time.perf_counter()
@@ -201,7 +201,7 @@ def _import(run: Run) -> tuple[Database, list[Row]]:
 
 
 def _part_of(run: Run, whole: Database) -> Database:
-    """Return the first so many frames of a database, without the takes to solve."""
+    """Return the first frames of a database, up to this number, without the takes to solve."""
     kept, left = [], _DATABASE_FRAMES
     for clip in whole.clips:
         if clip.name not in (*LEFT_OUT, SPLIT) and left > 0:
@@ -216,13 +216,13 @@ def frames_of(truth: Motion, subject: Subject) -> Iterator[MarkerFrame]:
 
 
 def without_labels(frame: MarkerFrame, seed: int) -> MarkerFrame:
-    """Return a marker frame as cameras give it: in any order, without labels."""
+    """Return a marker frame as cameras give it: in random order, without labels."""
     order = np.random.default_rng(seed).permutation(len(frame.points_m))
     return MarkerFrame(frame.number, frame.time_s, frame.points_m[order], frame.covariances_m2[order])
 
 
 def _solving(truth: Motion, database: Database) -> list[Row]:
-    """Time the solve of every frame of a take, which the database lacks, live."""
+    """Time the live solve of every frame of a take that is not in the database."""
     rows, subject = _Rows(), true_subject(truth)
     taken = _times(Session(subject, database).step, frames_of(truth, subject))
     for clock, milliseconds in zip(rows.reference_ms, taken.T, strict=True):
@@ -233,7 +233,7 @@ def _solving(truth: Motion, database: Database) -> list[Row]:
 
 
 def _recorded(truths: Sequence[Motion], path: Path) -> list[Row]:
-    """Time recorded takes in both directions, by one process and by two, with the solver's preparation."""
+    """Time solving recorded takes in both directions, with one process and with two, including preparation."""
     rows = _Rows()
     for count in (1, 2):
         with ProcessPoolExecutor(count, get_context("spawn")) as pool:
@@ -247,7 +247,7 @@ def _recorded(truths: Sequence[Motion], path: Path) -> list[Row]:
 
 
 def _solved_frames(truth: Motion, path: Path, most: int | None = None) -> int:
-    """Return the number of frames of a take solved, those at its beginning at most."""
+    """Return the number of solved frames of a take, at most those at its beginning."""
     take, subject = sliced(truth, 0, min(most or truth.frames, truth.frames)), true_subject(truth)
     solve_take(simulate_markers(take, subject)[0], subject, open_database(path), SolveSettings(), no_progress)
     return take.frames

@@ -1,4 +1,4 @@
-"""Time to the first pose of a capture, and to the next after its solver was killed; memory. Linux only."""
+"""Time to the first pose of a capture, and to the next pose after its solver was killed; memory. Linux only."""
 
 import os
 import signal
@@ -20,25 +20,25 @@ from .run import Run
 from .solving import MARKER_SET
 from .speed import reference_ms
 
-TICK_S = 1.0 / 240.0  # as of Blender's timer
-WORKING_S = 3.0  # from the first pose to the kill
+TICK_S = 1.0 / 240.0  # as in Blender's timer
+WORKING_S = 3.0  # time from the first pose to the kill
 PATIENCE_S = 120.0
-EMBEDDED_S, OTHER_S, AGAIN_S = 1.5, 2.5, 1.2  # goals
+EMBEDDED_S, OTHER_S, AGAIN_S = 1.5, 2.5, 1.2  # limits to reach
 FIGURES = ("start_s", "again_s", "memory_mb", "own_memory_mb")
 
 
 def start(run: Run, runs: int = 10, database: Path | None = None) -> dict[str, Any]:
     """Start captures of the simulated performer, as Blender does, and kill their solver.
 
-    Memory is that of the solver's and the cameras' processes before the kill: their share of all pages (PSS), and
-    without pages of files, as the system takes those back where it needs them.
+    Memory is that of the solver's and the cameras' processes before the kill: proportional set size (PSS), and the
+    same without file pages, because the system takes those back if it needs them.
 
     Args:
-        runs: Number of captures of each database.
-        database: Database beside the embedded one.
+        runs: Number of captures per database.
+        database: Database to use in addition to the embedded one.
 
     Returns:
-        rows (database, frames, median and most of each figure, goals), search_ms (one exhaustive NumPy search of the
+        rows (database, frames, median and maximum of each figure, goals), search_ms (one exhaustive NumPy search in the
         same run), outputs.
     """
     rows: list[dict[str, Any]] = []
@@ -54,7 +54,7 @@ def start(run: Run, runs: int = 10, database: Path | None = None) -> dict[str, A
 
 
 def captured(database: Path, take: Path) -> dict[str, float]:
-    """Return the figures of one capture."""
+    """Return the figures for one capture."""
     source = {"kind": "simulated", "behaviour": "walking", "seconds": 60.0, "height_m": 1.75, "loop": True}
     subject = Subject("Sim", default_skeleton(1.75), load_marker_set(MARKER_SET))
     request = {
@@ -86,7 +86,7 @@ def captured(database: Path, take: Path) -> dict[str, float]:
 
 
 def _ticked(capture: CaptureRun, until: Callable[[], bool]) -> float:
-    """Take poses as Blender does; return when a condition became true."""
+    """Receive poses as Blender does; return when a condition has become true."""
     limit_s = time.perf_counter() + PATIENCE_S
     while not until():
         capture.tick()
@@ -97,6 +97,6 @@ def _ticked(capture: CaptureRun, until: Callable[[], bool]) -> float:
 
 
 def _memory_mb(process_id: int) -> list[float]:
-    """Return a process' share of memory, and that of pages of no file."""
+    """Return a process's share of memory, and the part that does not belong to files."""
     rows = dict(line.split(":", 1) for line in Path(f"/proc/{process_id}/smaps_rollup").read_text().splitlines()[1:])
     return [1024e-6 * int(rows[key].split()[0]) for key in ("Pss", "Pss_Anon")]

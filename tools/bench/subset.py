@@ -1,4 +1,4 @@
-"""Databases made of arrays, and of parts of another."""
+"""Databases made from arrays, and from parts of another database."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -35,7 +35,7 @@ def write_database(
 
 
 def write_subset(database: Database, path: str | Path, kept: Iterable[Part]) -> Database:
-    """Write parts of a database as another and return it.
+    """Write parts of a database as another database and return it.
 
     Raises:
         DatabaseError: Nothing is kept.

@@ -1,4 +1,4 @@
-"""People in suits of many markers, solved with nine: how far off the others are. Keypoints beside them."""
+"""People in suits with many markers, solved with nine: how far off the others are; the same for keypoints."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ from .run import Rows, Run
 from .scenarios import BASELINE, CMU, LIVE, OFFLINE, SUITS
 from .tables import geometric_mean, interval
 
-_USED = "9"  # markers to solve with
+_USED = "9"  # number of markers to solve with
 
 
 class _Version(NamedTuple):
@@ -27,19 +27,19 @@ class _Version(NamedTuple):
 def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> dict[str, Any]:
     """Solve suits with nine of their markers; measure the distance of the others.
 
-    Body and offsets are fitted to each take once, and the nine markers are chosen once, by this version. Databases hold
-    all of CMU; the learned prior is the shipped one, which has seen nobody of the takes as far as their files say.
+    Body and offsets are fitted once per take, and the nine markers are chosen once, by this version. Databases contain
+    all of CMU; the learned prior is the shipped one, which has seen none of the performers as far as their files say.
 
     Args:
         baseline: Folder of another version, which solves with the same body and markers.
-        suits: Folder that holds c3d/ and trc/; default `data`.
+        suits: Folder that contains c3d/ and trc/; by default `data`.
 
     Returns:
         rows (take, method, used markers, left_out_rms_mm), ratios (to the other version: geometric mean with its 95 %
         interval, worst take), missing (takes that the folder lacks), keypoints (see `keypoints`), outputs.
 
     Raises:
-        FormatError: The folder holds none of the takes.
+        FormatError: The folder contains none of the takes.
     """
     folder = suits or run.data
     there = {name: folder / path for name, path in SUITS.items() if (folder / path).is_file()}
@@ -61,7 +61,7 @@ def suits(run: Run, baseline: Path | None = None, suits: Path | None = None) -> 
 
 
 def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folder: Path) -> list[dict[str, Any]]:
-    """Return a row of each method for a take, in the other process."""
+    """Return a row for each method for a take, in another process."""
     subject, motion = folder / f"{name}.toml", folder / f"{name}.bvh"
     fit = ("--database", str(ours.database), "--marker-set", "auto")
     ours.product.call("calibrate", "subject", str(path), *fit, "--out", str(subject))
@@ -83,7 +83,7 @@ def _solve(name: str, path: Path, ours: _Version, theirs: _Version | None, folde
 
 
 def _ratio(rows: Rows, way: str) -> dict[str, Any]:
-    """Return the distances of a way as shares of the other version's."""
+    """Return the distances relative to the other version's."""
     by = {(row["take"], row["method"]): row["left_out_rms_mm"] for row in rows}
     ratios = np.array([by[take, way] / by[take, BASELINE] for take, method in by if method == way])
     low, high = interval(np.log(ratios))

@@ -1,4 +1,4 @@
-"""Table 1 of the paper: visited frames, and deviation from the exhaustive search."""
+"""Table 1 of the paper: number of visited frames, and deviation from the exhaustive search."""
 
 import time
 from dataclasses import replace
@@ -27,12 +27,12 @@ from .tables import groups
 
 # frames, mean, minimum, maximum visited, error in degrees per joint
 PAPER = {"boxing": (71597, 752.31, 36, 8968, 0.025), "heterogeneous": (433622, 710.1, 31, 9101, 0.014)}
-_PAPER_SEARCH: dict[str, Any] = {  # all methods search the same
+_PAPER_SEARCH: dict[str, Any] = {  # all methods use the same search
     "examples": PAPER_RANGE.local_pca.neighbours[-1],
     "query_pose_m_per_rad": PAPER_RANGE.local_pca.query_pose_m_per_rad,
 }
-# The closest example shows the search's own error. The local model, chosen again in each frame from as few dimensions
-# as the paper's, amplifies small differences between the examples found.
+# The closest example shows the search's own error. The local model, which is chosen again in each frame with as few
+# dimensions as the paper's, amplifies small differences between the examples found.
 COMPARED = {
     "nearest": replace(PAPER_RANGE, method="nearest", nearest=NearestSettings(**_PAPER_SEARCH)),
     "lwr": replace(PAPER_RANGE, method="lwr", lwr=LwrSettings(**_PAPER_SEARCH)),
@@ -40,8 +40,8 @@ COMPARED = {
     "best": METHODS["best"],
 }
 SEARCHES = ("graph", "cells")
-_EVERY = 4  # frames from one that is compared with the exhaustive search to the next
-_SAME_DEG = 0.014  # per joint: poses that are closer count as the same
+_EVERY = 4  # step between the frames that are compared with the exhaustive search
+_SAME_DEG = 0.014  # per joint: poses closer than this count as the same
 
 
 def table1(run: Run) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def table1(run: Run) -> dict[str, Any]:
         of = {"database": name, "database_frames": database.frames}
         graph = build_graph(np.asarray(database.poses).reshape(database.frames, -1), database.clip_of_frame)
         solved = [title for title in takes if title not in TABLE1_BANDAI or name != "CMU"]
-        with patch.object(choose, "build_graph", lambda *given, graph=graph: graph):  # once, not by each solver
+        with patch.object(choose, "build_graph", lambda *given, graph=graph: graph):  # once, not once per solver
             for done, title in enumerate(solved):
                 run.progress(0.4 + 0.3 * (number + done / len(solved)), f"{name}: {title}")
                 rows += [of | row for row in _compared(takes[title], database)]
@@ -103,7 +103,7 @@ class _Model(SubjectModel):
     _stored: FloatArray | None = None
 
     def database_markers(self, database: Database, frames: Any = slice(None)) -> FloatArray:
-        """Return them for all frames."""
+        """Return the markers in all frames."""
         if self._stored is None:
             self._stored = super().database_markers(database)
         return self._stored[frames]
@@ -112,8 +112,8 @@ class _Model(SubjectModel):
 def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: int = _EVERY) -> dict[str, Any]:
     """Return visited frames and deviation from the exhaustive search's poses.
 
-    Both start from the tested search's motion so far: the error is that of a single search. All visits for a frame
-    count, at the start those of several searches.
+    Both start from the tested search's motion so far, so the error is that of a single search. All visits for a frame
+    count; in the first frame these are several searches.
 
     Args:
         tested, exhaustive: Solvers of the same method, subject and database.
@@ -144,7 +144,7 @@ def searched(tested: PoseSolver, exhaustive: PoseSolver, markers_m: Any, every: 
 
 
 def _search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
-    """Return each search's time for true queries, and its share of the exhaustive's."""
+    """Return each search's time for true queries, and its ratio to the exhaustive search's."""
     subject = true_subject(truth)
     model = SubjectModel(subject, database.reference_pose_of(subject.skeleton, subject.name))
     true_poses = pose_from_rotations(truth.rotations, model.mean_rotations)
@@ -176,7 +176,7 @@ def _search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
 
 
 def _totals(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of all takes together, frame by frame."""
+    """Return the rows of all takes combined, frame by frame."""
     keys, totals = ("database", "database_frames", "search", "method"), []
     for key, mine in groups(rows, *keys).items():
         frames = [row["frames"] for row in mine]

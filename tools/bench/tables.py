@@ -1,4 +1,4 @@
-"""Means, ratios and groups of rows."""
+"""Means, ratios and grouping of table rows."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -15,7 +15,7 @@ UNITS = (
 
 
 def groups(rows: Rows, *keys: str) -> dict[tuple[Any, ...], list[Any]]:
-    """Return rows by the values of some of their columns, in the order of the first of each group."""
+    """Return rows grouped by the values of some columns, in the order of each group's first row."""
     found: dict[tuple[Any, ...], list[Any]] = {}
     for row in rows:
         found.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -23,13 +23,13 @@ def groups(rows: Rows, *keys: str) -> dict[tuple[Any, ...], list[Any]]:
 
 
 def mean(rows: Rows, column: str, digits: int = 4) -> float:
-    """Return the mean of a column without NaN (feet that never stand have no skate); NaN of none."""
+    """Return the mean of a column ignoring NaN (feet that never stand have no skate); NaN if nothing is left."""
     known = [row[column] for row in rows if np.isfinite(row[column])]
     return round(float(np.mean(known)), digits) if known else float("nan")
 
 
 def geometric_mean(values: Iterable[float]) -> float:
-    """Return the geometric mean of positive values without NaN; NaN of none."""
+    """Return the geometric mean of positive values ignoring NaN; NaN if nothing is left."""
     known = np.array([value for value in values if np.isfinite(value)])
     return float(np.exp(np.mean(np.log(known)))) if len(known) else float("nan")
 
@@ -44,8 +44,8 @@ def interval(logs: Array) -> tuple[float, float]:
 def paired_ratios(rows: Rows, method: str, other: str, conditions: Sequence[str]) -> list[dict[str, Any]]:
     """Return the ratios of a method's errors to another's, by condition.
 
-    Geometric means over the takes; of degrees and millimetres with the 95 % interval of the mean (bootstrap over
-    takes), the worst take, and those over 1.02.
+    These are geometric means over the takes; for degrees and millimetres with the 95 % interval of the mean (bootstrap
+    over takes), the worst take, and takes above 1.02.
     """
     found = []
     for condition in conditions:

@@ -1,4 +1,4 @@
-"""Errors of detection and triangulation against simulated cameras; those of labels: `robustness` films takes."""
+"""Errors of detection and triangulation with simulated cameras; for labels, `robustness` films takes."""
 
 from dataclasses import replace
 from typing import Any
@@ -34,14 +34,14 @@ _BASELINE_M, _DISTANCE_M = 2.0, 3.0
 _SPEEDS_M_S = (0.0, 1.0, 5.0)
 _FPS = 60.0
 _RUNS, _RUN_FRAMES, _RUN_MARKERS = 60, 10, 8
-_SAME_M = 0.05  # a point this near to a true marker shows it
+_SAME_M = 0.05  # largest distance of a point from the true marker that it shows
 
 
 def vision(run: Run) -> dict[str, Any]:
-    """Measure centres and points on simulated images, and write them.
+    """Measure centres and points on simulated images, and write the figures.
 
     Returns:
-        centroids (radius_px, rms_px of a coordinate), points (speed_m_s, rms_mm of the distance, found), outputs.
+        centroids (radius_px, rms_px per coordinate), points (speed_m_s, rms_mm of the distance, found), outputs.
     """
     run.progress(0.0, "centres of discs")
     centroids = [centroid_row(radius) for radius in _RADII_PX]
@@ -55,7 +55,7 @@ def vision(run: Run) -> dict[str, Any]:
 
 
 def centroid_row(radius_px: float) -> dict[str, float]:
-    """Return coordinate error and share found of discs (radius in pixels) in noise."""
+    """Return the coordinate error and the share found for discs (radius in pixels) with noise."""
     rng, detector = np.random.default_rng(7), Detector()
     errors = []
     for _ in range(_DISC_IMAGES):
@@ -97,7 +97,7 @@ def _rig() -> CameraRig:
 
 
 def in_world_of(rig: CameraRig, true: CameraRig) -> CameraRig:
-    """Return the calibrated rig with its first camera where the true one is."""
+    """Return the calibrated rig, moved so that its first camera is where the true one is."""
     turn = true.cameras[0].rotation.T @ rig.cameras[0].rotation
     centre = rig.cameras[0].centre_m
     moved: list[Camera] = []

@@ -17,14 +17,14 @@ from .surface import Array, IntArray, mesh_of, union
 
 MATERIAL_NAMES = ("shirt", "trousers", "skin", "hair", "shoe", "eye")
 _MATERIAL_OF = {"clothes": "shirt", "head": "skin", "hand": "skin", "hair": "hair", "shoe": "shoe", "eye": "eye"}
-_COVERED_BY = {"head": "hair", "hair": "head"}  # in every pose: both move as one
+_COVERED_BY = {"head": "hair", "hair": "head"}  # in every pose, because both move as one
 _HIDDEN_M = 0.006
 _THUMB = 5  # index of the thumb among a hand's shapes
-_WEIGHT_STEPS = 4095  # a weight of one, as the file stores it
+_WEIGHT_STEPS = 4095  # integer that the file stores for a weight of one
 
 
 def write_character(path: Path) -> None:
-    """Write the body of the default skeleton, in product space and rest pose."""
+    """Write the body of the default skeleton in the product's axes and rest pose."""
     skeleton = default_skeleton()
     figure = Figure(skeleton, skeleton.rest_positions_m + standing_root_m(skeleton))
     parts = parts_of(figure)
@@ -63,7 +63,7 @@ def _mesh(part: Part, parts: list[Part], figure: Figure) -> tuple[Array, IntArra
 
 
 def _materials(part: Part, figure: Figure, vertices: Array, faces: IntArray) -> NDArray[np.int64]:
-    """Return the faces' materials; shirt and trousers meet on the belt's height, where vertices are moved to."""
+    """Return the faces' materials; shirt and trousers meet at the belt, to which vertices are moved."""
     result = np.full(len(faces), MATERIAL_NAMES.index(_MATERIAL_OF[part.name]))
     if part.name == "clothes":
         belt_m = figure.off(figure.joint("lowerback"), 0.0, 0.050, 0.0)[1]
@@ -74,7 +74,7 @@ def _materials(part: Part, figure: Figure, vertices: Array, faces: IntArray) -> 
 
 
 def _thumb_share(part: Part, vertices: Array) -> Array:
-    """Return how far each vertex belongs to a thumb, 0 to 1."""
+    """Return to what degree each vertex belongs to a thumb, 0 to 1."""
     if part.name != "hand":
         return np.zeros(len(vertices))
     others = union([shape for place, shape in enumerate(part.shapes) if place != _THUMB])

@@ -1,6 +1,6 @@
 """Shapes of a person around a skeleton in T pose.
 
-Girths follow the body's height, lengths the skeleton's bones. World space, metres; the figures are for 1.75 m.
+Girths follow the body's height, lengths the skeleton's bones. World space, metres; the numbers are for 1.75 m.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Part:
     """A closed surface of the body: "clothes", "head", "hair", "shoe", "hand", "eye"."""
 
     name: str
-    shapes: list[Loft]  # their union is the surface
+    shapes: list[Loft]  # the surface is their union
     spacing_m: float  # size of its quadrilaterals
 
 
@@ -43,7 +43,7 @@ class Figure:
 
     @property
     def neck_base(self) -> Array:
-        """Where the neck leaves the trunk (3,); some skeletons have their lowest neck joint higher up."""
+        """Point (3,) where the neck leaves the trunk; some skeletons have their lowest neck joint higher up."""
         neck = self.joint("lowerneck").copy()
         shoulders = 0.5 * (self.joint("lhumerus")[1] + self.joint("rhumerus")[1])
         neck[1] = min(neck[1], shoulders - 0.045 * self.scale)
@@ -51,11 +51,11 @@ class Figure:
 
     @property
     def skull_base(self) -> Array:
-        """The point (3,) at the chin's height that the head's shapes are measured from."""
+        """Point (3,) at chin height relative to which the head's shapes are defined."""
         return self.off(self.joint("head"), 0.0, -0.012, 0.0)
 
     def sized(self, *lengths: float) -> tuple[float, ...]:
-        """Return lengths of a body of 1.75 m in this body's size."""
+        """Return lengths, given for a body of 1.75 m, scaled to this body."""
         return tuple(self.scale * length for length in lengths)
 
     def off(self, point: ArrayLike, x: float, y: float, z: float) -> Array:
@@ -151,7 +151,7 @@ def _arm(f: Figure, side: str) -> list[Loft]:
 
 
 def _skull(f: Figure) -> tuple[Array, float]:
-    """Return the head's reference point and scale (a little larger than life)."""
+    """Return the head's reference point and scale (slightly larger than life)."""
     return f.skull_base, 1.10 * f.scale
 
 

@@ -1,8 +1,8 @@
-"""Skin weights of a character: smooth over every joint, from rest positions.
+"""Skin weights of a character, smooth across every joint, computed from rest positions.
 
-Weight starts at the root and passes from bone to bone: across a plane through each joint the parent's share goes to the
-child, over a width that suits the joint. So weights are never negative, sum to one and change smoothly, however coarse
-the mesh. World space, metres; widths are for a body of 1.75 m.
+Weight starts at the root and passes from bone to bone: across a plane through each joint, the parent's share goes to
+the child, over a width that suits the joint. So weights are never negative, sum to one and change smoothly on a mesh
+of any resolution. World space, metres; widths are for a body of 1.75 m.
 """
 
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ from .surface import Array
 
 
 def skin_weights(figure: Figure, points: Array, part_names: NDArray[np.str_], thumb_share: Array) -> Array:
-    """Return the weights (V, J) of points (V, 3) of the rest pose.
+    """Return the weights (V, J) of points (V, 3) in the rest pose.
 
     Args:
-        part_names: Name of the part that each point belongs to (V,).
-        thumb_share: Share of each point that belongs to a thumb (V,): position alone does not tell it from the palm.
+        part_names: Name of the part to which each point belongs (V,).
+        thumb_share: Share of each point that belongs to a thumb (V,): position alone cannot tell it from the palm.
     """
     weights = _Weights(figure, points)
     _spine(weights)
@@ -38,7 +38,7 @@ def eased(signed: Array) -> Array:
 
 
 class _Weights:
-    """The shares (V, J) while they are handed on."""
+    """Shares (V, J) while they are passed on."""
 
     def __init__(self, figure: Figure, points: Array) -> None:
         self.skeleton, self.figure, self.points = figure.skeleton, figure, points
@@ -52,7 +52,7 @@ class _Weights:
         return eased(distance / (self.figure.scale * half_width))
 
     def hand_on(self, givers: Sequence[str], taker: str, share: Array) -> None:
-        """Pass a share (V,) of the givers' weights to the taker."""
+        """Pass a share (V,) of the givers' weights to the receiver."""
         for giver in givers:
             column = self.skeleton.index(giver)
             moved = share * self.values[:, column]
@@ -71,14 +71,14 @@ def _spine(w: _Weights) -> None:
 
 
 def _head(w: _Weights, part_names: NDArray[np.str_]) -> None:
-    """Weight head and neck; hair and eyes turn with the skull alone, the collar only with the neck."""
+    """Weight head and neck; hair and eyes turn only with the skull, the collar only with the neck."""
     f = w.figure
     skin = part_names == "head"
     neck = w.beyond(f.off(f.neck_base, 0.0, 0.045, -0.01), (0.0, 1.0, -0.25), 0.045)
     w.hand_on(["thorax", "upperback"], "lowerneck", skin * neck)
     middle = f.off(0.5 * (f.neck_base + f.joint("head")), 0.0, 0.015, 0.0)
     w.hand_on(["lowerneck"], "upperneck", skin * w.beyond(middle, (0.0, 1.0, 0.0), 0.04))
-    # the chin hangs below the neck's end: the plane between neck and skull leans forward
+    # the chin hangs below the neck's end, so the plane between neck and skull leans forward
     skull = w.beyond(f.off(f.skull_base, 0.0, 0.012, 0.005), (0.0, 0.8, 0.6), 0.035)
     w.hand_on(["lowerneck", "upperneck"], "head", skin * skull)
     rigid = np.isin(part_names, ("hair", "eye")).astype(np.float64)
@@ -92,7 +92,7 @@ def _arm(w: _Weights, side: str, out: float) -> None:
     upper = w.beyond(f.off(shoulder, 0.0, -0.055, 0.0), (0.25 * out, 1.0, 0.0), 0.060)
     w.hand_on(["thorax", "lowerneck"], side + "clavicle", clavicle * upper)
     deltoid = w.beyond(f.off(shoulder, -0.012 * out, 0.0, 0.0), (out, -0.10, 0.0), 0.085)
-    # the ribs below the armpit stay with the chest, though they are as far out as the shoulder
+    # the ribs below the armpit stay with the chest, although they are as far out as the shoulder
     above_armpit = w.beyond(f.off(shoulder, 0.0, -0.072, 0.0), (0.0, 1.0, 0.0), 0.040)
     arm_only = w.beyond(f.off(shoulder, 0.050 * out, 0.0, 0.0), (out, 0.0, 0.0), 0.030)
     w.hand_on(

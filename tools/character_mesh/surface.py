@@ -1,4 +1,4 @@
-"""Smooth closed surfaces: implicit lofts, their blended union, quadrilateral mesh.
+"""Smooth closed surfaces: implicit lofts, their blended union, and a quadrilateral mesh.
 
 A shape is described by its thickness along an axis; shapes are united with a rounded seam. A surface net (Gibson 1998,
 "Constrained elastic surface nets") meshes the zero level: one vertex per grid cell on the surface, then relaxed on the
@@ -25,17 +25,17 @@ class Loft:
 
     start: ArrayLike  # (3,) ends of the axis
     end: ArrayLike
-    at: Sequence[float]  # where the sections stand, as fractions of the axis (beyond 0 and 1 allowed), ascending
+    at: Sequence[float]  # positions of the sections, as fractions of the axis (beyond 0 and 1 allowed), ascending
     widths: Sequence[float]  # half widths along `across`
-    depths: Sequence[float] = ()  # half depths along axis x across; the widths when left out (round sections)
+    depths: Sequence[float] = ()  # half depths along axis x across; by default the widths (round sections)
     shifts: Sequence[float] = ()  # section centres along axis x across
     across: ArrayLike = (0.0, 0.0, 1.0)  # direction of the widths; made perpendicular to the axis
     caps: tuple[float, ...] = (0.01, 0.01)  # lengths of the rounded ends
-    power: float = 2.0  # 2 gives ellipses, more gives boxes with round corners
+    power: float = 2.0  # 2 gives ellipses, larger values give boxes with rounded corners
     blend: float = 0.03  # radius of the rounded seam with the shapes before it
 
     def __call__(self, points: Array) -> Array:
-        """Return signed distances of points (..., 3), exact near the surface only."""
+        """Return signed distances of points (..., 3), accurate only near the surface."""
         start = np.asarray(self.start, dtype=np.float64)
         axis = np.asarray(self.end, dtype=np.float64) - start
         length = float(np.linalg.norm(axis))
@@ -83,7 +83,7 @@ def union(shapes: Sequence[Loft]) -> Field:
 def mesh_of(field: Field, low: Array, high: Array, spacing: float) -> tuple[Array, IntArray]:
     """Return the mesh of a field's zero level: vertices (V, 3) and quadrilaterals (F, 4).
 
-    Symmetric in x if field and box are. Quadrilaterals are counter-clockwise seen from outside.
+    The mesh is symmetric in x if field and box are. Quadrilaterals are counter-clockwise seen from outside.
 
     Args:
         low, high: Corners of the box (3,), metres; the surface must not touch its sides.
@@ -109,7 +109,7 @@ def _surface_net(values: Array) -> tuple[Array, IntArray]:
 
 
 def _crossings_mean(values: Array, where: IntArray) -> Array:
-    """Return (V, 3) mean points of the cells' edge crossings, in cell units."""
+    """Return the mean points (V, 3) of the cells' edge crossings, in cell units."""
     at_corners = np.stack([values[tuple((where + corner).T)] for corner in _CORNERS], axis=1)
     total, count = np.zeros((len(where), 3)), np.zeros(len(where))
     for a, b in product(range(8), repeat=2):
@@ -124,7 +124,7 @@ def _crossings_mean(values: Array, where: IntArray) -> Array:
 
 
 def _faces(inside: NDArray[np.bool_], numbers: IntArray) -> IntArray:
-    """Return a quadrilateral of the four cells around each edge through the surface."""
+    """Return a quadrilateral of the four cells around each edge that crosses the surface."""
     faces = []
     for axis in range(3):
         u, v = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
@@ -155,7 +155,7 @@ def _relaxed(field: Field, vertices: Array, faces: IntArray, spacing: float, rou
 
 
 def _step_to_surface(field: Field, points: Array, spacing: float) -> Array:
-    """Return the Newton step to the zero level, at most half the spacing long."""
+    """Return the Newton step to the zero level, limited to half the spacing."""
     value, width = field(points), 0.05 * spacing
     gradient = np.stack(
         [(field(points + step) - field(points - step)) / (2.0 * width) for step in width * np.eye(3)], axis=-1

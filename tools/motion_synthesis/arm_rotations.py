@@ -1,7 +1,7 @@
-"""Two-bone limbs: analytic inverse kinematics, orientations of arms and hands.
+"""Two-bone limbs: analytic inverse kinematics, and orientations of arms and hands.
 
-World and chest frames below are those of the rest pose: x to the left, y up, z forward. "Hinge" is the axis about
-which the limb's middle joint flexes by positive angles.
+The world and chest frames below are those of the rest pose: x to the left, y up, z forward. The "hinge" is the axis
+about which the limb's middle joint flexes for positive angles.
 """
 
 import numpy as np
@@ -11,11 +11,11 @@ from perfanim.core.geometry.two_bone_ik import triangle_angle
 from .curves import Array
 from .proportions import about, outward
 
-# shares of a limb's length: up to the first it reaches exactly, and it never passes the second, because a limb that
+# shares of a limb's length: up to the first it reaches exactly, and it never exceeds the second, because a limb that
 # snaps straight has infinite joint speed and no defined plane
 _LEG_REACH, ARM_REACH = (0.9990, 0.9998), (0.92, 0.9975)
-_ELBOW_TILT_RAD = np.deg2rad(30.0)  # CMU's T pose: the crook of the elbow looks forward and up
-# free up to the first angle, never beyond the second
+_ELBOW_TILT_RAD = np.deg2rad(30.0)  # CMU's T pose: the crook of the elbow faces forward and up
+# unrestricted up to the first angle, never beyond the second
 _WRIST_RANGE_RAD, _TWIST_RANGE_RAD = np.deg2rad((55.0, 80.0)), np.deg2rad((100.0, 130.0))
 
 
@@ -25,7 +25,7 @@ def unit(vectors: Array) -> Array:
 
 
 def frame_from(rest_bone: Array, rest_hinge: Array, bone: Array, hinge: Array) -> Array:
-    """Return rotations (T, 4) of a rest bone and hinge to world ones; each bone is orthogonal to its hinge."""
+    """Return rotations (T, 4) that turn a rest bone and hinge to world ones; each bone is orthogonal to its hinge."""
     rest = np.stack((rest_hinge, rest_bone, np.cross(rest_hinge, rest_bone)), axis=-1)
     world = np.stack((hinge, bone, np.cross(hinge, bone)), axis=-1)
     return rot.from_matrix(world @ rest.T)
@@ -39,16 +39,16 @@ def two_bones(
     rest: tuple[Array, Array],
     reach_shares: tuple[float, float] = _LEG_REACH,
 ) -> tuple[Array, Array]:
-    """Return how two bones reach from `start` to `target` (T, 3) each.
+    """Return how two bones reach from `start` to `target` (T, 3).
 
     Args:
-        hinge_hint: Wanted hinge axis (T, 3); its part across the line start-target is used.
+        hinge_hint: Desired hinge axis (T, 3); its component perpendicular to the line start-target is used.
         lengths: Lengths of the first and second bone.
         rest: Direction of the (straight) limb and hinge axis in the rest pose.
-        reach_shares: Reach that is exact, and greatest reach, as shares of the limb's length.
+        reach_shares: Largest exact reach and largest reach, as shares of the limb's length.
 
     Returns:
-        world orientation of the first bone (T, 4), flexion of the joint (T,), radians.
+        World orientation of the first bone (T, 4), flexion of the joint (T,), radians.
     """
     first, second = lengths
     line = target - start
@@ -58,7 +58,7 @@ def two_bones(
     along = line / distance[:, None]
     hinge = unit(hinge_hint - np.sum(hinge_hint * along, axis=1, keepdims=True) * along)
     at_start = triangle_angle(first, reach, second)[:, None]
-    # the first bone turns against the flexion, the second follows with it
+    # the first bone turns against the flexion; the second follows with it
     bone = np.cos(at_start) * along - np.sin(at_start) * np.cross(hinge, along)
     return frame_from(*rest, bone, hinge), np.pi - triangle_angle(first, second, reach)
 
@@ -83,7 +83,7 @@ def leg_rest(flat: Array) -> tuple[Array, Array]:
 def hanging_arm(side: str, flex_rad: Array, abduct_rad: Array, twist_rad: Array) -> Array:
     """Return chest-from-humerus of an arm swung forward and sideways from hanging.
 
-    With `twist` 0 a hanging arm's elbow folds straight forward; positive twist turns the forearm inwards.
+    With `twist` 0 the elbow of a hanging arm flexes straight forward; positive twist turns the forearm inwards.
     abduct 90 and twist -30 degrees is the rest pose.
     """
     s = outward(side)
@@ -98,14 +98,14 @@ def elbow(side: str, flexion_rad: Array) -> Array:
 
 
 def soft_limit(angles: Array, free_rad: float, limit_rad: float) -> Array:
-    """Return angles softly held below `limit_rad`, unchanged up to `free_rad`."""
+    """Return angles gently limited to `limit_rad`, unchanged up to `free_rad`."""
     room = limit_rad - free_rad
     beyond = np.maximum(np.abs(angles) - free_rad, 0.0)
     return np.asarray(np.sign(angles) * (np.minimum(np.abs(angles), free_rad) + room * np.tanh(beyond / room)))
 
 
 def limited(rotations: Array, free_rad: float, limit_rad: float) -> Array:
-    """Return rotations by angles softly held below `limit_rad`."""
+    """Return rotations by angles gently limited to `limit_rad`."""
     vector = rot.to_rotation_vector(rotations)
     angle = np.linalg.norm(vector, axis=-1, keepdims=True)
     return rot.from_rotation_vector(vector * (soft_limit(angle, free_rad, limit_rad) / np.maximum(angle, 1e-9)))

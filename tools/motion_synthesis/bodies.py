@@ -1,4 +1,4 @@
-"""Bodies of many proportions: performers, and prototypes of subject calibration."""
+"""Bodies of many proportions: performers, and prototypes for subject calibration."""
 
 import json
 from dataclasses import replace
@@ -10,11 +10,11 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, default_skeleton, 
 
 from .proportions import Array, Body
 
-# standard deviations of a segment's share of the height between people of one height
+# standard deviations of a segment's share of the height between people of the same height
 _SPREAD = {"leg": 0.025, "trunk": 0.020, "neck": 0.035, "arm": 0.025, "shoulder": 0.035, "hip": 0.045, "foot": 0.030}
-_PART_SPREAD = {"foot": 0.018, "wrist": 0.018, "hand": 0.018}  # of shank and forearm within their limbs
+_PART_SPREAD = {"foot": 0.018, "wrist": 0.018, "hand": 0.018}  # for shank and forearm within their limbs
 _SIDE_SPREAD = 0.006  # between left and right limbs
-_BROAD = {"shoulder": 0.07, "hip": 0.09}  # what a broad build adds
+_BROAD = {"shoulder": 0.07, "hip": 0.09}  # additional length for a broad build
 _JOINTS = {
     "leg": "tibia foot", "trunk": "upperback thorax lowerneck clavicle", "neck": "upperneck head",
     "arm": "radius wrist hand fingers thumb", "shoulder": "humerus", "hip": "femur", "foot": "toes",
@@ -30,11 +30,11 @@ def body(height_m: float = 1.75, build: float = 0.0, seed: int = 0) -> Skeleton:
     Args:
         height_m: Head to sole.
         build: -1 slender .. 1 broad.
-        seed: Number of the person of this height and build; 0 has average proportions.
+        seed: Number of the person with this height and build; 0 has average proportions.
     """
     plain = default_skeleton(height_m)
     shape = scaled(plain, _factors(build, np.random.default_rng(seed) if seed else None))
-    # a bone is the offset of the joint at its end; bones without one (head, toes, fingers) go by their own joint
+    # a bone is the offset of the joint at its end; bones without one (head, toes, fingers) are named by their own joint
     tips = shape.tips_m.copy()
     for joint in range(1, len(shape)):
         parent = int(shape.parents[joint])
@@ -45,7 +45,7 @@ def body(height_m: float = 1.75, build: float = 0.0, seed: int = 0) -> Skeleton:
 
 
 def _factors(build: float, rng: np.random.Generator | None) -> Array:
-    """Return one factor per joint's offset."""
+    """Return one factor per joint offset."""
     groups = {name: 1.0 + build * _BROAD.get(name, 0.0) for name in _SPREAD}
     parts = dict.fromkeys(_PART_SPREAD, 1.0)
     sides = {"l": 1.0, "r": 1.0}
@@ -67,13 +67,13 @@ def _factors(build: float, rng: np.random.Generator | None) -> Array:
 
 
 def _stature(skeleton: Skeleton) -> float:
-    """Return the height of the head's end above the ground, standing."""
+    """Return the height of the end of the head above the ground, standing."""
     head = skeleton.index("head")
     return float(Body(skeleton).standing_m + skeleton.rest_positions_m[head, 1] + skeleton.tips_m[head, 1])
 
 
 def prototype_bodies(count: int = 24) -> tuple[Skeleton, ...]:
-    """Return bodies that span the sizes and builds of adults, for subject calibration."""
+    """Return bodies that cover the sizes and builds of adults, for subject calibration."""
     heights = np.linspace(1.48, 2.02, count)
     return tuple(body(float(height), (-0.8, 0.0, 0.8)[i % 3], 100 + i) for i, height in enumerate(heights))
 

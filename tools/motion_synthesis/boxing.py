@@ -1,7 +1,7 @@
 """Boxing: guard, footwork, punches, ducking and slipping, in combinations.
 
-All is written for a boxer with the left foot in front; `lead` mirrors it. Lengths are shares of the arm's length
-where they place hands, metres for a leg of 0.85 m where they place feet.
+Everything is written for a boxer with the left foot in front; `lead` mirrors it. Lengths are shares of the arm's length
+where they place hands, and metres for a leg of 0.85 m where they place feet.
 """
 
 from collections.abc import Callable
@@ -50,10 +50,10 @@ class _Trunk:
 
 @dataclass(frozen=True)
 class _Blow:
-    """A blow of the front ("lead") or the other hand.
+    """A blow with the front ("lead") or the other hand.
 
     Args:
-        times: Seconds of wind-up, way to the impact and return.
+        times: Seconds for wind-up, motion to the impact and return.
         reach: Distance of the impact in front, over the arm's length, where the style changes it.
         pivot: Seconds after the start at which the foot begins to turn, its pitch, its turn.
     """
@@ -105,7 +105,7 @@ _BLOWS = {
 
 
 class _Boxer(Fighter):
-    """Writes a boxer's keys into a timeline."""
+    """Writes a boxer's keys to a timeline."""
 
     def __init__(self, timeline: Timeline, lead: str) -> None:
         super().__init__(timeline)
@@ -115,7 +115,7 @@ class _Boxer(Fighter):
     # ---- postures
 
     def trunk(self, time_s: float, pose: _Trunk, looseness: float = 1.0) -> None:
-        """Key the trunk; small chance differences are added."""
+        """Key the trunk, with small random differences."""
         timeline, m, j = self.timeline, outward(self.lead), self.timeline.jitter
         scatter = 0.03 * looseness
         flex = pose.flex + 0.5 * timeline.style.slouch_rad
@@ -130,7 +130,7 @@ class _Boxer(Fighter):
         )
 
     def fist(self, side: str, time_s: float, hand: _Hand, scatter: float = 0.03) -> None:
-        """Key a fist given for the left hand on the side that it belongs to."""
+        """Key a fist described for the left hand on the side to which it belongs."""
         timeline, flip = self.timeline, np.array([outward(side), 1.0, 1.0])
         shift = np.array([timeline.jitter(scatter) for _ in range(3)])
         target = timeline.body.arm_m * (np.array(hand.target) * flip + shift)
@@ -154,7 +154,7 @@ class _Boxer(Fighter):
     # ---- feet
 
     def stand(self, lift_s: float, forward: float = 0.0, left: float = 0.0, first: str = "") -> float:
-        """Step both feet into the stance moved by (forward, left) metres; return when the second foot has landed."""
+        """Step with both feet to the stance moved by (forward, left) metres; return when the second foot has landed."""
         timeline = self.timeline
         self.move_spot(forward, left, (-0.6, -0.8), (0.6, 0.9))
         first = first or (self.lead if forward >= 0.0 else self.rear)
@@ -210,7 +210,7 @@ def _strike(boxer: _Boxer, start_s: float, blow: _Blow) -> float:
 
 
 def _pivot(boxer: _Boxer, side: str, start_s: float, end_s: float, pivot: _Vector) -> None:
-    """Turn a foot inwards on its ball with a blow and back."""
+    """Turn a foot inwards on its ball during a blow and back."""
     delay_s, heel_up, turn = pivot
     timeline, start_s = boxer.timeline, start_s + delay_s
     if timeline.feet[side].free_s > start_s:
@@ -260,7 +260,7 @@ _EVASIONS: dict[str, Callable[[_Boxer, float], float]] = {"duck": _duck, "slip":
 
 
 def box(timeline: Timeline, seconds: float) -> None:
-    """Take guard, move, strike in combinations, lower the hands."""
+    """Take guard, move, strike combinations, lower the hands."""
     end = timeline.time_s + seconds
     boxer = _Boxer(timeline, "r" if timeline.rng.random() < 0.1 else "l")
     time_s, first = _take_guard(boxer), True
@@ -287,7 +287,7 @@ def _take_guard(boxer: _Boxer) -> float:
     timeline.anchor(start)
     ready = boxer.stand(start + 0.15) + 0.1
     for side, guard in boxer.guards.items():
-        boxer.fist(side, start, guard)  # not seen while `guide` is 0
+        boxer.fist(side, start, guard)  # not visible while `guide` is 0
         timeline.set_side(side, start, grip=0.3)
         timeline.set_side(side, start + 0.55, guide=1.0)
     boxer.guard(ready)

@@ -14,7 +14,7 @@ _SAME_S = 1e-6
 
 
 class Key(NamedTuple):
-    """A value at a time; velocity and acceleration where they are fixed."""
+    """A value at a time; also velocity and acceleration if they are fixed."""
 
     time_s: float
     value: Array
@@ -23,14 +23,14 @@ class Key(NamedTuple):
 
 
 class Track:
-    """Keys of one quantity; a C2 curve between the ends and constant beyond.
+    """Keys of one quantity; a C2 curve between them, constant before and after.
 
     Tangents are monotone (no overshoot between keys, level at extremes) unless a key fixes its velocity and
     acceleration, so a ballistic flight between two keys is reproduced exactly.
     """
 
     def __init__(self) -> None:
-        self.keys: list[Key] = []  # by time
+        self.keys: list[Key] = []  # sorted by time
 
     def key(
         self,
@@ -39,7 +39,7 @@ class Track:
         velocity: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:
-        """Set a key; one at the same time is replaced."""
+        """Set a key; a key at the same time is replaced."""
         begin, end = (bisect_left(self.keys, time_s + side, key=lambda key: key.time_s) for side in (-_SAME_S, _SAME_S))
         array = np.atleast_1d(np.asarray(value, dtype=np.float64))
         self.keys[begin:end] = [Key(time_s, array, velocity, acceleration)]
@@ -58,7 +58,7 @@ class Track:
         i = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
         h = (times[i + 1] - times[i])[:, None]
         u = (at - times[i])[:, None] / h
-        # quintic Hermite curve of each segment
+        # quintic Hermite curve for each segment
         p0, v0, a0 = values[i], velocities[i] * h, accelerations[i] * h * h
         p1, v1, a1 = values[i + 1], velocities[i + 1] * h, accelerations[i + 1] * h * h
         d, e, f = p1 - p0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
@@ -80,7 +80,7 @@ def _tangents(times: Array, values: Array, keys: Sequence[Key]) -> tuple[Array, 
     for i, key in enumerate(keys):
         if key.velocity is not None:
             velocities[i] = key.velocity
-    # second derivatives of the cubics that meet at a key; the smaller where they agree in sign, so holds stay level
+    # second derivatives of the cubics that meet at a key; the smaller if they agree in sign, so holds stay level
     left = (2.0 * velocities[:-1] + 4.0 * velocities[1:] - 6.0 * slopes) / steps
     right = (6.0 * slopes - 4.0 * velocities[:-1] - 2.0 * velocities[1:]) / steps
     smaller = np.sign(left[:-1]) * np.minimum(np.abs(left[:-1]), np.abs(right[1:]))
@@ -98,7 +98,7 @@ def ease(u: ArrayLike) -> Array:
 
 
 def smoothed(values: Array, sigma_samples: float) -> Array:
-    """Return values (T,) after a Gaussian, the ends held."""
+    """Return values (T,) smoothed with a Gaussian, with constant ends."""
     reach = int(np.ceil(4.0 * sigma_samples))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma_samples) ** 2)
     return np.asarray(convolve1d(values, kernel / kernel.sum(), axis=0, mode="nearest"))

@@ -1,4 +1,4 @@
-"""Where the feet are: contacts that stay put, and swings between them."""
+"""Positions of the feet: contacts that stay in place, and swings between them."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,13 +10,13 @@ from perfanim.core.geometry import rotations as rot
 from .curves import Array, ease
 from .proportions import Sole, about
 
-HELD_S = 0.35  # rise and fall of a foot that is kept up
-_UPRIGHT = (0.05, 0.97)  # share of a swing between which the foot travels: it goes straight up and down at its ends
-_CORNER_RAD = 0.12  # rounding of the change of pivot from ball to heel in the air
+HELD_S = 0.35  # time for raising and lowering a foot that is held up
+_UPRIGHT = (0.05, 0.97)  # part of a swing in which the foot travels: it moves straight up and down at its ends
+_CORNER_RAD = 0.12  # smoothing of the change of pivot from ball to heel in the air
 
 
 class Placement(NamedTuple):
-    """A flat foot on the ground: x, z of its ball in metres, and its yaw, radians."""
+    """A flat foot on the ground: x and z of its ball in metres, and its yaw, radians."""
 
     x_m: float
     z_m: float
@@ -25,15 +25,15 @@ class Placement(NamedTuple):
 
 @dataclass(frozen=True)
 class Swing:
-    """A foot's way through the air to its next placement."""
+    """A foot's path through the air to its next placement."""
 
     lift_s: float  # last time of contact
-    land_s: float  # first time of the next one
+    land_s: float  # first time of the next contact
     to: Placement
-    height_m: float  # greatest height of the foot's ball above its height on the ground
-    peak: float = 0.5  # share of the swing at which the height is greatest
+    height_m: float  # largest height of the foot's ball above its height on the ground
+    peak: float = 0.5  # fraction of the swing at which the height is largest
     power: float = 3.0  # exponent of the height's rise from the ground: 3 lifts gently, 1.5 as in a jump
-    held: bool = False  # kept up between a rise and a fall of `HELD_S`
+    held: bool = False  # held up between raising and lowering for `HELD_S`
 
     def lift_m(self, times_s: Array) -> Array:
         """Return the ball's rise above the ground at times within the swing."""
@@ -49,23 +49,23 @@ class Swing:
 
 @dataclass
 class FootPath:
-    """All placements and swings of one foot, in the order of time."""
+    """All placements and swings of one foot, in order of time."""
 
     first: Placement
     swings: list[Swing] = field(default_factory=list)
 
     @property
     def current(self) -> Placement:
-        """Where the foot stands after the last swing so far."""
+        """Placement of the foot after the last swing so far."""
         return self.swings[-1].to if self.swings else self.first
 
     @property
     def free_s(self) -> float:
-        """Time of the last landing so far (a foot cannot lift before)."""
+        """Time of the last landing so far (the foot cannot lift earlier)."""
         return self.swings[-1].land_s if self.swings else -np.inf
 
     def sample(self, times_s: Array) -> "FootSamples":
-        """Return where the foot is at the times."""
+        """Return where the foot is at the given times."""
         start = np.array(self.first)
         ground = np.tile(start, (len(times_s), 1))
         lift, phase = np.zeros(len(times_s)), np.full(len(times_s), -1.0)
@@ -98,7 +98,7 @@ class FootSamples:
 
     @property
     def in_contact(self) -> NDArray[np.bool_]:
-        """(T,) true while the foot stands."""
+        """Mask (T,) of the times at which the foot stands."""
         return self.swing_phase < 0.0
 
 
@@ -106,11 +106,11 @@ def foot_pose(samples: FootSamples, sole: Sole, pitch_rad: Array) -> tuple[Array
     """Return ankle positions (T, 3) and world-from-foot orientations (T, 4).
 
     A raised heel (positive pitch) turns the foot about its ball, raised toes (negative) about its heel, so the part
-    that carries does not slide; in the air the one passes smoothly into the other.
+    that carries the weight does not slide; in the air, one pivot changes smoothly into the other.
     """
     inside = np.clip(samples.swing_phase, 0.0, 1.0)
     rounding = np.maximum(_CORNER_RAD * (4.0 * inside * (1.0 - inside)) ** 2, 1e-4)
-    toes_up = about("X", -rounding * np.logaddexp(0.0, -pitch_rad / rounding))  # max(-pitch, 0) with a round corner
+    toes_up = about("X", -rounding * np.logaddexp(0.0, -pitch_rad / rounding))  # max(-pitch, 0) with a rounded corner
     tilt, yaw = about("X", pitch_rad), about("Y", samples.ground[:, 2])
     by_heel = sole.heel_m - rot.rotate(toes_up, sole.heel_m)
     ball = np.stack((samples.ground[:, 0], sole.ball_height_m + samples.lift_m, samples.ground[:, 1]), axis=1)

@@ -1,4 +1,4 @@
-"""What boxers and swordsmen share: a stance that moves about the space, and the end of a bout."""
+"""Common parts of boxers and swordsmen: a stance that moves in the space, and the end of a bout."""
 
 import numpy as np
 
@@ -6,16 +6,16 @@ from .feet import Swing
 from .proportions import facing_front
 from .timeline import Timeline
 
-_LEG_M = 0.85  # leg of the body for which lengths of stances are given
-LEAVE_S = 1.4  # what leaving the guard takes
-SHORT_S = 6.0  # a shorter bout begins with what is typical
+_LEG_M = 0.85  # length of the leg for which lengths of stances are given
+LEAVE_S = 1.4  # time for leaving the guard
+SHORT_S = 6.0  # a shorter bout begins with typical moves
 
 
 class Fighter:
-    """Writes a fighter's keys into a timeline.
+    """Writes a fighter's keys to a timeline.
 
     Attributes:
-        size: Size of the body as a factor on lengths.
+        size: Size of the body as a factor for lengths.
         spot: Ground point (x, z) of the stance, metres.
         heading: Direction of the stance, radians.
     """
@@ -37,7 +37,7 @@ class Fighter:
         """Step back to stand square, and end the behaviour.
 
         Args:
-            heels_up: Greatest pitch of each foot, in the order of the steps.
+            heels_up: Largest pitch of each foot, in the order of the steps.
             height: Height of the steps.
             after_s: Time after the last step.
         """
@@ -50,6 +50,6 @@ class Fighter:
         timeline.time_s = lift + after_s
 
     def hang_arms(self, time_s: float) -> None:
-        """Key all but the feet at ease."""
+        """Key everything except the feet to a relaxed posture."""
         ease = self.timeline.at_ease()
         self.timeline.set(time_s, **{name: value for name, value in ease.items() if ".pitch" not in name})

@@ -1,7 +1,7 @@
 """Walking and running: steps along a path, with trunk and arms.
 
-Times and angles are textbook values of human gait (stance 60 % of the cycle in walking, a flight in running, the
-pelvis and the chest turning against each other, the arms with the opposite legs).
+Times and angles are textbook values of human gait (stance 60 % of the cycle in walking, a flight phase in running,
+pelvis and chest turning against each other, the arms swinging with the opposite legs).
 """
 
 from dataclasses import dataclass, replace
@@ -17,30 +17,30 @@ from .timeline import Timeline
 
 @dataclass(frozen=True)
 class Gait:
-    """One manner of stepping; lengths are shares of the leg's length, angles radians."""
+    """One way of stepping; lengths are shares of the leg's length, angles are radians."""
 
     step_s: float  # time from one foot's landing to the other's
     duty: float  # share of the cycle of two steps in which a foot is on the ground; below 0.5 there are flights
-    stride: float  # step length at which swings of arms and trunk have the given size
+    stride: float  # step length at which the swings of arms and trunk have the given size
     lift: float  # height of the ball of the swinging foot
-    heel_up: float  # foot's pitch when it lifts
-    mid_up: float  # its greatest in the air
-    toe_up: float  # upwards when it lands
+    heel_up: float  # the foot's pitch when it lifts
+    mid_up: float  # its largest pitch in the air
+    toe_up: float  # its upward pitch when it lands
     pelvis_yaw: float
-    pelvis_roll: float  # drop to the free side
+    pelvis_roll: float  # drop towards the free side
     pelvis_pitch: float
-    twist: float  # turn of the chest against the pelvis
+    twist: float  # rotation of the chest relative to the pelvis
     lean: float  # bend of the trunk
     arm_forward: float
     arm_back: float
     arm_out: float  # angle away from the body
-    arm_in: float  # twist inwards
+    arm_in: float  # inward twist
     elbow: float
-    elbow_swing: float  # more bend in front
+    elbow_swing: float  # additional bend in front
     grip: float
-    height: float  # of the root, as a share of standing
-    dip: float  # how much the root sinks when a foot lands
-    width: float  # distance of the feet, factor on the stance
+    height: float  # height of the root, as a share of standing
+    dip: float  # how far the root sinks when a foot lands
+    width: float  # distance between the feet, relative to the stance
 
     @property
     def running(self) -> bool:
@@ -58,8 +58,8 @@ RUN = Gait(
     pelvis_roll=0.08, pelvis_pitch=0.12, twist=0.18, lean=0.11, arm_forward=0.62, arm_back=0.62,
     arm_out=0.14, arm_in=0.15, elbow=1.75, elbow_swing=0.30, grip=0.65, height=0.956, dip=0.0, width=0.45,
 )  # fmt: skip
-_ARM_REST = -0.12  # angle of the arm before the body in mid-swing
-_LAND_BENT = 0.016  # how much lower a runner lands than he leaves the ground, share of his height
+_ARM_REST = -0.12  # angle of the arm in front of the body in mid-swing
+_LAND_BENT = 0.016  # how much lower a runner lands than takes off, share of the height
 
 
 @dataclass
@@ -71,7 +71,7 @@ class _Step:
 
 
 def styled(gait: Gait, timeline: Timeline) -> Gait:
-    """Return the gait as this style and repetition have it."""
+    """Return the gait modified by style and repetition."""
     style = timeline.style
     swing = float(style.arm_swing * np.sqrt(style.amplitude))
     return replace(
@@ -124,7 +124,7 @@ def _planned(timeline: Timeline, gait: Gait, path: Track, until_s: float) -> lis
 
 
 def _first_side(timeline: Timeline, path: Track, gait: Gait) -> str:
-    """Return the foot on the side that the path turns or goes to, else a random one."""
+    """Return the foot on the side to which the path turns or leads, else a random one."""
     here = path.value_at(timeline.time_s)
     soon, heading = path.value_at(timeline.time_s + 1.5 * gait.step_s) - here, here[2]
     aside = soon[0] * np.cos(heading) - soon[1] * np.sin(heading)
@@ -142,7 +142,7 @@ def _target(timeline: Timeline, gait: Gait, side: str, path: Track, land_s: floa
     x, z, heading = path.value_at(_middle_of_stance(gait, land_s))
     going = path.value_at(land_s + 0.1) - path.value_at(land_s - 0.1)
     speed = min(1.0, float(np.hypot(going[0], going[1])) / 0.16)
-    width = 1.0 + (gait.width - 1.0) * speed  # who walks sets the feet closer together than who stands
+    width = 1.0 + (gait.width - 1.0) * speed  # feet are closer together when walking than when standing
     spot = timeline.placement(side, x, z, heading, width)
     scatter = 0.012 * speed
     return Placement(spot.x_m + timeline.jitter(scatter), spot.z_m + timeline.jitter(scatter), spot.yaw_rad)
@@ -155,7 +155,7 @@ def _place(timeline: Timeline, gait: Gait, step: _Step, path: Track) -> None:
     heading = float(path.value_at(step.land_s)[2])
     dx, dz = new.x_m - old.x_m, new.z_m - old.z_m
     forward = dx * np.sin(heading) + dz * np.cos(heading)
-    two_steps_m = 2.0 * gait.stride * timeline.body.leg_m  # what a swing covers; in place some life stays
+    two_steps_m = 2.0 * gait.stride * timeline.body.leg_m  # distance that a swing covers; in place some motion remains
     step.amount = float(np.clip(forward / two_steps_m, -0.6, 1.25))
     size = float(np.clip(np.hypot(dx, dz) / two_steps_m, 0.0, 1.2))
     lively = 0.75 + 0.25 * size if gait.running else 0.45 + 0.55 * size
@@ -201,7 +201,7 @@ def _key_trunk_and_arms(timeline: Timeline, gait: Gait, steps: list[_Step]) -> N
 
 
 def _key_arm(timeline: Timeline, gait: Gait, side: str, time_s: float, amount: float) -> None:
-    """Set an arm at the end of its swing: forward for a positive amount."""
+    """Key an arm at the end of its swing: forward for a positive amount."""
     share = 1.0 + timeline.style.asymmetry * outward(side)
     reach = gait.arm_forward if amount > 0.0 else gait.arm_back
     swing = amount * reach * share * timeline.vary(1.0, 0.10)
@@ -231,14 +231,14 @@ def _key_heights(timeline: Timeline, gait: Gait, steps: list[_Step]) -> None:
 
 
 def _key_flights(timeline: Timeline, gait: Gait, steps: list[_Step]) -> None:
-    """Key free flight of the body from each lift-off to the next landing; the stance's curve follows from its ends."""
+    """Key free flight of the body from each lift-off to the next landing; the stance's curve connects to its ends."""
     height = gait.height * timeline.body.standing_m
     for before, after in pairwise(steps):
         lift, land = after.lift_s, before.land_s
         if lift >= land or lift <= before.lift_s:
             continue
-        # off the toes of a straightened leg, down on a bent one
-        if timeline.tracks["height"].keys[-1].time_s < lift - 0.45:  # the first time: sink a little before
+        # take off from the toes of a straightened leg, land on a bent one
+        if timeline.tracks["height"].keys[-1].time_s < lift - 0.45:  # before the first flight, sink a little
             timeline.set(lift - 0.24, height=0.965 * height)
         # long strides need lower hips
         tall = height * (1.0 + 0.024 * (1.0 - min(1.0, abs(after.amount))))

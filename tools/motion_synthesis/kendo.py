@@ -9,8 +9,8 @@ from .fighter import LEAVE_S, SHORT_S, Fighter
 from .proportions import SIDES
 from .timeline import Timeline
 
-_HEEL_UP = 0.24  # the left heel never comes down
-# left fist over the arm's length; blade up, left, edge turn
+_HEEL_UP = 0.24  # the left heel stays off the ground
+# left fist relative to the arm's length; blade up, left, edge turn
 _Held = tuple[tuple[float, float, float], tuple[float, float, float]]
 _CHUDAN: _Held = ((0.0, -0.62, 0.44), (0.42, 0.0, 0.0))
 _RAISED: _Held = ((0.0, 0.36, 0.30), (2.30, 0.0, 0.0))
@@ -23,10 +23,10 @@ _TSUKI: _Held = ((0.0, -0.34, 0.56), (0.10, 0.0, 0.0))
 
 
 class _Kendoka(Fighter):
-    """Writes a swordsman's keys into a timeline."""
+    """Writes a swordsman's keys to a timeline."""
 
     def sword(self, time_s: float, held: _Held, aside: float = 0.0, scatter: float = 1.0) -> None:
-        """Key the sword; `aside` turns a cut to the left, with the edge."""
+        """Key the sword; `aside` turns a cut to the left, together with the edge."""
         j = self.timeline.jitter
         fist = np.add(held[0], [j(0.012 * scatter), j(0.018 * scatter), j(0.015 * scatter)])
         aim = np.add(held[1], [j(0.04 * scatter), aside + j(0.025 * scatter), -0.8 * aside + j(0.02 * scatter)])
@@ -56,7 +56,7 @@ class _Kendoka(Fighter):
     def advance(
         self, lift_s: float, forward_m: float, left_m: float = 0.0, *, stamp: bool = False, quick: float = 1.0
     ) -> tuple[float, float]:
-        """Slide forward right foot first, or backward left foot first; return when first and second foot land."""
+        """Slide forward right foot first, or backward left foot first; return when the first and second foot land."""
         feet = self.timeline.feet
         self.move_spot(forward_m, left_m, (-0.5, -0.95), (0.5, 1.0))
         first, second = ("r", "l") if forward_m >= 0.0 else ("l", "r")
@@ -87,11 +87,11 @@ class _Kendoka(Fighter):
         timeline.set_side(side, land_s + 0.05, pitch=rest)
 
 
-# ---- cuts: each returns the time at which it is over
+# ---- cuts: each returns the time at which it is finished
 
 
 def _cut(k: _Kendoka, start_s: float, raised: _Held, hit: _Held, reach_m: float, *, recover: bool = True) -> float:
-    """Raise, cut with a stamping step, pause, return to the guard (if `recover`)."""
+    """Raise the sword, cut with a stamping step, pause, return to the guard (if `recover`)."""
     timeline = k.timeline
     pace = timeline.vary(1.0, 0.07) / timeline.style.tempo
     up_s = start_s + (0.40 if raised is _RAISED else 0.24) * pace
@@ -131,7 +131,7 @@ def _kote_men(k: _Kendoka, start_s: float) -> float:
 
 
 def _practice_swings(k: _Kendoka, start_s: float) -> float:
-    """Full swings with a step forward and a step back in turn."""
+    """Swing fully with steps forward and backward in turn."""
     timeline, time_s = k.timeline, start_s
     timeline.anchor(start_s, "sword", "aim")
     for i in range(int(timeline.rng.integers(3, 6))):
@@ -149,7 +149,7 @@ def _practice_swings(k: _Kendoka, start_s: float) -> float:
 
 
 def _alternating(k: _Kendoka, start_s: float) -> float:
-    """Cut the head's left and right by turns, with sliding steps forward, then back."""
+    """Cut the head's left and right alternately, with sliding steps forward, then back."""
     timeline, time_s = k.timeline, start_s
     timeline.anchor(start_s, "sword", "aim")
     count = 2 * int(timeline.rng.integers(2, 4))
@@ -175,7 +175,7 @@ _ACTIONS: tuple[Callable[[_Kendoka, float], float], ...] = (
 
 
 def fence(timeline: Timeline, seconds: float) -> None:
-    """Draw up in the middle guard, step about, cut, put the sword away."""
+    """Take the middle guard, step about, cut, put the sword away."""
     last_s = timeline.time_s + seconds
     end = last_s - LEAVE_S - 0.6
     k = _Kendoka(timeline)
@@ -208,7 +208,7 @@ def _take_guard(k: _Kendoka) -> float:
 
 
 def _wait(k: _Kendoka, start_s: float) -> float:
-    """Keep the guard, the point alive, with sliding steps."""
+    """Hold the guard with a slightly moving point and sliding steps."""
     timeline, time_s = k.timeline, start_s
     for _ in range(int(timeline.rng.integers(1, 4))):
         forward = timeline.jitter(0.16)

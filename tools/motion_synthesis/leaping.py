@@ -1,4 +1,4 @@
-"""Hopping on both feet or one; jumping high, forward, to the side, with a turn."""
+"""Hopping on both feet or one; jumping high, forward, to the side, and with a turn."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _OFF_TOES, _ON_TOES = 1.030, 1.010  # root height at take-off (legs straight, he
 
 
 def hop(timeline: Timeline, seconds: float) -> None:
-    """Hop lightly: on both feet, on one, changing."""
+    """Hop lightly: on both feet, on one, changing feet."""
     end = timeline.time_s + seconds
     while end - timeline.time_s > 2.2:
         left_s = end - timeline.time_s
@@ -53,7 +53,7 @@ def _hops_on_both(timeline: Timeline, count: int) -> None:
 
 
 def _hops_on_one(timeline: Timeline, side: str, count: int) -> None:
-    """Raise the other foot, hop, set it down again."""
+    """Raise the other foot, hop, and set it down again."""
     start, style = timeline.time_s, timeline.style
     timeline.anchor(start)
     other, lean = ("r" if side == "l" else "l"), outward(side)
@@ -65,7 +65,7 @@ def _hops_on_one(timeline: Timeline, side: str, count: int) -> None:
         rise = timeline.vary(high, 0.12)
         land_s = _fly(timeline, lift_s, rise)
         _leap(timeline, side, (lift_s, land_s), _drifted(timeline, side, i == count - 1), rise, 0.30)
-        # the raised foot goes up and down with the body
+        # the raised foot moves up and down with the body
         middle_s = 0.5 * (lift_s + land_s)
         timeline.set_side(other, lift_s - 0.12, lift=-0.3 * rise, pitch=0.75)
         timeline.set_side(other, middle_s, lift=0.9 * rise, pitch=0.60 + timeline.jitter(0.05))
@@ -108,7 +108,7 @@ def _leap(
 ) -> None:
     """Lift a foot over its ball and set it down on it, with the body's flight."""
     j = timeline.jitter
-    uneven = 0.005 + 0.08 * timeline.style.asymmetry  # nobody leaves and meets the ground with both feet at once
+    uneven = 0.005 + 0.08 * timeline.style.asymmetry  # no one leaves the ground with both feet at exactly the same time
     lift_s, land_s = air_s[0] - abs(j(uneven)), air_s[1] + abs(j(uneven))
     spot = Placement(to.x_m + j(0.01), to.z_m + j(0.015), to.yaw_rad + j(0.03))
     swing = Swing(lift_s, land_s, spot, rise_m + 0.02 + fold_m, power=1.6)
@@ -117,7 +117,7 @@ def _leap(
 
 
 def _hop_posture(timeline: Timeline, time_s: float, give: float, lean: float = 0.0) -> None:
-    """Key trunk and arms of a hop.
+    """Key trunk and arms during a hop.
 
     Args:
         give: Positive when the body sinks.
@@ -145,7 +145,7 @@ def _hop_posture(timeline: Timeline, time_s: float, give: float, lean: float = 0
 
 
 def _recover(timeline: Timeline, land_s: float, low: float, rise_s: float) -> None:
-    """Give way after the last landing and stand up."""
+    """Bend the knees after the last landing and stand up."""
     timeline.set(land_s + 0.16, height=low * timeline.body.standing_m)
     rest_s = land_s + 0.16 + rise_s / timeline.style.tempo
     timeline.stand(rest_s)
@@ -177,7 +177,7 @@ def _jump_once(timeline: Timeline, kind: str) -> None:
 
 
 def _jump_feet(timeline: Timeline, kind: str, lift_s: float, land_s: float, rise_m: float) -> None:
-    """Step both feet through the air and turn on the way."""
+    """Move both feet through the air and turn on the way."""
     x, z = timeline.spot
     front = facing_front(timeline.heading_rad)
     heading = front + timeline.jitter(0.04)

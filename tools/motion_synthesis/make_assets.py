@@ -2,7 +2,7 @@
 
     python -m motion_synthesis.make_assets OUT  # in tools/
 
-The same command gives the same files, byte for byte.
+The same command produces identical files, byte for byte.
 """
 
 import sys
@@ -21,16 +21,16 @@ from .performance import ARMS_DOWN_S, DEMO_STREAM, demo_performance, perform, pe
 from .style import STYLES
 
 FPS = 60.0
-_DECIMALS = 2  # of degrees and centimetres
+_DECIMALS = 2  # decimals of degrees and centimetres
 _DEMO_S, _PERFORMANCE_S = 21.0, 18.0
-_T_POSE_LEFT_S = 0.4  # of the T pose at the start of a clip with transitions
+_T_POSE_LEFT_S = 0.4  # part of the T pose kept at the start of a clip with transitions
 
 
 class Clip(NamedTuple):
     """One clip of the database.
 
     Args:
-        script: Behaviours with their seconds.
+        script: Behaviours with their durations in seconds.
         body: Height, build, person.
     """
 
@@ -55,7 +55,7 @@ _CHAINS = (
     (("jumping", 3.6), ("hopping", 3.6)),
     (("boxing", 4.5), ("kendo", 5.0)),
 )
-# repeats and seconds
+# repetitions and seconds
 _REPEATS = {
     "walking": (9, 5.2), "running": (7, 5.4), "hopping": (6, 5.4), "jumping": (7, 5.4), "boxing": (9, 6.4),
     "kendo": (8, 6.6),
@@ -84,7 +84,7 @@ def clips() -> list[Clip]:
 
 
 def motion_of(clip: Clip) -> Motion:
-    """Return the motion of a clip; those with transitions begin in the T pose."""
+    """Return the motion of a clip; clips with transitions begin in the T pose."""
     skeleton, style = body(*clip.body), STYLES[clip.style]
     if len(clip.script) == 1:
         behaviour, seconds = clip.script[0]
@@ -99,7 +99,7 @@ def write_clip(clip: Clip, folder: Path) -> None:
 
 
 def write_performance(name: str, path: Path) -> Motion:
-    """Write a motion of the simulated performer, with other seeds and bodies than the embedded motion."""
+    """Write a motion of the simulated performer, with other seeds and bodies than in the embedded motion."""
     if name == DEMO:
         motion = demo_performance(_DEMO_S)
     else:
@@ -120,7 +120,7 @@ def write_performance(name: str, path: Path) -> Motion:
 
 
 def make_assets(out: Path) -> None:
-    """Write motion/*.bvh, performances/*.npz and skeletons.json in `out`."""
+    """Write motion/*.bvh, performances/*.npz and skeletons.json to `out`."""
     for folder in ("motion", "performances"):
         (out / folder).mkdir(parents=True, exist_ok=True)
     for clip in clips():

@@ -14,22 +14,22 @@ from .sword import gripping
 from .timeline import Timeline
 
 _GRID_HZ = 240.0
-_REACH = 0.997  # share of the leg's length: knees keep a little bend
-# shares of the trunk's bend forward, twist, bend aside in lowerback, upperback, thorax, as in people's recordings
+_REACH = 0.997  # share of the leg's length, so that knees stay slightly bent
+# shares of the trunk's forward bend, twist and side bend in lowerback, upperback, thorax, as in people's recordings
 _TRUNK_SHARES = np.array([[0.55, 0.31, 0.53], [0.20, 0.47, 0.18], [0.25, 0.22, 0.29]])
 _NECK_SHARES = np.array([[0.35], [0.35], [0.30]])
 _NECK_RANGE_RAD = (0.9, 1.3)
-# slow human sway and unrest: standard deviations, radians or metres
+# slow human sway and restlessness: standard deviations, radians or metres
 _UNREST = {
     "offset": 0.005, "pelvis": 0.010, "spine": 0.014, "head": 0.022, "sword": 0.008, "aim": 0.012, "arm": 0.022,
     "elbow": 0.03, "hand": 0.035, "target": 0.006,
 }  # fmt: skip
-# how one person's carriage differs from another's: standard deviations of constant differences, radians
+# how one person's posture differs from another's: standard deviations of constant differences, radians
 _HABITS = {"pelvis": 0.015, "spine": 0.025, "head": 0.05, "arm": 0.05, "elbow": 0.06, "hand": 0.10}
 _HABITS_IN_S = 0.8
-# how people carry what the controls leave open, radians about the left; means over ten people of the CMU Graphics Lab
-# Motion Capture Database (mocap.cs.cmu.edu): lower backs lean forward, chests back, necks forward
-# again, toes are raised, hands hang straight, thumbs lie to the palm
+# posture in the degrees of freedom that the controls leave open, radians about the left axis; means over ten people of
+# the CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu): lower backs lean forward, chests back, necks forward
+# again, toes are raised, hands hang straight, thumbs lie against the palm
 _CARRIED = {"lowerback": 0.09, "thorax": -0.09, "lowerneck": -0.19, "upperneck": 0.265, "head": 0.16}
 _TOES_RAISED_RAD, _HAND_RAISED, _THUMB_BENT = -0.12, 0.42, 0.30
 _STRAIGHT_ELBOW_RAD = 0.04
@@ -63,7 +63,7 @@ class _MotionSynthesis:
         self.carried = ease((self.times - timeline.natural_from_s) / _HABITS_IN_S)
         self._add_unrest()
         held = self.tracks["holds"] > 0.5
-        for side in SIDES if np.any(held) else ():  # lead both hands along the sword's grip
+        for side in SIDES if np.any(held) else ():  # guide both hands along the sword's grip
             fist, arm_m = self.tracks["sword"] * self.body.arm_m, self.body.arm_m
             for name, value in zip(("target", "palm"), gripping(side, fist, self.tracks["aim"], arm_m), strict=True):
                 self.tracks[f"{side}.{name}"] = np.where(held, value, self.tracks[f"{side}.{name}"])
@@ -98,7 +98,7 @@ class _MotionSynthesis:
         return np.stack((ground[:, 0], height, ground[:, 1]), axis=1), orientation
 
     def _balanced(self) -> Array:
-        """Return the root's ground path (T, 2): an inverted pendulum over the stance feet."""
+        """Return the root's ground path (T, 2): an inverted pendulum above the supporting feet."""
         bias = self.tracks["weight"][:, 0]
         weights, points = [], []
         for side in SIDES:
@@ -111,7 +111,7 @@ class _MotionSynthesis:
         known = total > 0.02
         share = np.where(known, weights[0] / np.where(known, total, 1.0), 0.5)[:, None]
         support = share * points[0] + (1.0 - share) * points[1]
-        for axis in range(2):  # in flight the support passes straight from the last to the next
+        for axis in range(2):  # in flight the support moves straight from the last to the next contact
             support[~known, axis] = np.interp(self.times[~known], self.times[known], support[known, axis])
         rate = np.sqrt(GRAVITY_M_S2 / self.body.standing_m)
         return pendulum_filtered(support, float(rate), self.step_s)
@@ -125,7 +125,7 @@ class _MotionSynthesis:
         return foot_pose(moved, self.body.sole(side), self.tracks[f"{side}.pitch"][:, 0])
 
     def _within_reach(self, height: Array, ground: Array, orientation: Array) -> Array:
-        """Return the height lowered smoothly where a leg would be too short."""
+        """Return the height, lowered smoothly where a leg would be too short."""
         excess = np.zeros_like(height)
         for side in SIDES:
             ankle, _ = self._foot(side)
@@ -142,12 +142,12 @@ class _MotionSynthesis:
     # ---- legs
 
     def legs(self, root: Array, orientation: Array) -> None:
-        """Pose the legs so that the feet are where the timeline has them."""
+        """Pose the legs so that the feet are where the timeline places them."""
         for side in SIDES:
             sole = self.body.sole(side)
             ankle, foot = self._foot(side)
             hip = root + rot.rotate(orientation, self.body.offset(f"{side}femur"))
-            # the knee's hinge lies between the pelvis' and the foot's left
+            # the knee's hinge lies between the left axes of pelvis and foot
             foot_left = rot.rotate(foot, rot.rotate(rot.conjugate(sole.flat), _LEFT))
             hinge = unit(0.8 * rot.rotate(orientation, _LEFT) + 0.2 * foot_left)
             out = about("Y", outward(side) * self.tracks[f"{side}.knee"][:, 0])
@@ -175,7 +175,7 @@ class _MotionSynthesis:
         return chest
 
     def head(self, chest: Array) -> None:
-        """Let the head look where the timeline says, steady against the trunk's motion."""
+        """Make the head look where the timeline says, stabilised against the trunk's motion."""
         yaw, pitch, roll = self.tracks["head"].T
         gaze = rot.multiply(about("Y", self.tracks["heading"][:, 0] + yaw), about("X", pitch))
         wanted = rot.multiply(gaze, about("Z", roll))
@@ -183,7 +183,7 @@ class _MotionSynthesis:
         self._share_out(SPINE_JOINTS[3:], whole, _NECK_SHARES)
 
     def _share_out(self, joints: tuple[str, ...], whole: Array, shares: Array) -> None:
-        """Share a turn out among joints, each leaning about its left as people carry it."""
+        """Distribute a rotation over joints, each leaning about its left axis as people do."""
         vector = rot.to_rotation_vector(whole)
         for joint, share in zip(joints, shares, strict=True):
             lean = about("X", _CARRIED.get(joint, 0.0) * self.carried)
@@ -235,7 +235,7 @@ class _MotionSynthesis:
         return rot.multiply(about("Y", -outward(side) * reach_rad), about("Z", outward(side) * raise_rad))
 
     def _arm_by_angles(self, side: str, humerus: Array) -> list[Array]:
-        """Return local rotations of humerus, elbow, twist and hand that hang and swing."""
+        """Return local rotations of humerus, elbow, twist and hand for hanging and swinging arms."""
         pronation, flexion, aside = self.tracks[f"{side}.hand"].T
         raised = about("Z", outward(side) * (_HAND_RAISED * self.carried - flexion))
         wanted = self.tracks[f"{side}.elbow"][:, 0]
@@ -244,10 +244,10 @@ class _MotionSynthesis:
         return [humerus, elbow(side, bend), about("X", pronation), hand]
 
     def _arm_to_target(self, side: str, shoulder: Array, target: Array, chest: Array, palm: Array) -> list[Array]:
-        """Return world-from-humerus and local elbow, twist and hand that reach the target."""
+        """Return world-from-humerus and local elbow, twist and hand with which the target is reached."""
         swivel = self.tracks[f"{side}.swivel"][:, 0]
         along = unit(target - shoulder)
-        # under a hand in front the elbow hangs, under one that is overhead it looks forward
+        # below a hand in front the elbow hangs; below one overhead it points forward
         raised = rot.rotate(rot.conjugate(chest), along)[:, 1]
         ahead = -0.3 + 1.4 * ease((raised + 0.3) / 1.2)
         down_out = np.stack((outward(side) * np.sin(swivel), -np.cos(swivel), ahead), axis=1)

@@ -22,10 +22,10 @@ BEHAVIOURS: dict[str, Callable[[Timeline, float], None]] = {
     "walking": walk, "running": run, "hopping": hop, "jumping": jump, "boxing": box, "kendo": fence,
 }  # fmt: skip
 
-_DEMO_SHARES = {"walking": 3.6, "boxing": 5.0, "jumping": 3.2, "kendo": 4.8, "running": 3.2}  # of its time
+_DEMO_SHARES = {"walking": 3.6, "boxing": 5.0, "jumping": 3.2, "kendo": 4.8, "running": 3.2}  # shares of its duration
 _END_S = 1.2
 ARMS_DOWN_S = 0.9
-DEMO_STREAM = 1_000_000  # seeds from here on are the demo's, those below the database's
+DEMO_STREAM = 1_000_000  # seeds from here on are the demo's, lower ones the database's
 
 
 def perform(
@@ -36,14 +36,14 @@ def perform(
     style: Style | None = None,
     seed: int = 0,
 ) -> Motion:
-    """Return one behaviour, from standing at ease to standing at ease again.
+    """Return one behaviour, starting and ending relaxed and standing.
 
     Args:
         behaviour: One of `BEHAVIOURS`.
         seconds: Length of the motion, 3 or more.
-        skeleton: Standard skeleton of the performer's body; the default one without.
-        style: Manner of moving; ordinary without.
-        seed: Seed of all that varies.
+        skeleton: Standard skeleton of the performer's body; by default an average one.
+        style: Manner of moving; by default an ordinary one.
+        seed: Seed for everything that varies.
     """
     timeline = _timeline(skeleton, style, seed)
     BEHAVIOURS[behaviour](timeline, seconds - 0.8)
@@ -63,7 +63,7 @@ def performance(
     """Return a sequence: T pose for two seconds, arms down, the script, standing.
 
     Args:
-        script: Behaviours and their seconds (2 or more) in order; "rest" stands at ease.
+        script: Behaviours and their durations (2 s or more) in order; "rest" stands relaxed.
         fps, skeleton, style, seed: As in `perform`.
         name: Name of the motion.
     """
@@ -72,7 +72,7 @@ def performance(
     end_s = timeline.time_s
     for behaviour, seconds in script:
         end_s += seconds
-        left_s = end_s - timeline.time_s  # what one behaviour leaves over the next one takes
+        left_s = end_s - timeline.time_s  # time that one behaviour leaves over is given to the next
         if behaviour == "rest":
             rest(timeline, max(left_s, 0.5))
         else:
@@ -82,9 +82,9 @@ def performance(
 
 
 def demo_performance(seconds: float) -> Motion:
-    """Return the demo's performance: T pose, then behaviours that fit into the time.
+    """Return the demo's performance: T pose, then the behaviours that fit into the time.
 
-    Its random numbers are from a stream that the embedded motion database does not use: like motion, but not the same.
+    Its random numbers come from a stream that the embedded motion database does not use: similar motion, but not the
     """
     free_s = seconds - T_POSE_S - ARMS_DOWN_S - _END_S
     script = [
@@ -99,7 +99,7 @@ def _timeline(skeleton: Skeleton | None, style: Style | None, seed: int) -> Time
 
 
 def rest(timeline: Timeline, seconds: float) -> None:
-    """Come to stand at ease and stay so."""
+    """Come to a relaxed stand and hold it."""
     start = timeline.time_s
     timeline.anchor(start)
     timeline.stand(start + min(0.7, 0.8 * seconds))
@@ -108,7 +108,7 @@ def rest(timeline: Timeline, seconds: float) -> None:
 
 
 def _t_pose(timeline: Timeline) -> None:
-    """Stand in the T pose for `T_POSE_S`, then let the arms sink."""
+    """Stand in the T pose for `T_POSE_S`, then lower the arms."""
     level = (0.0, 0.0, 0.0)
     for time_s in (0.0, T_POSE_S):
         timeline.set(time_s, height=timeline.body.standing_m, spine=level, head=level, pelvis=level)

@@ -1,4 +1,4 @@
-"""Lengths of a body that motion is planned in, and small geometry that the behaviours share."""
+"""Body lengths used to plan motion, and small geometric functions that the behaviours share."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +25,7 @@ def outward(side: str) -> float:
 
 
 def facing_front(heading_rad: float) -> float:
-    """Return the heading nearest to another one that faces the cameras (whole turns add up)."""
+    """Return the heading that faces the cameras and is nearest to another heading (whole turns add up)."""
     return float(2.0 * np.pi * np.round(heading_rad / (2.0 * np.pi)))
 
 
@@ -39,7 +39,7 @@ def turned(heading_rad: float | Array, forward: float | Array, left: float | Arr
 class Sole:
     """Ground points of a foot, in the frame of a foot that stands flat, facing +z."""
 
-    ball_height_m: float  # of the toe joint, above the ground
+    ball_height_m: float  # height of the toe joint above the ground
     ankle_m: Array  # (3,) relative to the ball
     heel_m: Array  # (3,) lowest point relative to the ball
     toe_m: float  # length of the toes
@@ -48,18 +48,18 @@ class Sole:
 
 @dataclass(frozen=True)
 class Body:
-    """A skeleton with the lengths that motion is planned in."""
+    """A skeleton with the lengths used to plan motion."""
 
     skeleton: Skeleton
 
     @cached_property
     def leg_m(self) -> float:
-        """Hip to ankle, straight."""
+        """Distance from hip to ankle with the leg straight."""
         return sum(self.lengths("ltibia", "lfoot"))
 
     @cached_property
     def arm_m(self) -> float:
-        """Shoulder to wrist, straight."""
+        """Distance from shoulder to wrist with the arm straight."""
         return sum(self.lengths("lradius", "lwrist", "lhand"))
 
     @cached_property
@@ -70,7 +70,7 @@ class Body:
 
     @cached_property
     def stance_m(self) -> float:
-        """Half the distance between the feet when standing at ease."""
+        """Half the distance between the feet in relaxed standing."""
         return float(1.05 * self.offset("lfemur")[0])
 
     def offset(self, joint: str) -> Array:
@@ -84,7 +84,7 @@ class Body:
     def sole(self, side: str) -> Sole:
         """Return the ground contact geometry of a foot.
 
-        In the rest pose the foot leans with the splayed leg; flat is where the shank is vertical.
+        In the rest pose the foot leans with the splayed leg; it is flat when the shank is vertical.
         """
         shank = self.offset(f"{side}foot")
         flat = rot.between(shank / np.linalg.norm(shank), np.array([0.0, -1.0, 0.0]))

@@ -1,23 +1,23 @@
-"""Manner of moving: a few numbers that every behaviour of the performer reads."""
+"""Manner of moving: a few numbers that all behaviours of the performer use."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Style:
-    """Manner of moving; factors are 1 for the ordinary one."""
+    """Manner of moving; factors are 1 for ordinary movement."""
 
     name: str = "neutral"
-    tempo: float = 1.0  # factor on cycles and strikes per time
-    amplitude: float = 1.0  # factor on the reach of strides, strikes and jumps
-    arm_swing: float = 1.0  # factor on the arms' swing in gait
-    bounce: float = 1.0  # factor on how much knees give
+    tempo: float = 1.0  # factor for cycles and strikes per time
+    amplitude: float = 1.0  # factor for the reach of strides, strikes and jumps
+    arm_swing: float = 1.0  # factor for the arm swing in gait
+    bounce: float = 1.0  # factor for how much the knees give
     slouch_rad: float = 0.03  # forward bend of the trunk; negative is chest out
     head_drop_rad: float = 0.0  # downward pitch of the head
-    width: float = 1.0  # factor on the width of stance and steps
+    width: float = 1.0  # factor for the width of stance and steps
     asymmetry: float = 0.03  # difference between left and right, as a share
-    variation: float = 1.0  # factor on the scatter between repetitions
-    elbows_rad: float = 0.0  # extra bend of hanging arms
+    variation: float = 1.0  # factor for the scatter between repetitions
+    elbows_rad: float = 0.0  # additional bend of hanging arms
     toe_out_rad: float = 0.12  # outward turn of the feet
 
 

@@ -1,4 +1,4 @@
-"""How two hands hold a sword."""
+"""Grip of two hands on a sword."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .proportions import outward
 
 _FISTS_APART = 0.21 / 0.585  # middles of the two fists along the grip, as a share of the arm's length
 _WRIST_TO_FIST, _FIST_ABOVE_PALM = 0.12, 0.035  # shares of the arm's length
-# the grip lies aslant in the palm: the hand's turn from the blade towards the edge, about its fingers, and inwards
+# the grip lies diagonally in the palm: the hand's rotation from the blade towards the edge, about its fingers, and
 _ASLANT_RAD, _CANT_RAD, _INWARD_RAD = np.deg2rad((25.0, 5.0, 28.0))
 
 
@@ -16,7 +16,7 @@ def gripping(side: str, left_fist: Array, aim: Array, arm_m: float) -> tuple[Arr
     """Return a hand's wrist (T, 3) and orientation (T, 4) in the sword's frame.
 
     Args:
-        left_fist: Middle of the left fist (T, 3), metres.
+        left_fist: Centre of the left fist (T, 3), metres.
         aim: Elevation, azimuth and edge turn of the blade (T, 3), radians.
         arm_m: Length of the arm.
     """
@@ -30,7 +30,7 @@ def gripping(side: str, left_fist: Array, aim: Array, arm_m: float) -> tuple[Arr
 
 
 def _turned_pair(first: Array, second: Array, angle_rad: float) -> tuple[Array, Array]:
-    """Return orthogonal directions turned in their plane, the first to the second."""
+    """Return orthogonal directions rotated in their plane, the first towards the second."""
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     return cosine * first + sine * second, cosine * second - sine * first
 

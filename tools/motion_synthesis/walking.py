@@ -7,9 +7,9 @@ from .gait import RUN, WALK, stepped, styled
 from .proportions import facing_front
 from .timeline import Timeline
 
-_ROOM_X_M, _ROOM_Z_M = 0.55, 0.95  # half the space the performer keeps to
+_ROOM_X_M, _ROOM_Z_M = 0.55, 0.95  # half the size of the space to which the performer keeps
 _SPEED_UP_S = 0.9
-_LEG_M = 0.85  # leg of the body for which speeds are given
+_LEG_M = 0.85  # length of the leg for which speeds are given
 
 
 class _Way:
@@ -20,13 +20,13 @@ class _Way:
         self.to(0.0, *timeline.spot, timeline.heading_rad)
 
     def to(self, duration_s: float, x_m: float, z_m: float, heading_rad: float) -> None:
-        """Go on to a place and heading within a time."""
+        """Continue to a position and heading within a time."""
         self.time_s += duration_s
         self.x_m, self.z_m, self.heading_rad = x_m, z_m, heading_rad
         self.track.key(self.time_s, (x_m, z_m, heading_rad))
 
     def travel(self, speed_m_s: float, x_m: float, z_m: float, heading_rad: float, lead_rad: float = 0.0) -> None:
-        """Go straight to a place: speed up, keep the speed, slow down; on the way turn aside by `lead_rad`."""
+        """Walk straight to a position: speed up, keep the speed, slow down; on the way turn aside by `lead_rad`."""
         x, z, heading = self.x_m, self.z_m, self.heading_rad
         distance = float(np.hypot(x_m - x, z_m - z))
         ramp = min(0.25 * speed_m_s * _SPEED_UP_S / max(distance, 1e-6), 0.3)
@@ -40,7 +40,7 @@ class _Way:
 
 
 def walk(timeline: Timeline, seconds: float) -> None:
-    """Walk to and fro, mostly facing the cameras: forwards, backwards, sideways, round and in place."""
+    """Walk back and forth, mostly facing the cameras: forwards, backwards, sideways, round and in place."""
     end = timeline.time_s + seconds
     while end - timeline.time_s > 1.6:
         gait, way = styled(WALK, timeline), _Way(timeline)
@@ -77,12 +77,12 @@ def _walk_leg(timeline: Timeline, way: _Way, left_s: float) -> None:
     if kind == "round" and left_s < 6.0:
         kind = "back"
     if way.time_s == timeline.time_s and not near:
-        kind = "advance"  # who begins to walk walks forward
+        kind = "advance"  # a walk starts forwards
     x = float(uniform(-_ROOM_X_M, _ROOM_X_M)) * 0.7
     z = _ROOM_Z_M * float(uniform(0.4, 1.0))
     front = facing_front(way.heading_rad)
     if kind == "advance":
-        # who walks aslant looks where the way leads, a little
+        # someone who walks diagonally looks slightly towards the goal
         way.travel(speed, x, z, front, 0.5 * float(np.arctan2(x - way.x_m, max(z - way.z_m, 0.6))))
     elif kind == "back":
         way.travel(0.7 * speed, x, -z, front + timeline.jitter(0.1))

@@ -1,4 +1,4 @@
-"""`python -m operator_fuzz`: runs sequences, some hundred in a process."""
+"""`python -m operator_fuzz`: run sequences, a few hundred per process."""
 
 import argparse
 import json
@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_AT_ONCE = 200  # sequences of one process
+_AT_ONCE = 200  # sequences per process
 _HUNG_S = 600.0
 
 
 def main() -> int:
-    """Run; the exit status is 1 when there were faults."""
+    """Run the sequences; the exit status is 1 if there were faults."""
     parser = argparse.ArgumentParser(prog="operator_fuzz", description="Random steps in Blender, with the add-on.")
     parser.add_argument("--sequences", type=int, default=1000, help="number of sequences (default 1000)")
     parser.add_argument("--first", type=int, default=0, help="number of the first one, to repeat it (default 0)")
@@ -44,7 +44,7 @@ def main() -> int:
 
 
 def run_headless(seed: int, first: int, stop: int, until_s: float) -> Iterator[dict[str, Any]]:
-    """Yield the result of each sequence; a crash is one, too."""
+    """Yield the result of each sequence; a crash counts as one."""
     at = first
     while at < stop and time.time() < until_s:
         with tempfile.TemporaryDirectory(prefix="operator-fuzz-") as name:

@@ -1,4 +1,4 @@
-"""Steps on the add-on: its buttons, its settings, its timers, itself off and on."""
+"""Steps that use the add-on: its buttons, its settings, its timers, and switching it off and on."""
 
 import random
 import subprocess
@@ -16,17 +16,17 @@ import bpy
 from .values import arguments_for, set_one
 
 ADDON = "bl_ext.user_default.perfanim"
-# those that start a worker process, which takes a second each
+# these start a worker process, which takes a second each
 _WORKERS = {
     *("average_performer", "bake_sketch", "build_database", "calibrate_board", "calibrate_cameras"),
     *("calibrate_performer", "calibrate_subject", "import_takes", "live_sketch", "measure_target", "record_t_pose"),
     *("recover_take", "run_batch", "save_board", "self_test", "set_floor", "set_floor_markers", "solve_sketch"),
     *("solve_take", "start_capture"),
 }
-_NEVER = {"get_motion"}  # it asks a server
+_NEVER = {"get_motion"}  # it contacts a server
 _SCENE_GROUPS = tuple(f"perfanim{name}" for name in ("", "_targets", "_batch", "_result", "_sending", "_receiving"))
 _TICK_S = 0.02
-_SECOND_S = 120.0  # after which another Blender hangs
+_SECOND_S = 120.0  # time after which another Blender counts as hung
 
 
 def part(name: str) -> Any:
@@ -48,7 +48,7 @@ def click(chance: random.Random, folder: Path, among: Callable[[str], bool]) -> 
     """Call an operator as a button does; return its name and how it ended.
 
     Raises:
-        AssertionError: it raised what no button reports.
+        AssertionError: It raised something that buttons do not report.
     """
     if not is_on():
         return "off"
@@ -61,7 +61,7 @@ def click(chance: random.Random, folder: Path, among: Callable[[str], bool]) -> 
         arguments["path"] = str(chance.choice(takes).path)
     try:
         ended = operator("EXEC_DEFAULT", **arguments)
-    except (RuntimeError, TypeError) as error:  # refused, reported, or a choice that is not there
+    except (RuntimeError, TypeError) as error:  # rejected, reported, or an unavailable choice
         if "Traceback" in str(error):
             raise AssertionError(f"{name}({arguments}): {error}") from error
         ended = {"refused"}
@@ -69,7 +69,7 @@ def click(chance: random.Random, folder: Path, among: Callable[[str], bool]) -> 
 
 
 def click_quick(chance: random.Random, folder: Path) -> str:
-    """Click on a button that acts at once."""
+    """Click on a button that acts immediately."""
     return click(chance, folder, lambda name: name not in _WORKERS)
 
 
@@ -79,7 +79,7 @@ def click_work(chance: random.Random, folder: Path) -> str:
 
 
 def change_setting(chance: random.Random, folder: Path) -> str:
-    """Change a setting of scene, targets, character or preferences."""
+    """Change a setting of the scene, the targets, the character or the preferences."""
     if not is_on():
         return "off"
     scene = bpy.context.scene
@@ -99,7 +99,7 @@ def choose_character(chance: random.Random, folder: Path) -> None:
 
 
 def tick(chance: random.Random, folder: Path) -> None:
-    """Give running work some events of its timer: without a window none come."""
+    """Send running work some events of its timer, because without a window none arrive."""
     if not is_on():
         return
     for _ in range(chance.choice((1, 5, 25))):
@@ -118,13 +118,13 @@ def _modal(running: Any) -> None:
     if hasattr(running, "recordings"):
         operator = part("operators.capture_operators").PERFANIM_OT_start_capture
         own = {"_capture": running, "_shown_at": 0.0, "_status": ""}
-    else:  # what only the started operator knows of its result, a window shows
+    else:  # results known only to the started operator are shown in a window
         operator, own = part("operators.job_operators").JobOperator, {"_job": running, "panel": running.panel}
     _StandIn(operator, own).modal(bpy.context, SimpleNamespace(type="TIMER", value="NOTHING"))
 
 
 class _StandIn:
-    """Stand for an operator: Python can neither make nor reach one."""
+    """Substitute for an operator, because Python can neither create nor access one."""
 
     def __init__(self, operator: Any, own: dict[str, Any]) -> None:
         self.__dict__.update(own, _operator=operator)
@@ -134,11 +134,11 @@ class _StandIn:
         return partial(found, self) if callable(found) and not hasattr(found, "__self__") else found
 
     def report(self, kinds: set[str], text: str) -> None:
-        """Take a report."""
+        """Receive a report."""
 
 
 def switch(chance: random.Random, folder: Path) -> None:
-    """Switch the add-on off, mostly to be on again at once."""
+    """Switch the add-on off, usually to switch it on again immediately."""
     if is_on():
         addon_utils.disable(ADDON, default_set=True)
         if chance.random() < 0.3:
@@ -147,7 +147,7 @@ def switch(chance: random.Random, folder: Path) -> None:
 
 
 def harm_takes(chance: random.Random, folder: Path) -> None:
-    """Delete or cut a take behind the add-on's back."""
+    """Delete or truncate a take behind the add-on's back."""
     if not is_on():
         return
     takes = sorted(part("take_library").folder().glob("*.perftake"))
@@ -160,16 +160,16 @@ def harm_takes(chance: random.Random, folder: Path) -> None:
 
 
 def second_blender(chance: random.Random, folder: Path) -> str:
-    """Start another Blender on the same folders; wait until it has changed a take.
+    """Start another Blender with the same folders; wait until it has changed a take.
 
     Raises:
-        AssertionError: it fails.
+        AssertionError: It fails.
     """
     if not is_on():
         return "off"
     extensions = Path(sys.modules[ADDON].__file__ or "").parents[1]
     script = [str(Path(__file__).with_name("second_blender.py")), str(extensions), str(chance.random())]
-    blender = bpy.app.binary_path  # none as a module
+    blender = bpy.app.binary_path  # None as a module
     command = [blender, "--background", "--python-exit-code", "1", "--python", script[0], "--", *script[1:]]
     done = subprocess.run(
         command if blender else [sys.executable, *script],
@@ -185,7 +185,7 @@ def second_blender(chance: random.Random, folder: Path) -> str:
     return said[0]
 
 
-# step -> how often it comes, by the others
+# step -> relative frequency
 ADDON_STEPS = {
     click_quick: 40,
     click_work: 2,

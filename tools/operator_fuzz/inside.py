@@ -1,6 +1,6 @@
-"""`python -m operator_fuzz.inside`: runs sequences in this process.
+"""`python -m operator_fuzz.inside`: run sequences in this process.
 
-Writes a line of JSON for each sequence into a file, and the steps of the present one, so that a crash has its steps.
+It writes a line of JSON for each sequence to a file, and the steps of the current one, so that they survive a crash.
 """
 
 import argparse
@@ -66,7 +66,7 @@ def _run(seed: int, number: int, before: dict[str, Any], folder: Path) -> dict[s
                 _note(journal, lines[-1])
             _note(journal, "end")
             end()
-        except Exception:  # each is a fault
+        except Exception:  # any exception is a fault
             faults.append(traceback.format_exc()[-1500:])
             end()
     with (folder / "said").open(errors="replace") as file:

@@ -6,11 +6,11 @@ from typing import Any
 
 import bpy
 
-_KEPT = 3  # saved .blend files
+_KEPT = 3  # number of saved .blend files
 
 
 def some_object(chance: random.Random) -> Any:
-    """Return an object of the scene, None in an empty one."""
+    """Return an object of the scene, or None if it is empty."""
     objects = list(bpy.context.view_layer.objects)
     return chance.choice(objects) if objects else None
 
@@ -23,7 +23,7 @@ def remove_object(chance: random.Random, folder: Path) -> None:
 
 
 def remove_data(chance: random.Random, folder: Path) -> None:
-    """Delete an action, mesh, armature or collection that something may use."""
+    """Delete an action, mesh, armature or collection that something may be using."""
     kind = chance.choice((bpy.data.actions, bpy.data.armatures, bpy.data.meshes, bpy.data.collections))
     if len(kind):
         kind.remove(chance.choice(list(kind)))
@@ -45,7 +45,7 @@ def rename(chance: random.Random, folder: Path) -> None:
 
 
 def choose(chance: random.Random, folder: Path) -> None:
-    """Make an object active and select it, or nothing."""
+    """Make an object active and select it, or deselect everything."""
     bpy.ops.object.select_all(action="DESELECT")
     found = some_object(chance)
     bpy.context.view_layer.objects.active = found
@@ -54,7 +54,7 @@ def choose(chance: random.Random, folder: Path) -> None:
 
 
 def change_mode(chance: random.Random, folder: Path) -> None:
-    """Go into another mode with the active object."""
+    """Switch to another mode with the active object."""
     active = bpy.context.view_layer.objects.active
     if active is not None:
         modes = ("OBJECT", "POSE", "EDIT") if active.type == "ARMATURE" else ("OBJECT",)
@@ -99,7 +99,7 @@ def change_time(chance: random.Random, folder: Path) -> None:
 
 
 def change_scene(chance: random.Random, folder: Path) -> None:
-    """Add a scene, or delete the present one."""
+    """Add a scene, or delete the current one."""
     if chance.random() < 0.5 or len(bpy.data.scenes) < 2:
         added = bpy.data.scenes.new("Second")
         if bpy.context.window is not None:
@@ -109,7 +109,7 @@ def change_scene(chance: random.Random, folder: Path) -> None:
 
 
 def push_undo(chance: random.Random, folder: Path) -> None:
-    """Let undo come back to here."""
+    """Set an undo point."""
     bpy.ops.ed.undo_push(message="step")
 
 
@@ -127,7 +127,7 @@ def redo(chance: random.Random, folder: Path) -> None:
 
 
 def new_file(chance: random.Random, folder: Path) -> None:
-    """Load an empty scene or Blender's first one."""
+    """Load an empty scene or Blender's startup file."""
     bpy.ops.wm.read_homefile(use_empty=chance.random() < 0.5, use_factory_startup=chance.random() < 0.5)
 
 
@@ -145,7 +145,7 @@ def open_file(chance: random.Random, folder: Path) -> None:
 
 
 def render(chance: random.Random, folder: Path) -> None:
-    """Render a tiny picture, or two of an animation, by Cycles: it needs no window."""
+    """Render a tiny picture, or two of an animation, with Cycles, which needs no window."""
     scene = bpy.context.scene
     if scene.camera is None:
         scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -171,7 +171,7 @@ def change_windows(chance: random.Random, folder: Path) -> str:
     if len(windows) == 1:
         bpy.ops.wm.window_new()
         return "opened"
-    # not a main one: Blender ends with the last of them, as it should
+    # not a main window: Blender exits with the last of them, as it should
     children = [window for window in windows if window.parent]
     if not children:
         return "none"
@@ -180,7 +180,7 @@ def change_windows(chance: random.Random, folder: Path) -> str:
     return "closed"
 
 
-# step -> how often it comes, by the others
+# step -> relative frequency
 SCENE_STEPS = {
     remove_object: 4,
     remove_data: 3,

@@ -1,6 +1,6 @@
-"""A second Blender on the folders of the first: `second_blender.py FOLDER SEED`.
+"""A second Blender that uses the first one's folders: `second_blender.py FOLDER SEED`.
 
-It switches the add-on on, looks at the takes, changes one, and switches the add-on off.
+It switches the add-on on, lists the takes, changes one, and switches the add-on off.
 """
 
 import random
@@ -11,14 +11,14 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests" / "helpers"))
 
-import addon_utils  # brought by `bpy`
+import addon_utils  # comes with `bpy`
 from extension_folder import MODULE, find_extension
 
 
 def main(folder: Path, seed: str) -> None:
-    """Do the work; `folder` is that of extensions."""
+    """Do the work; `folder` is the extensions folder."""
     chance = random.Random(seed)  # noqa: S311 - repeatable, no secret
-    if MODULE not in bpy.context.preferences.addons:  # as a module it knows no preferences of the first one
+    if MODULE not in bpy.context.preferences.addons:  # as a module, it does not know the first one's preferences
         find_extension(folder)
         addon_utils.enable(MODULE, default_set=True)
     library = sys.modules[f"{MODULE}.perfanim_addon.take_library"]

@@ -1,4 +1,4 @@
-"""One sequence of random steps, and the remains after it."""
+"""One sequence of random steps, and what remains after it."""
 
 import random
 import shutil
@@ -17,7 +17,7 @@ from .scene_steps import SCENE_STEPS
 _TESTS = Path(__file__).resolve().parents[2] / "tests"
 _STEPS: dict[Callable[..., Any], int] = {**SCENE_STEPS, **ADDON_STEPS}
 _MOST_STEPS = 14
-_ENDING_S = 5.0  # in which processes and threads that were ended are gone
+_ENDING_S = 5.0  # time until processes and threads that were ended are gone
 
 
 def clear() -> None:
@@ -36,11 +36,11 @@ def begin(folder: Path) -> None:
     for name in ("one.perftake", "two-and-sword.perftake", "damaged.perftake"):
         shutil.copy(folder / "samples" / name, takes)
     part("take_library").forget()
-    bpy.ops.ed.undo_push(message="begin")  # without a window the first one makes undo work
+    bpy.ops.ed.undo_push(message="begin")  # without a window, the first one enables undo
 
 
 def _fill(samples: Path) -> None:
-    """Copy small files of all kinds, good and damaged: the steps choose from them."""
+    """Copy small files of all kinds, intact and damaged, from which the steps choose."""
     for pattern in ("compatibility/files/*", "fuzz/corpus/*"):
         for path in _TESTS.glob(pattern):
             shutil.copy(path, samples)
@@ -49,7 +49,7 @@ def _fill(samples: Path) -> None:
 
 
 def steps_of(seed: int, number: int) -> tuple[random.Random, list[Callable[..., Any]]]:
-    """Return the steps of a sequence, and the source of their choices."""
+    """Return the steps of a sequence, and the random generator for their choices."""
     chance = random.Random(f"{seed}/{number}")  # noqa: S311 - repeatable, no secret
     count = chance.randint(3, _MOST_STEPS)
     return chance, chance.choices(list(_STEPS), list(_STEPS.values()), k=count)
@@ -59,11 +59,11 @@ def take_step(step: Callable[..., Any], chance: random.Random, folder: Path) -> 
     """Take one step and return a line about it.
 
     Raises:
-        Exception: what no user should meet.
+        Exception: Something that no user should encounter.
     """
     try:
         line = step(chance, folder)
-    except RuntimeError as error:  # Blender's own operators refuse in a wrong mode
+    except RuntimeError as error:  # Blender's own operators refuse to run in a wrong mode
         if "Traceback" in str(error):
             raise
         line = str(error).strip()
@@ -71,14 +71,14 @@ def take_step(step: Callable[..., Any], chance: random.Random, folder: Path) -> 
 
 
 def end() -> None:
-    """End as another file and the add-on's switch do."""
+    """End like loading another file and switching the add-on off."""
     clear()
     if is_on():
         addon_utils.disable(ADDON, default_set=True)
 
 
 def left_over(before: dict[str, Any], folder: Path) -> list[str]:
-    """Return things of the add-on that came with a sequence and stayed."""
+    """Return the add-on's things that a sequence created and left behind."""
     limit_s = time.monotonic() + _ENDING_S
     while children() and time.monotonic() < limit_s:
         time.sleep(0.02)

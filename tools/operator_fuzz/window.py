@@ -1,4 +1,4 @@
-"""Sequences in a window, while a capture is live."""
+"""Sequences in a window during a live capture."""
 
 import contextlib
 import json
@@ -18,13 +18,13 @@ from desktop import BlenderWindow, Desktop, blender_python, build_archive, insta
 
 from .errors import errors_in
 
-_BETWEEN_S = 0.1  # steps, in which the capture goes on
-_POINTER_PX = 300  # from the screen's left and top, over the 3D view
-_START_S = 30.0  # until the first pose; another step may have ended the capture before
+_BETWEEN_S = 0.1  # pause between steps, in which the capture continues
+_POINTER_PX = 300  # distance from the screen's left and top, over the 3D view
+_START_S = 30.0  # time until the first pose; another step may have ended the capture earlier
 
 
 def run_window(seed: int, first: int, stop: int, until_s: float) -> Iterator[dict[str, Any]]:
-    """Yield the result of each sequence; a Blender that ends is followed by another."""
+    """Yield the result of each sequence; if Blender exits, another one is started."""
     wrapper = os.environ["BLENDER"]
     with tempfile.TemporaryDirectory(prefix="operator-fuzz-") as name:
         installed = Path(name) / "installed"
@@ -43,10 +43,10 @@ def run_window(seed: int, first: int, stop: int, until_s: float) -> Iterator[dic
 
 
 def run_in(desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: float) -> Iterator[dict[str, Any]]:
-    """Yield results until Blender ends, or all are done.
+    """Yield results until Blender exits, or all are done.
 
     Args:
-        folder: an own one, with Blender's user folder as `user` in it.
+        folder: A separate folder, with Blender's user folder as `user` in it.
     """
     (folder / "tmp").mkdir()
     desktop.environment["TMPDIR"] = str(folder / "tmp")
@@ -67,8 +67,8 @@ def run_in(desktop: Desktop, folder: Path, seed: int, numbers: range, until_s: f
 def _sequence(desktop: Desktop, window: BlenderWindow, folder: Path, seed: int, number: int) -> dict[str, Any]:
     """Start a capture, take the steps of a sequence, and end it.
 
-    The pointer moves before each step, as it does before a click. Blender 4.3 ends where an operator begins to run
-    without any event since a running one's class was removed.
+    The pointer moves before each step, as it does before a click. Blender 4.3 exits if an operator starts to run
+    without any event since a running operator's class was removed.
     """
     said, ended = len(window.log()), False
     lines: list[str] = []
@@ -85,7 +85,7 @@ def _sequence(desktop: Desktop, window: BlenderWindow, folder: Path, seed: int, 
             lines.append(_order(window, "fuzz_step", faults).get("line", ""))
             time.sleep(_BETWEEN_S)
         left = _order(window, "fuzz_end", faults).get("left", [])
-    except AssertionError as error:  # Blender ended, or does not answer
+    except AssertionError as error:  # Blender has exited, or does not respond
         ended, left = True, [str(error)[:2000]]
     faults += errors_in(window.log()[said:]) + left
     return {"faults": faults, "steps": lines if faults else len(lines), "ended": ended}

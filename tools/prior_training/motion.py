@@ -1,4 +1,4 @@
-"""Recorded poses of databases, as the training samples them."""
+"""Recorded poses from databases, as sampled in training."""
 
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
@@ -18,10 +18,10 @@ class Recordings(NamedTuple):
     """All frames (F) of some subjects."""
 
     fps: float
-    world: FloatArray  # (F, J, 3, 3) world rotations, which do not depend on the lengths of bones
+    world: FloatArray  # (F, J, 3, 3) world rotations, which do not depend on the bone lengths
     root_positions_m: FloatArray  # (F, 3)
     poses: FloatArray  # (F, J - 1, 3) relative to `mean_rotations`
-    mean_rotations: Array  # their own mirror image
+    mean_rotations: Array  # they are their own mirror image
     starts: IntArray  # (F,) first frame of each frame's clip
     stops: IntArray  # (F,) end of each frame's clip
     skeletons: tuple[Skeleton, ...]
@@ -36,7 +36,7 @@ def read_recordings(
     """Return all frames of the chosen subjects.
 
     Args:
-        mean_rotations: Rotations that poses are relative to; default the mean of the frames and their mirror images.
+        mean_rotations: Rotations that poses are relative to; by default the mean of the frames and their mirror images.
     """
     local, positions, lengths, of_clip = [], [], [], []
     skeletons: list[Skeleton] = []

@@ -24,11 +24,11 @@ _PARTS = (
     )),
 )  # fmt: skip
 PART_OF_JOINT = np.array([next(i for i, names in enumerate(_PARTS) if name in names) for name in JOINT_NAMES])
-_RATE, _WARM_UP = 1.5e-3, 300  # of Adam, after so many steps
-_BETA = 0.5  # of the loss: 0 is the plain likelihood, 1 squared errors (Seitzer et al. 2022)
-_AVERAGED = 0.998  # of the averaged weights that stays at each step
+_RATE, _WARM_UP = 1.5e-3, 300  # learning rate of Adam, reached after this number of steps
+_BETA = 0.5  # exponent in the loss: 0 is the plain likelihood, 1 squared errors (Seitzer et al. 2022)
+_AVERAGED = 0.998  # share of the averaged weights that is kept in each step
 _REPORT_EVERY = 100
-LEAST_SCALE = 0.005  # of an output
+LEAST_SCALE = 0.005  # smallest scale of an output
 
 Parameters = dict[str, Any]
 
@@ -51,7 +51,7 @@ def first_parameters(generator: np.random.Generator) -> Parameters:
 
 
 def forward(parameters: Parameters, features: Any, seen: Any, joints: Any, bones: Any) -> tuple[Any, Any]:
-    """Return outputs and logarithms of sigmas (G, N, O), in units of `outputs`.
+    """Return outputs and log sigmas (G, N, O), in units of `outputs`.
 
     Args:
         bones: Standardised lengths (G, J - 1).
@@ -63,7 +63,7 @@ def forward(parameters: Parameters, features: Any, seen: Any, joints: Any, bones
         jnp.matmul(flat, parameters["marker_weights"][of_marker]) + parameters["marker_biases"][of_marker][:, None]
     )
     hidden = hidden.reshape(groups, places, windows, -1) * seen.transpose(0, 2, 1)[..., None]
-    parts = jax.nn.one_hot(jnp.asarray(PART_OF_JOINT)[joints], len(_PARTS))  # (G, M, P)
+    parts = jax.nn.one_hot(jnp.asarray(PART_OF_JOINT)[joints], len(_PARTS))  # shape (G, M, P)
     sums = jnp.einsum("gmp,gmnh->gnph", parts, hidden).reshape(groups, windows, -1)
     first = parameters["first_weights"]
     state = jax.nn.silu(
@@ -99,7 +99,7 @@ class Scaling(NamedTuple):
 
 
 def scaling_of(windows: WindowMaker, generator: np.random.Generator) -> Scaling:
-    """Return the mean and spread of some windows."""
+    """Return the mean and standard deviation over some windows."""
     drawn = [windows.draw(generator, 64) for _ in range(8)]
     targets = np.concatenate([batch.targets.reshape(-1, OUTPUTS) for batch in drawn])
     bones = np.concatenate([batch.bones for batch in drawn])
@@ -117,7 +117,7 @@ def train(
     steps: int,
     report: Callable[[str], None],
 ) -> Parameters:
-    """Return the weights trained from the first ones, averaged over the last steps."""
+    """Return the trained weights, started from given ones and averaged over the last steps."""
     zeros = jax.tree.map(jnp.zeros_like, first)
     state = (first, zeros, zeros, first)
 
@@ -152,7 +152,7 @@ def train(
 def residuals(
     parameters: Parameters, windows: WindowMaker, scaling: Scaling, generator: np.random.Generator, batches: int
 ) -> tuple[Array, Array]:
-    """Return errors and the sigmas expected of them (n, O), in the targets' units."""
+    """Return errors and expected sigmas (n, O), in the targets' units."""
     errors, sigmas = [], []
     run = jax.jit(forward)
     for _ in range(batches):

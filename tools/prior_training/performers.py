@@ -9,30 +9,30 @@ from perfanim.core.body.standard_skeleton import JOINT_NAMES, mirrored_name
 from perfanim.core.geometry.arrays import Array, FloatArray, IntArray, Mask
 from perfanim.core.markers.marker_set import load_marker_set
 
-FEW, MANY = 14, 44  # places for markers
+FEW, MANY = 14, 44  # number of slots for markers
 _SMALL_SETS = {"boxing": 0.45, "locomotion": 0.2, "kendo": 0.1, "one-camera": 0.15, "two-webcams": 0.1}  # shares
 _LARGE_SETS = ("cmu-41", "helen-hayes", "optitrack-baseline", "plug-in-gait")
 _TORSO = tuple(
     JOINT_NAMES.index(name) for name in ("root", "lowerback", "upperback", "thorax", "lclavicle", "rclavicle")
 )
-LEG = [JOINT_NAMES.index(name) for name in ("ltibia", "lfoot")]  # their offsets are thigh and shank
+LEG = [JOINT_NAMES.index(name) for name in ("ltibia", "lfoot")]  # joints whose offsets are thigh and shank
 _PAIRS = np.array([JOINT_NAMES.index(min(name, mirrored_name(name))) for name in JOINT_NAMES])
 _USUAL_LEG_M = 0.85
 
-_Markers = tuple[IntArray, Array, Mask]  # joints (M,), offsets (M, 3), on the torso (M,)
+_Markers = tuple[IntArray, Array, Mask]  # joints (M,), offsets (M, 3), whether on the torso (M,)
 
 
 class Performers(NamedTuple):
-    """Random people, G with M places for markers."""
+    """G random people, each with M slots for markers."""
 
     bones_m: FloatArray  # (G, J, 3) offsets of the joints
     leg_m: FloatArray  # (G,) lengths of the legs
-    joints: IntArray  # (G, M) of the markers, 0 where a place is empty
-    offsets_m: FloatArray  # (G, M, 3) of the markers
-    believed_bones_m: FloatArray  # what the solver takes bones and offsets for
+    joints: IntArray  # (G, M) joint of each marker, 0 if a slot is empty
+    offsets_m: FloatArray  # (G, M, 3) offset of each marker
+    believed_bones_m: FloatArray  # bones and offsets as the solver believes them
     believed_offsets_m: FloatArray
-    torso: Mask  # (G, M) markers that show the root
-    worn: Mask  # (G, M) places that hold a marker
+    torso: Mask  # (G, M) markers that determine the root
+    worn: Mask  # (G, M) slots that hold a marker
 
 
 class PerformerMaker:
@@ -48,7 +48,7 @@ class PerformerMaker:
         self._sets = {name: _layout(name) for name in (*_SMALL_SETS, *_LARGE_SETS)}
 
     def draw(self, generator: np.random.Generator, count: int, places: int) -> Performers:
-        """Return people with so many places for markers."""
+        """Return people with this many slots for markers."""
         bodies = np.array([self._body(generator) for _ in range(count)])
         joints, torso = np.zeros((count, places), dtype=np.int64), np.zeros((count, places), dtype=bool)
         offsets, worn = np.zeros((count, places, 3)), np.zeros((count, places), dtype=bool)
@@ -100,7 +100,7 @@ class PerformerMaker:
         return joints, scale * offsets + generator.normal(0.0, 1.0, offsets.shape) * spread, torso
 
     def _anywhere(self, generator: np.random.Generator, free: int, torso: int) -> _Markers:
-        """Return markers anywhere on the body: along a bone, some centimetres beside it."""
+        """Return markers anywhere on the body: along a bone, a few centimetres off it."""
         joints = np.concatenate((generator.choice(_TORSO, torso), generator.integers(1, len(JOINT_NAMES), free)))
         along = generator.random((len(joints), 1)) * self._tips[joints]
         beside = generator.normal(size=(len(joints), 3))

@@ -13,39 +13,39 @@ from .motion import Recordings
 from .performers import FEW, LEG, MANY, PerformerMaker, Performers
 
 LAGS_S = (0.0, 1 / 60, 1 / 30, 0.05, 0.1, 0.2, 0.35, 0.5)
-WINDOWS = 8  # of each performer
+WINDOWS = 8  # windows per performer
 _RATES = (24.0, 25.0, 30.0, 50.0, 60.0, 60.0, 60.0, 90.0, 100.0, 120.0, 120.0)
 _LAG_TOLERANCE = 0.3  # as in the solver's history
 _CARRIED_BY_ROOT = 4.0  # weight of markers on the root, as in the solver
-_MANY_SHARE = 0.2  # of batches with suits of many markers
+_MANY_SHARE = 0.2  # share of batches with suits of many markers
 _OTHER_SIDE = np.array([JOINT_NAMES.index(mirrored_name(name)) for name in JOINT_NAMES])
 _THORAX = JOINT_NAMES.index("thorax")
 _LEFT_ARM = np.arange(JOINT_NAMES.index("lclavicle"), JOINT_NAMES.index("lthumb") + 1)
 _ARMS = np.concatenate((_LEFT_ARM, _OTHER_SIDE[_LEFT_ARM]))
-_BORROWED_SHARE = 0.25  # of performers, with one arm or both of another moment
-_ONE_CAMERA_SHARE, _SOME_SHARE = 0.05, 0.2  # of performers, filmed by one camera, or with markers that one alone sees
-_DEPTH_M = (0.004, 0.06)  # standard deviations of how far points are off along a ray
-_BETWEEN = 4  # lags that are interpolated between frames; of the longer ones the nearest frame will do
+_BORROWED_SHARE = 0.25  # share of performers with one arm or both taken from another frame
+_ONE_CAMERA_SHARE, _SOME_SHARE = 0.05, 0.2  # share of performers filmed by one camera; with markers that only one sees
+_DEPTH_M = (0.004, 0.06)  # standard deviations of the error of points along a ray
+_BETWEEN = 4  # lags that are interpolated between frames; for longer ones the nearest frame is enough
 _MATRIX_SIGNS = np.outer((-1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)).astype(np.float32)
 _VECTOR_SIGNS = np.array([1.0, -1.0, -1.0], dtype=np.float32)
 
 
 class Batch(NamedTuple):
-    """Windows of G performers, N of each."""
+    """Windows of G performers, N each."""
 
-    features: FloatArray  # (G, N, M, F) of `marker_features`
-    seen: Mask  # (G, N, M) markers seen at any time
+    features: FloatArray  # (G, N, M, F) from `marker_features`
+    seen: Mask  # (G, N, M) markers seen at any of the times
     joints: IntArray  # (G, M)
     bones: FloatArray  # (G, J - 1) lengths, metres
-    targets: FloatArray  # (G, N, 6 + 3 (J - 1)) turn and position of the root in the body frame, pose
+    targets: FloatArray  # (G, N, 6 + 3 (J - 1)) rotation and position of the root in the body frame, and pose
 
 
 class _Played(NamedTuple):
-    """Motion of performers."""
+    """Motion assigned to performers."""
 
-    frames: IntArray  # (G, N) of the recordings
-    others: IntArray  # (G, N) frames that arms are borrowed from, for combinations that nobody recorded
-    borrowed: Mask  # (G, A) the borrowed ones of `_ARMS`
+    frames: IntArray  # (G, N) frames of the recordings
+    others: IntArray  # (G, N) frames from which arms are borrowed, for combinations that no one recorded
+    borrowed: Mask  # (G, A) which of `_ARMS` are borrowed
     mirrored: Mask  # (G,)
 
 
@@ -67,7 +67,7 @@ class WindowMaker:
         self._mean_world = mean.astype(np.float32)
 
     def draw(self, generator: np.random.Generator, performers: int) -> Batch:
-        """Return windows of so many performers."""
+        """Return windows for this many performers."""
         places = MANY if generator.random() < _MANY_SHARE else FEW
         people = self._performers.draw(generator, performers, places)
         played = self._play(generator, performers)
@@ -102,7 +102,7 @@ class WindowMaker:
         return _Played(frames, others, borrowed, generator.random(performers) < 0.5)
 
     def _points(self, generator: np.random.Generator, people: Performers, played: _Played) -> tuple[FloatArray, Mask]:
-        """Return markers (G, N, L, M, 3), and whether each moment is known (G, N, L)."""
+        """Return markers (G, N, L, M, 3), and whether each time is known (G, N, L)."""
         count, frames = len(played.frames), played.frames
         speed = np.exp(generator.uniform(np.log(0.8), np.log(1.25), (count, 1, 1))) * np.ones_like(frames)[..., None]
         rate = generator.choice(_RATES, (count, 1, 1))
@@ -131,7 +131,7 @@ class WindowMaker:
         return (world[:, :, 0, 0], at[:, :, 0]), poses
 
     def _world(self, people: Performers, played: _Played, back: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return world matrices (G, N, L, J, 3, 3) and root positions so many frames ago."""
+        """Return world matrices (G, N, L, J, 3, 3) and root positions this many frames ago."""
         frames = np.maximum(played.frames[..., None] - back, self._of.starts[played.frames][..., None])
         world, at = self._of.world[frames], self._of.root_positions_m[frames]
         of = np.flatnonzero(played.borrowed.any(axis=1))
@@ -151,7 +151,7 @@ class WindowMaker:
         return _placed(world, at, people.bones_m, people.joints, people.offsets_m, self._parents)
 
     def _rest(self, people: Performers) -> FloatArray:
-        """Return the believed markers (G, M, 3) of the mean pose."""
+        """Return the believed markers (G, M, 3) in the mean pose."""
         world = np.broadcast_to(self._mean_world, (len(people.joints), 1, 1, *self._mean_world.shape))
         at = np.zeros((len(people.joints), 1, 1, 3), dtype=np.float32)
         body = (people.believed_bones_m, people.joints, people.believed_offsets_m)
@@ -160,12 +160,12 @@ class WindowMaker:
     def _disturb(
         self, generator: np.random.Generator, people: Performers, points: FloatArray, known: Mask
     ) -> FloatArray:
-        """Return markers with noise, NaN where not seen."""
+        """Return markers with noise, NaN where hidden."""
         count, windows, _, places, _ = points.shape
         noise = np.where(generator.random(count) < 0.35, 0.0, generator.uniform(0.0, 0.005, count))
         gaps = np.where(generator.random(count) < 0.5, 0.0, generator.uniform(0.0, 0.35, count))
         points = points + noise[:, None, None, None, None] * generator.normal(size=points.shape)
-        # one gap of each marker at most, which may cover the present
+        # at most one gap per marker, which may include the current frame
         begin = generator.uniform(-0.15, 0.5, (count, windows, 1, places))
         length = generator.exponential(0.25, begin.shape)
         times = np.array(LAGS_S)[:, None]
@@ -177,10 +177,10 @@ class WindowMaker:
         return points.astype(np.float32)
 
     def _by_one_camera(self, generator: np.random.Generator, points: FloatArray) -> tuple[FloatArray, Mask]:
-        """Return markers (G, N, L, M, 3), and those (G, N, M) of one camera alone now.
+        """Return markers (G, N, L, M, 3), and those (G, N, M) that only one camera sees now.
 
-        These are off along its rays. Before they were not seen for a while, or the camera is the only one: then all are
-        off by much the same, all the time.
+        These are off along its rays. Either they were hidden for a while before, or it is the only camera: then all are
+        off by nearly the same amount, all the time.
         """
         count, windows, lags, places, _ = points.shape
         chance = generator.random(count)
@@ -209,14 +209,14 @@ class WindowMaker:
 def _placed(
     world: FloatArray, at: FloatArray, bones: FloatArray, joints: IntArray, offsets: FloatArray, parents: IntArray
 ) -> FloatArray:
-    """Return markers (G, N, L, M, 3) of world matrices (G, N, L, J, 3, 3)."""
+    """Return markers (G, N, L, M, 3) for world matrices (G, N, L, J, 3, 3)."""
     moved = (world[..., parents[1:], :, :] @ bones[:, None, None, 1:, :, None])[..., 0]
     positions = np.empty((*world.shape[:4], 3), dtype=np.float32)
     positions[..., 0, :] = at
     for joint in range(1, positions.shape[3]):
         positions[..., joint, :] = positions[..., parents[joint], :] + moved[..., joint - 1, :]
     groups = np.arange(len(joints))[:, None]
-    carried = np.moveaxis(world, 3, 1)[groups, joints]  # (G, M, N, L, 3, 3)
+    carried = np.moveaxis(world, 3, 1)[groups, joints]  # shape (G, M, N, L, 3, 3)
     markers = np.moveaxis(positions, 3, 1)[groups, joints] + (carried @ offsets[:, :, None, None, :, None])[..., 0]
     return np.moveaxis(markers, 1, 3)
 
@@ -230,7 +230,7 @@ def _body_frame(
 ) -> tuple[Array, Array]:
     """Return world-from-body matrices and origins, (G, N, ...).
 
-    As `root_from_torso`: where fewer than three torso markers are seen the last root, somewhat off, is shifted.
+    As in `root_from_torso`: if fewer than three torso markers are visible, the last root, slightly off, is shifted.
     """
     seen = np.isfinite(points[..., 0])
     torso = seen & people.torso[:, None]
