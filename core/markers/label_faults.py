@@ -13,6 +13,7 @@ import numpy as np
 from ..body.scene_pose import DoubtfulStretch
 from ..geometry.arrays import Array, IntArray, Mask, runs
 from .exchanged_labels import Exchange, undo_exchanges
+from .exchanged_throughout import exchanged_throughout
 from .marker_take import MarkerTake, SingleViews
 from .subject import Subject
 from .trajectory_seams import MEDIAN_LENGTH, SeamScale, after, before, cost
@@ -96,6 +97,9 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
     joints = [subject.skeleton.index(marker.joint) for marker in worn]
     steps = _steps_between(subject, joints)
     points_m, exchanges = undo_exchanges(take.times_s, take.positions_m[:, columns], steps <= 1)
+    for pair in exchanged_throughout(points_m, worn, subject.skeleton, steps <= 1):
+        points_m[:, pair] = points_m[:, pair[::-1]]
+        exchanges.append(Exchange(0, take.frames - 1, pair))
     faults, nearest = _exchanged(exchanges, names), _nearest(steps)
     scale = SeamScale(take.times_s, points_m)
     for kind in (FaultKind.FROZEN, FaultKind.WILD):

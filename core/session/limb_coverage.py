@@ -21,7 +21,7 @@ LIMBS = {
     for side in ("left", "right")
     for limb, joints in _LIMBS.items()
 }
-_HELD = LIMBS | {"trunk": (*SPINE_JOINTS, *(side + joint for side in "lr" for joint in ("clavicle", "humerus")))}
+_HELD = LIMBS | {"trunk": (*SPINE_JOINTS[1:], *(side + joint for side in "lr" for joint in ("clavicle", "humerus")))}
 
 
 @dataclass(frozen=True)
