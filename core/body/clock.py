@@ -34,6 +34,7 @@ class ClockSettings:
     widest: float = 0.45  # largest rounding error of times without frame numbers, frames
     near: float = 0.01  # largest relative difference from a usual rate that is attributed to the camera's clock
     lost: float = 3.0  # step, in median steps, that is a gap and says nothing about the rate
+    plausible_hz: tuple[float, float] = (5.0, 5000.0)  # least and largest rate of markers: reveals the unit of times
     uneven: float = 0.5  # deviation of a step from one frame interval that is reported, frames
     near_s: float = 0.1  # longest step across which markers and props are interpolated
     short_s: float = 0.25  # longest step of poses that is interpolated with a cubic
@@ -42,7 +43,6 @@ class ClockSettings:
 
 CLOCK = ClockSettings()
 _SECONDS_PER_TICK = (1.0, 1e-3, 1e-6, 1e-9)  # possible units of times in files, s
-_LEAST_HZ, _MOST_HZ = 5.0, 5000.0  # plausible rates of markers, which reveal the unit of the times
 
 
 class ClockFault(Enum):
@@ -227,7 +227,7 @@ def seconds_of(times: Array, stated_fps: float | None = None) -> Array:
     if not len(steps):
         return times
     has_rate = stated_fps is not None and stated_fps > 0.0
-    low, high = (0.5 * stated_fps, 2.0 * stated_fps) if has_rate and stated_fps else (_LEAST_HZ, _MOST_HZ)
+    low, high = (0.5 * stated_fps, 2.0 * stated_fps) if has_rate and stated_fps else CLOCK.plausible_hz
     per_tick = (each for each in _SECONDS_PER_TICK if low <= 1.0 / (float(np.median(steps)) * each) <= high)
     unit_s = next(per_tick, 1.0)
     return times if unit_s == 1.0 else (times - times[np.isfinite(times)][0]) * unit_s

@@ -5,7 +5,7 @@ points on hands and face and centres of mass, which say nothing about the body's
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,17 @@ BODY = "body_"  # FreeMoCap's prefix for the names of body points
 _ORDERS = {17: "coco-17", 25: "body-25", 26: "halpe-26", 33: "blazepose-33"}  # marker set by number of points
 _HOLISTIC = (543, 553)  # number of points in MediaPipe's holistic model: the body's come first, then hands and face
 _UNITS_M = (1.0, 0.01, 0.001)  # metres per unit, the likely ones
-_USUAL_FPS = 30.0  # frame rate of webcams and phones
+
+
+@dataclass(frozen=True)
+class KeypointFileSettings:
+    """Assumptions about files that state neither rate nor unit."""
+
+    usual_fps: float = 30.0  # frame rate of webcams and phones, Hz
+    body_share: float = 0.5  # smallest share of the points in a frame that shows the size of the body
+
+
+_S = KeypointFileSettings()
 
 
 def are_keypoints(names: Sequence[str]) -> bool:
@@ -77,7 +87,7 @@ def keypoint_take(
     if times_s is None or not np.all(np.isfinite(times_s)):
         times_s = _recorded_times(Path(where), len(points))
     if times_s is None and not fps > 0.0:
-        fps = _USUAL_FPS
+        fps = _S.usual_fps
         notes = (f"neither a rate nor times are stated: {fps:g} frames a second are assumed",)
     take = make_take(where, fps, names, points * _metres_per_unit(points, where), frame_numbers, times_s)
     return replace(take, notes=(*take.notes, *notes))
@@ -86,7 +96,7 @@ def keypoint_take(
 def _metres_per_unit(points: Array, where: str) -> float:
     """Return the metres per unit of points (F, J, 3), from the median extent of the body."""
     seen = np.all(np.isfinite(points), axis=-1) & np.any(points != 0.0, axis=-1)
-    whole = points[np.sum(seen, axis=1) > 0.5 * points.shape[1]]
+    whole = points[np.sum(seen, axis=1) > _S.body_share * points.shape[1]]
     if len(whole) == 0:
         raise FormatError("never shows most of the body in one frame", where=where)
     whole = np.where(

@@ -10,7 +10,10 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.animation.action_placement import Placement
 from perfanim.perfanim_addon.animation.keyframes import KeyBounds
+from perfanim.perfanim_addon.capture.write_take import increasing
 from played import curves_of, key_times, played_poses, points_from_blender
+
+from tests.helpers.irregular_takes import HAND, poses_at, random_series
 
 SKELETON = default_skeleton(1.68)
 
@@ -54,6 +57,23 @@ def test_playing_the_action_moves_the_bones(performer):
         heads = points_from_blender([obj.pose.bones[name].head for name in JOINT_NAMES])
         expected, _ = forward_kinematics(SKELETON, rotations[frame - 1], roots[frame - 1])
         assert np.max(np.linalg.norm(heads - expected, axis=1)) < 1e-4
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_frames_at_random_times_play_when_they_were(performer, seed):
+    series = random_series(seed)
+    frames = actions.scene_frames(increasing(series.written_s), bpy.context.scene)
+    actions.write_action(performer, frames, *poses_at(series.true_s), SKELETON)
+    fps, since_s = actions.scene_fps(bpy.context.scene), series.true_s - series.true_s[0]
+    keys = key_times(curves_of(bpy.data.objects[performer]))
+    assert (keys[-1] - keys[0]) / fps == pytest.approx(since_s[-1], abs=0.0011)
+    shown = np.arange(1.0, 1.0 + since_s[-1] * fps, 7.0)
+    found, true = played_poses(performer, shown, SKELETON), poses_at(series.true_s[0] + (shown - 1.0) / fps)
+    hands = [forward_kinematics(SKELETON, *each)[0][:, HAND] for each in (found, true)]
+    away_m = np.linalg.norm(hands[0] - hands[1], axis=1)
+    step_s = np.diff(since_s)[np.searchsorted(since_s, (shown - 1.0) / fps, side="right") - 1]
+    assert away_m[step_s < 0.06].max() < 0.005
+    assert away_m.max() < 0.01  # between keys far apart Blender draws straight lines
 
 
 def test_quaternions_keep_to_one_hemisphere(performer):

@@ -5,10 +5,12 @@ import struct
 
 import numpy as np
 import pytest
+from perfanim.core.body.motion import Motion
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.cli import vmc_command
 from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
+from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.pose_codec import TimedPose
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
@@ -111,6 +113,21 @@ def test_a_marker_file_keeps_its_time_in_every_format(seed, tmp_path, capsys):
         told = run(capsys, "take", "export", tmp_path / "in.csv", "--out", tmp_path / f"a.{ending}")
         check_duration(series, told["frames"], told["fps"])
         check_markers(series, read_take(tmp_path / f"a.{ending}"))
+
+
+def test_a_batch_reports_and_writes_the_true_durations(tmp_path, capsys, database_file):
+    seeds = {f"take{seed:02}": seed for seed in range(0, 50, 10)} | {"take07": 7}
+    (tmp_path / "takes").mkdir()
+    write_bvh(Motion("waver", 30.0, SKELETON, *poses_at(np.zeros(2))), tmp_path / "waver.bvh")
+    for name, seed in seeds.items():
+        write_table(random_series(seed), tmp_path / "takes" / f"{name}.csv")
+    body = ("--skeleton", tmp_path / "waver.bvh", "--marker-set", "boxing", "--database", database_file)
+    told = run(capsys, "batch", tmp_path / "takes", *body, "--method", "nearest", "--out", tmp_path / "out")
+    assert {row["name"] for row in told["takes"]} == seeds.keys()
+    for row in told["takes"]:
+        series, motion = random_series(seeds[row["name"]]), read_motion(tmp_path / "out" / f"{row['name']}.bvh")
+        check_duration(series, motion.frames, motion.fps)
+        assert row["figures"]["duration_s"] == pytest.approx(motion.duration_s, abs=0.001)
 
 
 def check_markers(series, take):
