@@ -1,4 +1,4 @@
-"""Retargeting of motion to characters by a separate Blender process."""
+"""Retargeting motion to characters by a separate Blender process."""
 
 import tempfile
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Solving of takes, for commands and scripts."""
+"""Solving takes, for commands and scripts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Reading of marker takes and performers, for commands and scripts."""
+"""Reading marker takes and performers, for commands and scripts."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Tracking of markers in images from calibrated cameras, to trajectories or to a recorded take."""
+"""Tracking markers in images from calibrated cameras, to trajectories or to a recorded take."""
 
 import time
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Building of a motion database from motion files of any skeleton."""
+"""Building a motion database from motion files of any skeleton."""
 
 import os
 import tempfile

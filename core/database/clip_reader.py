@@ -1,4 +1,4 @@
-"""Reading of many motion files as clips at one rate, in one or several processes.
+"""Reading many motion files as clips at one rate, in one or several processes.
 
 Other processes run `serve`: they receive each file as a line of JSON and answer with a JSON header and arrays.
 """

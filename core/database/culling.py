@@ -1,4 +1,4 @@
-"""Culling of near-duplicates: passages that an earlier clip of a database already contains.
+"""Culling near-duplicates: passages that an earlier clip of a database already contains.
 
 A frame is a near-duplicate if its pose and the pose `ahead_s` later, which give the direction of motion, are close to
 those of a frame kept from an earlier clip. Short passages are kept, and so are margins around new motion, so that it

@@ -1,4 +1,4 @@
-"""Labelling of points without history: at the start, and after the body was lost.
+"""Labelling points without history: at the start, and after the body was lost.
 
 Torso markers keep their distances from each other in every pose, so the few choices of points for the torso are
 enumerated. Each one places the root. In its frame every pair of limb markers is compared with poses in the database:

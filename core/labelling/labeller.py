@@ -1,4 +1,4 @@
-"""Labelling of points by the markers of the last synthesised pose.
+"""Labelling points by the markers of the last synthesised pose.
 
 Chai and Hodgins 2005, section 4.1: markers are labelled in the first frame; later frames are matched to the markers of
 the most recent synthesised pose. These include hidden markers, so a marker that returns gets its label again.

@@ -1,4 +1,4 @@
-"""Tracking of one prop from frame to frame, with a search when it is lost.
+"""Tracking one prop from frame to frame, with a search when it is lost.
 
 The distances on a prop are exact to millimetres, so few points can be its markers. Placed on such points, it must
 explain the blobs of each camera, including single ones. A tracked prop starts at its expected pose instead.

@@ -1,4 +1,4 @@
-"""Labelling of the blobs of a single camera, frame by frame.
+"""Labelling the blobs of a single camera, frame by frame.
 
 A marker that was just seen is extrapolated in the image. One that was hidden is near the last pose's marker, but less
 certainly the longer it was hidden. One assignment of all blobs to all markers weighs the distance of a blob from a

@@ -1,4 +1,4 @@
-"""Labelling of points in a calibration pose, by a similarity transform of a template.
+"""Labelling points in a calibration pose, by a similarity transform of a template.
 
 Assigning pairs of points to distant template markers gives rough placements; the best are refined.
 """

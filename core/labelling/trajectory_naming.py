@@ -1,4 +1,4 @@
-"""Naming of tracked trajectories by votes of frames that show a standing body."""
+"""Naming tracked trajectories by votes of frames that show a standing body."""
 
 from dataclasses import dataclass, replace
 

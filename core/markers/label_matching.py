@@ -1,4 +1,4 @@
-"""Matching of a take's labels to a set's markers, tolerant of spelling."""
+"""Matching a take's labels to a set's markers, tolerant of spelling."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

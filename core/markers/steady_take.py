@@ -1,4 +1,4 @@
-"""Resampling of marker takes at a steady rate."""
+"""Resampling marker takes at a steady rate."""
 
 from dataclasses import replace
 

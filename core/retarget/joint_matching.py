@@ -1,4 +1,4 @@
-"""Matching of bones to joints of the standard skeleton, by names and hierarchy.
+"""Matching bones to joints of the standard skeleton, by names and hierarchy.
 
 Limbs are found by the words in their names. Trunk and neck are found by their position between hips, arms and head,
 because rigs and files have any number of bones there.

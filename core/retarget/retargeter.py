@@ -1,4 +1,4 @@
-"""Retargeting of a performer's motion to a character with other proportions.
+"""Retargeting a performer's motion to a character with other proportions.
 
 A plan is made once per character and then applied to each pose independently. Each mapped bone takes its joint's world
 orientation, corrected by the alignment of the rest poses. Trunk and neck bones between two mapped ones are

@@ -1,4 +1,4 @@
-"""Labelling of the marker frames of one capture."""
+"""Labelling the marker frames of one capture."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Labelling of one camera's blobs with several hypotheses in parallel.
+"""Labelling one camera's blobs with several hypotheses in parallel.
 
 Markers that reappear or cross in the image have several possible labels, and only the motion that follows decides
 (multiple hypothesis tracking, Reid 1979). Each hypothesis has its own solver state and its own likelihood. While the

@@ -1,4 +1,4 @@
-"""Solving of recorded takes in both directions of time.
+"""Solving recorded takes in both directions of time.
 
 Live, a pose depends on earlier frames only. A recorded take is also solved backwards, with the database's motion
 reversed in time. The two solutions have different errors, so they are averaged, with each part of the body weighted by

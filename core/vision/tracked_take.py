@@ -1,4 +1,4 @@
-"""Processing of a complete take's frames: synchronisation, triangulation, comparison with images, one-camera takes."""
+"""Processing a complete take's frames: synchronisation, triangulation, comparison with images, one-camera takes."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Opening of image sources, including the simulated studio."""
+"""Opening image sources, including the simulated studio."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

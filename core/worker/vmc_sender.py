@@ -1,4 +1,4 @@
-"""Sending of a live capture's poses to another program by the VMC protocol."""
+"""Sending a live capture's poses to another program by the VMC protocol."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Retargeting of a motion file without a window, for `perfanim retarget`.
+"""Retargeting a motion file without a window, for `perfanim retarget`.
 
     python -m perfanim.perfanim_addon.export.retarget_file MOTION OUT [--to CHARACTER] [--map NAME_OR_FILE] [...]
 

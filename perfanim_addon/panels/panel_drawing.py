@@ -1,4 +1,4 @@
-"""Drawing of text, progress, messages and list rows in panels of any width."""
+"""Drawing text, progress, messages and list rows in panels of any width."""
 
 import re
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Reading of the sketch in a .blend file without a window, for `perfanim sketch`.
+"""Reading the sketch in a .blend file without a window, for `perfanim sketch`.
 
     python -m perfanim.perfanim_addon.sketch.read_blend FILE.blend
 

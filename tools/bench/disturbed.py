@@ -26,8 +26,8 @@ MEASURES = (
 )  # fmt: skip
 _WAITED = "waited_s"  # time until the first live pose
 _RATIOS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "main_bone_direction_deg", "jitter_ratio", "of_clean")
-_FARTHER, _PIXELS = 2.0, 0.2  # the marker that is hidden, and when
-_HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is gone, and when
+_FARTHER, _PIXELS = 2.0, 0.2  # for one-camera views: factor on the studio's distance, noise of a centre, px
+_HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is hidden, and when
 
 
 def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[MarkerTake, Motion]:

@@ -1,4 +1,4 @@
-"""Solving of takes, and comparison of pose errors with the errors that the solver expects."""
+"""Solving takes, and comparison of pose errors with the errors that the solver expects."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple

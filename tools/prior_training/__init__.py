@@ -1,1 +1,1 @@
-"""Training of the learned motion prior."""
+"""Training the learned motion prior."""

@@ -1,4 +1,4 @@
-"""Processing of one take of a batch, from its file or videos to its outputs and record."""
+"""Processing one take of a batch, from its file or videos to its outputs and record."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""Processing of a batch's takes in another process (`serve`) or on a cluster (`serve_task`)."""
+"""Processing a batch's takes in another process (`serve`) or on a cluster (`serve_task`)."""
 
 import os
 import queue

@@ -1,4 +1,4 @@
-"""Writing of changed positions into marker files, leaving all other content as it was."""
+"""Writing changed positions into marker files, leaving all other content as it was."""
 
 from pathlib import Path
 

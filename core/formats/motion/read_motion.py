@@ -1,4 +1,4 @@
-"""Reading of motion files in any supported format, as motion of the standard skeleton."""
+"""Reading motion files in any supported format, as motion of the standard skeleton."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -1,4 +1,4 @@
-"""Writing of motion files for other programs; the file name's ending chooses the format."""
+"""Writing motion files for other programs; the file name's ending chooses the format."""
 
 from pathlib import Path
 

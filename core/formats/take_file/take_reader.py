@@ -1,4 +1,4 @@
-"""Reading of recorded takes, including damaged ones."""
+"""Reading recorded takes, including damaged ones."""
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""Writing of a take during a capture.
+"""Writing a take during a capture.
 
 Two threads keep a slow or full disk from delaying the capture: one writes, one flushes to the disk. If the process is
 killed, the operating system keeps the written bytes, and the checksum reveals a chunk that was cut off.

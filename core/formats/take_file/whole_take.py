@@ -1,4 +1,4 @@
-"""Writing of a complete take from frames in memory that were imported or solved again."""
+"""Writing a complete take from frames in memory that were imported or solved again."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

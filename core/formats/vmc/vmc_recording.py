@@ -1,4 +1,4 @@
-"""Recording of VMC packets as a motion or a marker take."""
+"""Recording VMC packets as a motion or a marker take."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

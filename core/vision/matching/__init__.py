@@ -1,1 +1,1 @@
-"""Matching of the blobs of several cameras in space and time."""
+"""Matching the blobs of several cameras in space and time."""

@@ -1,4 +1,4 @@
-"""Tracking of one camera's blobs from image to image."""
+"""Tracking one camera's blobs from image to image."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Grouping of unsynchronised cameras' images into image sets."""
+"""Grouping unsynchronised cameras' images into image sets."""
 
 from collections import deque
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Opening of image sources described by strings."""
+"""Opening image sources described by strings."""
 
 from collections.abc import Sequence
 from pathlib import Path
