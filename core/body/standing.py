@@ -14,7 +14,7 @@ _STATURE_M = 1.72  # default skeleton: 1.63 m from the soles to the end of the h
 
 @dataclass(frozen=True)
 class HumanSize:
-    """Statures of people, by which wrong units are found."""
+    """Statures of people, used to detect wrong units."""
 
     shortest_m: float = 0.72  # a small child; a body in inches that is taken for centimetres is smaller
     tallest_m: float = 2.4

@@ -98,7 +98,7 @@ class SeamScale:
         return np.asarray(misses_m / self.over(marker, np.diff(times_s)))
 
     def torn(self, marker: int, times_s: Array, misses_m: Array, least_m: float, sigmas: float) -> IntArray:
-        """Return the seams of positions at times (N,) with misses above a length and so many standard deviations."""
+        """Return the seams of positions at times (N,) with misses above both limits."""
         ratios = self.ratios(marker, times_s, misses_m)
         at = np.flatnonzero((misses_m > least_m) & (ratios > sigmas))
         return np.asarray(at[ratios[at] > sigmas * sudden(ratios, at)])

@@ -15,7 +15,7 @@ Pair = tuple[list[int], list[int]]
 
 @dataclass(frozen=True)
 class LimbSettings:
-    """Proportions by which limbs are recognised."""
+    """Proportions used to recognise limbs."""
 
     shortest_limb: float = 0.2  # smallest length of a limb, part of the armature's greatest extent
     unequal: float = 0.15  # largest relative difference in length of the chains of a pair

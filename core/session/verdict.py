@@ -25,7 +25,7 @@ _LONG_BONES = {"femur": "thigh", "tibia": "shank", "humerus": "upper arm", "radi
 
 @dataclass(frozen=True)
 class VerdictSettings:
-    """Limits of a good motion besides `PostureSettings`, met by all CMU and Bandai takes, crawls and cartwheels."""
+    """Limits of a good motion, in addition to `PostureSettings`; all CMU and Bandai takes meet them."""
 
     unsolved: float = 0.2  # largest share of frames without a solved pose
     wrong_m: float = 0.1  # median distance of markers from the body over the take above which no body was found

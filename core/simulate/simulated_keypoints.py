@@ -14,9 +14,9 @@ from .simulated_markers import simulate_markers
 class KeypointErrors:
     """Errors of keypoints; standard deviations are of one coordinate."""
 
-    own_m: tuple[float, float] = (0.01, 0.03)  # a person's constant offset of a point, least and largest length
+    own_m: tuple[float, float] = (0.01, 0.03)  # a person's constant offset of a point, smallest and largest length
     slow_m: float = 0.025  # errors that last
-    slow_s: tuple[float, float] = (0.2, 0.5)  # their time constants, least and largest
+    slow_s: tuple[float, float] = (0.2, 0.5)  # their time constants, smallest and largest
     fast_m: float = 0.006  # noise from frame to frame
 
 

@@ -19,7 +19,7 @@ from .retrieval import Samples, Stretch, Windows, shown_at
 
 @dataclass(frozen=True)
 class BaseMotionSettings:
-    """Settings of the regression, and of the weights by which windows decide when a foot stands."""
+    """Settings of the regression, and of the weights with which windows decide when a foot stands."""
 
     closest: int = 32  # number of windows in the regression
     sigma_m: float = 0.05  # standard deviation at a control

@@ -1,4 +1,4 @@
-"""Keypoints of people whom nobody measured, in files as of markerless tools: how calm, upright and near the motion."""
+"""Keypoints of unmeasured people, in files like those of markerless tools: jitter, tilt and accuracy of the motion."""
 
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,14 @@ from .scenarios import CMU, KEYPOINT_TAKES, OFFLINE
 from .solving import solve_both_ways
 
 _MEASURES = ("mpjpe_mm", "bone_direction_deg", "foot_skate_cm_s", "foot_skate_truth_cm_s")
-_MOMENTS = (0.1, 0.35, 0.6, 0.85)  # shares of a take that are pictured
+_MOMENTS = (0.1, 0.35, 0.6, 0.85)  # positions in a take that are pictured, as shares
 
 
 def keypoints(run: Run) -> tuple[list[dict[str, Any]], list[Path]]:
-    """Solve simulated keypoints of people whom the database and the prior lack; the body is fitted to them.
+    """Solve simulated keypoints of people who are not in the database or the prior; the body is fitted to them.
 
     Returns:
-        Rows (take, set, way, frames, jitter of the solved points as a share of the given ones', tilt_deg of the trunk
+        Rows (take, set, mode, frames, jitter of the solved points as a share of the given ones', tilt_deg of the trunk
         against the truth's, height of the lower foot above the truth's, errors), and pictures.
     """
     check_plots()

@@ -1,4 +1,4 @@
-"""Marker takes of other programs, solved without any setting: suit, coverage, fit, verdict and a picture of each."""
+"""Marker takes from other programs, solved without any settings: suit, coverage, fit, verdict and a picture of each."""
 
 from pathlib import Path
 from typing import Any
@@ -34,25 +34,25 @@ _CENTRES = {
     }.items()
 }
 _COLUMNS = ("frames", "markers", "set", "known", "placed", "left_out", "residual_mm", "joints_mm", "moved_mm")
-_POSES = 6  # in a picture
+_POSES = 6  # poses in a picture
 _CELL = (200, 240)  # pixels, width and height
 _TALL_M = 2.2  # height that a cell shows
 _UP = np.array([0.0, 1.0, 0.0])
 Colour = tuple[int, int, int]
-# BGR: sides and middle of the body, markers, ways to their solved places, floor
+# BGR: sides and middle of the body, markers, lines to their solved positions, floor
 _SIDES, _MIDDLE = {"l": (200, 110, 0), "r": (0, 130, 0)}, (90, 90, 90)
 _MARKER, _OFF, _FLOOR = (0, 0, 220), (160, 120, 255), (220, 220, 220)
 
 
 def marker_takes(run: Run, frames: int | None = None, only_takes: list[str] | None = None) -> dict[str, Any]:
-    """Solve all marker takes of a folder with the suit and the body that they show, and draw each.
+    """Solve all marker takes of a folder with the suit and body found in them, and draw each.
 
     Pictures go to `pictures/`: poses at equal times from the front and from the side of the first pose; the left side
-    of the body blue, the right green, markers red, with lines to their solved places.
+    of the body blue, the right green, markers red, with lines to their solved positions.
 
     Args:
-        frames: Largest number of frames to solve, from the middle of a take; default all.
-        only_takes: Texts of which a take's path has one; default all takes.
+        frames: Largest number of frames to solve, from the middle of a take; by default all.
+        only_takes: Strings, one of which a take's path must contain; by default all takes are solved.
 
     Returns:
         rows (take, frames, markers, set, known, placed, left_out, residual_mm, joints_mm from the centres that the file
@@ -60,7 +60,7 @@ def marker_takes(run: Run, frames: int | None = None, only_takes: list[str] | No
         refusal in its place), outputs.
 
     Raises:
-        FormatError: The folder holds no marker take.
+        FormatError: The folder contains no marker takes.
     """
     folder, wanted = run.data.resolve(), only_takes or [""]
     paths = sorted(
@@ -78,7 +78,7 @@ def marker_takes(run: Run, frames: int | None = None, only_takes: list[str] | No
 
 
 def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int | None) -> dict[str, Any]:
-    """Return the row of a take, in the other process."""
+    """Return the row for a take, in another process."""
     name = str(path.relative_to(folder))
     empty = dict.fromkeys((*_COLUMNS, *PART_JOINTS), "")
     row: dict[str, Any] = {"take": name, **empty, "verdict": "", "refusal": ""}
@@ -130,7 +130,7 @@ def _joints_mm(solved: SolvedTake, take: MarkerTake) -> float | str:
 
 
 def _middle(take: MarkerTake, frames: int | None) -> MarkerTake:
-    """Return up to so many frames from the middle of a take."""
+    """Return at most this many frames from the middle of a take."""
     if frames is None or take.frames <= frames:
         return take
     first = (take.frames - frames) // 2
@@ -158,7 +158,7 @@ def _picture(solved: SolvedTake) -> Image:
 
 
 def _cell(lines: list[tuple[Array, Array, Colour]], middle_m: Array, axes: Array) -> Image:
-    """Return coloured lines in space, seen with the axes (2, 3) to the right and up, and markers where theirs begin."""
+    """Return coloured lines in space, seen with the axes (2, 3) to the right and up, and markers at the starts of theirs."""
     width, height = _CELL
     image = np.full((height, width, 3), 255, np.uint8)
     scale = height / _TALL_M

@@ -140,7 +140,7 @@ def true_motion(run: Run, take: Take) -> Motion:
 
 
 def sketch_of(truth: Motion, joints: tuple[str, ...], keys: str) -> Sketch:
-    """Return a sketch of a motion: joints keyed every so many frames, or at "turns"."""
+    """Return a sketch of a motion: joints keyed at a regular interval, or at "turns"."""
     positions = forward_kinematics(truth.skeleton, truth.rotations, truth.root_positions_m)[0]
     controls = []
     for joint in joints:

@@ -12,7 +12,7 @@ from ...formats.take_file.take_reader import read_take_file
 from ...system.files import is_file, is_folder, open_foreign
 from .plan import HOLDS, Holds, TakePlan
 
-_VERSION = 1  # of what a batch makes from a take
+_VERSION = 1  # version of a take's outputs; a new one invalidates old records
 _BLOCK = 1 << 20
 
 

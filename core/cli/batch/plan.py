@@ -108,7 +108,7 @@ class TakeOptions:
 
 @dataclass(frozen=True)
 class _TakeRow:
-    """Which takes a plan's table names, in addition to their settings."""
+    """Keys of a plan's `[[take]]` table other than settings: which takes it names."""
 
     take: Annotated[str, About("file, folder or pattern; left out for videos")] = ""
     name: Annotated[str, About("name of the results; by default the file's")] = ""

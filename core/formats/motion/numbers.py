@@ -51,6 +51,6 @@ def check_pose_bytes(frames: int, joints: int, file_bytes: int, where: str) -> N
     """Raise FormatError if joints without numbers would make the poses far larger than the file."""
     if is_over_budget(frames * joints * _POSE_BYTES, file_bytes):
         raise FormatError(
-            f"has {frames} frames of {joints} joints, far more than its bytes", where=where,
+            f"has {frames} frames of {joints} joints, far more than its size allows", where=where,
             advice="leave out the joints without numbers, or cut it into parts",
         )  # fmt: skip

@@ -33,7 +33,7 @@ def rig_on_floor(rig: CameraRig, floor_points_m: ArrayLike, behind_m: float = 0.
     middle, sizes, axes = principal_axes(points)
     if sizes[2] / np.sqrt(len(points)) > 0.01 or sizes[1] < 1e-3 * sizes[0]:  # 1 cm off a plane, or on a line
         raise CalibrationError(
-            "the points of the floor do not lie in one plane", advice="lay flat, on level ground, what marks the floor"
+            "the points of the floor do not lie in one plane", advice="lay board or markers flat on level ground"
         )
     centre = np.mean([camera.centre_m for camera in rig.cameras], axis=0)
     to_cameras = centre - middle

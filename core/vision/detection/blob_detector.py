@@ -39,7 +39,7 @@ class DetectionSettings:
     spot_px: int = 11  # side of a spot's surroundings, wider than a marker on a performer seen whole in 640x480 pixels
     spot_contrast: float = 40.0  # smallest contrast of a spot against the body, which is lit and creased
     spot_brightness: float = 0.85  # share of the usual spot's brightness; reflectors are brighter than skin and cloth
-    ignored_share: float = 0.01  # radius of an ignored position, of the image's width; reflections flicker and move
+    ignored_share: float = 0.01  # radius of an ignored position, share of the image's width; reflections move
 
     def __post_init__(self) -> None:
         if self.threshold is not None and not 1.0 <= self.threshold <= 250.0:

@@ -55,7 +55,7 @@ def record_poses(request: RecordPoseRequest, channel: Channel) -> tuple[MarkerTa
     with open_pipeline(request, channel) as (source, pipeline):
         frames = [pipeline.process(images) for images in _moments(request, iter(source), channel)]
     if not frames:
-        raise CaptureError("there were no images of the poses", advice="check the source")
+        raise CaptureError("the source gave no images of the poses", advice="check the source")
     rig = pipeline.rig
     channel.send_status("joining the markers to trajectories")
     take = name_trajectories(track_markers(frames, "calibration", source.fps, len(marker_set)).take, marker_set)

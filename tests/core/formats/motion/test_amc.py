@@ -64,7 +64,7 @@ def test_few_numbers_for_many_joints_are_refused_before_there_are_poses() -> Non
     links = "".join(f"root b{number}\n" for number in range(1999))
     bones = "".join(bone.format(number) for number in range(1999))
     asf = parse_asf(f":bonedata\n{bones}:root\norder tx\n:hierarchy\n{links}".encode(), "a.asf")
-    with pytest.raises(FormatError, match=r"a\.amc: has 20000 frames of 2000 joints, far more than its bytes"):
+    with pytest.raises(FormatError, match=r"a\.amc: has 20000 frames of 2000 joints, far more than its size allows"):
         parse_amc_values("".join(f"{frame}\nroot 1\n" for frame in range(1, 20_001)).encode(), "a.amc", asf)
 
 
