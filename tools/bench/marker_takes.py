@@ -158,7 +158,7 @@ def _picture(solved: SolvedTake) -> Image:
 
 
 def _cell(lines: list[tuple[Array, Array, Colour]], middle_m: Array, axes: Array) -> Image:
-    """Return coloured lines in space, seen with the axes (2, 3) to the right and up, and markers at the starts of theirs."""
+    """Return coloured lines in space, seen with the axes (2, 3) to the right and up, and markers at their starts."""
     width, height = _CELL
     image = np.full((height, width, 3), 255, np.uint8)
     scale = height / _TALL_M
