@@ -85,7 +85,7 @@ class SolvedTake:
         found = judge(
             self.motions[performer],
             self.poses_of(performer),
-            self.setup.performers[performer].marker_set if self.setup else None,
+            self.setup.performers[performer] if self.setup else None,
             duration_s=self.clock.source_s if self.clock else self.motions[performer].duration_s,
             has_floor=rig is None or floor_of(rig) is not None,
             reasons=() if performer else self.findings,

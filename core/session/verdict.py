@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum, auto
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
 from ..body.standing import HUMAN, girth_scale, stature_m
 from ..geometry.arrays import Array, Mask, runs
-from ..markers.marker_set import MarkerSet
+from ..markers.source_noise import noise_of
+from ..markers.subject import Subject
 from .limb_coverage import LimbCoverage, limb_coverage, parts_of
 
 GOOD = "good"
@@ -30,6 +31,8 @@ class VerdictSettings:
     unsolved: float = 0.2  # largest share of frames without a solved pose
     wrong_m: float = 0.1  # median distance of markers from the body over the take above which no body was found
     limb_m: float = 0.08  # the same for the markers of one limb: a hand's width
+    measured_share: float = 0.5  # share of both limits that holds for measured bodies: their markers are within 20 mm
+    noise_sigmas: float = 3.0  # added to all three limits: the source's lasting errors, in standard deviations
     stretch_m: float = 0.12  # median distance of a limb's markers in one frame above which the frame is doubtful
     stretch_s: float = 0.2  # shortest doubtful stretch
     bone_factor: float = 2.0  # largest ratio of a bone's length to what the rest suggests, or its inverse
@@ -105,7 +108,7 @@ _S = VerdictSettings()
 def judge(
     motion: Motion,
     poses: Sequence[PerformerPose],
-    marker_set: MarkerSet | None,
+    subject: Subject | None,
     *,
     duration_s: float,
     has_floor: bool = True,
@@ -124,10 +127,13 @@ def judge(
         stretches: Stretches where labels are still wrong, found before the solve.
     """
     distances_m = _marker_distances(poses)
+    marker_set = subject.marker_set if subject is not None else None
     parts = parts_of(marker_set) if marker_set is not None else {}
     limbs = limb_coverage(marker_set, distances_m) if marker_set is not None else ()
-    doubtful = sorted((*stretches, *_far_stretches(distances_m, parts, poses)), key=lambda stretch: stretch.start_s)
-    found = [*reasons, *_fit_reasons(poses, distances_m, limbs)]
+    limits = _limits_of(subject)
+    far = _far_stretches(distances_m, parts, poses, limits.stretch_m)
+    doubtful = sorted((*stretches, *far), key=lambda stretch: stretch.start_s)
+    found = [*reasons, *_fit_reasons(poses, distances_m, limbs, limits)]
     found += _size_reasons(motion.skeleton)
     found += _posture_reasons(motion, has_floor)
     found += _duration_reasons(motion, duration_s)
@@ -140,6 +146,23 @@ def is_unsolved(poses: Sequence[PerformerPose]) -> Mask:
     return np.array([pose.confidence == 0.0 and not np.isfinite(pose.marker_rms_m) for pose in poses])
 
 
+class _Limits(NamedTuple):
+    """Limits of distances between located and solved markers, as in `VerdictSettings`."""
+
+    wrong_m: float
+    limb_m: float
+    stretch_m: float
+
+
+def _limits_of(subject: Subject | None) -> _Limits:
+    """Return the limits for a performer: closer for measured marker places, wider for points with lasting errors."""
+    if subject is None:
+        return _Limits(_S.wrong_m, _S.limb_m, _S.stretch_m)
+    share = _S.measured_share if subject.residual_m > 0.0 else 1.0
+    slack_m = _S.noise_sigmas * noise_of(subject.marker_set.points).lasting_m
+    return _Limits(share * _S.wrong_m + slack_m, share * _S.limb_m + slack_m, _S.stretch_m + slack_m)
+
+
 def _marker_distances(poses: Sequence[PerformerPose]) -> Array:
     """Return the distances (F, M) between located and solved markers, NaN where one was not located."""
     apart = np.array([pose.observed_m for pose in poses]) - np.array([pose.markers_m for pose in poses])
@@ -147,7 +170,7 @@ def _marker_distances(poses: Sequence[PerformerPose]) -> Array:
 
 
 def _far_stretches(
-    distances_m: Array, parts: dict[str, list[int]], poses: Sequence[PerformerPose]
+    distances_m: Array, parts: dict[str, list[int]], poses: Sequence[PerformerPose], most_m: float
 ) -> list[DoubtfulStretch]:
     """Return the stretches in which a part of the body is away from its markers."""
     times_s = np.array([pose.time_s for pose in poses]) - poses[0].time_s
@@ -156,7 +179,7 @@ def _far_stretches(
         seen = np.isfinite(distances_m[:, markers]).any(axis=1)
         off_m = np.zeros(len(distances_m))
         off_m[seen] = np.nanmedian(distances_m[seen][:, markers], axis=1)
-        for start, stop in runs(off_m > _S.stretch_m):
+        for start, stop in runs(off_m > most_m):
             if times_s[stop - 1] - times_s[start] >= _S.stretch_s:
                 reason = f"{part} is {1e3 * np.median(off_m[start:stop]):.0f} mm from its markers"
                 found.append(
@@ -169,7 +192,9 @@ def _stretch_text(stretch: DoubtfulStretch) -> str:
     return f"{stretch.reason}, {stretch.start_s:.2f} to {stretch.stop_s:.2f} s"
 
 
-def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbCoverage]) -> list[Reason]:
+def _fit_reasons(
+    poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbCoverage], limits: _Limits
+) -> list[Reason]:
     """Return the problems with the fit of the body to the markers."""
     unsolved = float(np.mean(is_unsolved(poses)))
     if unsolved == 1.0:
@@ -177,13 +202,13 @@ def _fit_reasons(poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequ
     if unsolved > _S.unsolved:
         return [Reason(ReasonKind.UNSOLVED, f"{unsolved:.0%} of the frames show too little of the body")]
     known = distances_m[np.isfinite(distances_m)]
-    if len(known) and np.median(known) >= _S.wrong_m:
+    if len(known) and np.median(known) >= limits.wrong_m:
         text = (
             f"no body fits the markers: the solved ones are {1e3 * np.median(known):.0f} mm off; "
             "check their names, the unit and the subject"
         )
         return [Reason(ReasonKind.MARKERS, text)]
-    far = [limb for limb in limbs if limb.distance_m > _S.limb_m]
+    far = [limb for limb in limbs if limb.distance_m > limits.limb_m]
     return [Reason(ReasonKind.LIMB, f"{limb.limb} is {1e3 * limb.distance_m:.0f} mm from its markers") for limb in far]
 
 

@@ -10,12 +10,14 @@ from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.body.standing import standing_root_m, stature_m
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.marker_set import PointKind, load_marker_set
+from perfanim.core.markers.subject import Subject
 from perfanim.core.session.verdict import ReasonKind, judge
 
 FPS, FRAMES = 50.0, 200
 SET = load_marker_set("cmu-41")
 BODY = default_skeleton()
+WEARER = Subject("wearer", BODY, SET)
 ROOT, UP = standing_root_m(BODY), np.array([0.0, 1.0, 0.0])
 
 
@@ -52,9 +54,9 @@ def poses_of(motion, off=None):
     ]
 
 
-def verdict(motion, off=None, duration_s=None, **given):
+def verdict(motion, off=None, duration_s=None, worn=WEARER, **given):
     duration_s = motion.duration_s if duration_s is None else duration_s
-    return judge(motion, poses_of(motion, off), SET, duration_s=duration_s, **given)
+    return judge(motion, poses_of(motion, off), worn, duration_s=duration_s, **given)
 
 
 def kinds(*given, **named):
@@ -118,6 +120,12 @@ def test_a_limb_away_from_its_markers():
     off[:, arm] = [0.1, 0.0, 0.0]
     found = verdict(posed(), off)
     assert (found.reasons[0].kind, found.text) == (ReasonKind.LIMB, "left arm is 100 mm from its markers")
+    off[:, arm] = [0.06, 0.0, 0.0]  # usual places are that far off, measured ones are not
+    assert verdict(posed(), off).is_good
+    measured = verdict(posed(), off, worn=replace(WEARER, residual_m=0.004))
+    assert measured.text == "left arm is 60 mm from its markers"
+    keypoints = replace(SET, points=PointKind.KEYPOINTS)
+    assert verdict(posed(), off, worn=Subject("fitted", BODY, keypoints, 0.004)).is_good
     off[:] = np.nan
     off[:, arm] = [0.3, 0.0, 0.0]
     found = verdict(posed(), off)
@@ -150,6 +158,6 @@ def test_frames_without_a_body():
     poses = poses_of(motion)
     blank = [replace(pose, confidence=0.0, marker_rms_m=float("nan")) for pose in poses]
     for count, said in ((FRAMES, "no frame"), (FRAMES // 2, "50%")):
-        found = judge(motion, [*blank[:count], *poses[count:]], SET, duration_s=motion.duration_s)
+        found = judge(motion, [*blank[:count], *poses[count:]], WEARER, duration_s=motion.duration_s)
         assert (found.reasons[0].kind, said in found.text) == (ReasonKind.UNSOLVED, True)
-    assert judge(motion, [*blank[:20], *poses[20:]], SET, duration_s=motion.duration_s).is_good
+    assert judge(motion, [*blank[:20], *poses[20:]], WEARER, duration_s=motion.duration_s).is_good
