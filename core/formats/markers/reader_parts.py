@@ -146,6 +146,9 @@ def _clock(
             stated = clock.fps
             if len(clock.rows) > 1 and np.all(np.isfinite(known)):
                 told = tuple(note.text for note in clock.notes if note.kind is ClockFault.HEADER)
+                skipped = int(np.ptp(frames)) + 1 - len(frames)
+                if clock.is_steady and not clock.lost and skipped and np.ptp(np.diff(frames)):
+                    told += (f"the frame numbers skip {skipped} frames, the times none: the times count",)
                 return clock.fps, clock.times_s if len(clock.rows) == len(frames) else known, told
     if stated is None:
         raise FormatError("gives neither a frame rate nor times", where=where, advice="export it with the frame rate")

@@ -1,0 +1,215 @@
+"""Marker files as other programs and people write them, through the commands: solved as the plain file, or told."""
+
+import json
+import zipfile
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.cli.main import main
+from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.simulate.simulated_markers import simulate_markers
+
+FPS, FRAMES = 30.0, 40
+AXES = {"x": [1, 2, 0], "y": [0, 1, 2], "z": [2, 0, 1]}  # the world's axes that a file of this up axis has, in order
+KEPT = np.random.default_rng(1).random(FRAMES) > 0.3
+KEPT[[0, 1, -1]] = True
+LOST = {"kept": KEPT, "numbers": np.arange(1, FRAMES + 1)[KEPT]}
+
+
+@dataclass(frozen=True)
+class Trc:
+    """How a TRC file is written."""
+
+    up: str = "z"
+    signs: tuple[int, int, int] = (1, 1, 1)
+    per_m: float = 1000.0
+    unit: str = "mm"
+    rate: float = FPS
+    second: float = 1.0  # in the file's unit of time
+    rename: Any = str
+    more: tuple[str, ...] = ()  # names of further columns
+    kept: Any = None  # mask of the frames that are written, None for all
+    numbers: Any = None
+    times_s: Any = None
+    missing: str = ""
+    text: Any = str  # changes the whole text
+    encoding: str = "utf-8"
+    changed: Any = np.copy
+
+    def _frames(self, take):
+        return np.arange(take.frames) if self.kept is None else np.flatnonzero(self.kept)
+
+    def write(self, take, path):
+        """Write a take with y up."""
+        points = self.changed(take.positions_m)[..., AXES[self.up]] * self.signs * self.per_m
+        points = np.concatenate((points, points[:, : len(self.more)] + 0.2 * self.per_m), axis=1)[self._frames(take)]
+        names = [*map(self.rename, take.names), *self.more]
+        times_s = self._frames(take) / FPS if self.times_s is None else self.times_s
+        numbers = np.arange(1, len(points) + 1) if self.numbers is None else self.numbers
+        facts = (
+            f"{self.rate:g}\t{self.rate:g}\t{len(points)}\t{len(names)}\t{self.unit}\t{self.rate:g}\t1\t{len(points)}"
+        )
+        lines = [
+            "PathFileType\t4\t(X/Y/Z)\ta.trc",
+            "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+            facts,
+            "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
+            "\t\t" + "\t".join(f"{axis}{n + 1}" for n in range(len(names)) for axis in "XYZ"),
+            "",
+        ]
+        for number, time_s, row in zip(numbers, times_s, points, strict=True):
+            values = [f"{value:.6f}" if np.isfinite(value) else self.missing for value in row.ravel()]
+            lines.append("\t".join([str(number), f"{self.second * time_s:.6f}", *values]))
+        path.write_bytes(self.text("\n".join(lines) + "\n").encode(self.encoding))
+
+
+def gaps(positions_m):
+    changed = positions_m.copy()
+    changed[10:13, 1] = changed[20:22, 4] = np.nan
+    return changed
+
+
+SAME = {
+    "z up": Trc(),
+    "x up": Trc("x"),
+    "y up": Trc("y"),
+    "z down": Trc(signs=(1, -1, -1)),
+    "y down": Trc("y", (-1, -1, 1)),
+    "metres": Trc(per_m=1.0, unit="m"),
+    "centimetres": Trc(per_m=100.0, unit="cm"),
+    "inches": Trc(per_m=1.0 / 0.0254, unit="inch"),
+    "feet": Trc(per_m=1.0 / 0.3048, unit="ft"),
+    "milliseconds": Trc(second=1000.0),
+    "header of another rate": Trc(rate=120.0),
+    "frames lost": Trc(**LOST),
+    "frames lost, numbered on": Trc(kept=KEPT),
+    "doubled tabs": Trc(text=lambda text: text.replace("\t", "\t\t")),
+    "tabs at the end": Trc(text=lambda text: text.replace("\n", "\t\t\n")),
+    "decimal commas": Trc(text=lambda text: text.replace(".", ",").replace("a,trc", "a.trc")),
+    "carriage returns": Trc(text=lambda text: text.replace("\n", "\r")),
+    "UTF-16": Trc(encoding="utf-16"),
+    "subject before the labels": Trc(rename="Anna: {}".format),
+    "lower case": Trc(rename=str.lower),
+    "spaces": Trc(rename=lambda name: f" {name[:1]} {name[1:]} "),
+    "markers without labels": Trc(more=("*1", "*2", "*3")),
+    "a column without a name": Trc(more=("",)),
+    "missing as blanks": Trc(changed=gaps),
+    "missing as zeros": Trc(changed=gaps, missing="0.0"),
+    "missing as NaN": Trc(changed=gaps, missing="NaN"),
+}
+REFUSED = {
+    "millimetres called metres": (
+        Trc(unit="m"),
+        "km tall (the numbers seem to be millimetres, the file calls them metres)",
+    ),
+    "metres called millimetres": (Trc(per_m=1.0), "mm tall (the numbers seem to be metres, the file calls them milli"),
+    "inches called millimetres": (Trc(per_m=1.0 / 0.0254), "(the numbers seem to be inches, the file calls them milli"),
+    "millimetres called inches": (Trc(unit="in"), "(the numbers seem to be millimetres, the file calls them inches)"),
+}
+
+
+def other_side(name):
+    return {"L": "R", "R": "L"}.get(name[0], name[0]) + name[1:]
+
+
+TOLD = {
+    "mirrored": (Trc(signs=(-1, 1, 1)), "verdict", "mm from its markers"),
+    "sides exchanged throughout": (Trc(rename=other_side), "verdict", "mm from its markers"),
+    "header of another rate": (Trc(rate=120.0), "warnings", "the header says 120 frames per second, the times 30"),
+    "frames lost": (Trc(**LOST), "warnings", "frames are missing"),
+    "numbers against times": (
+        Trc(**LOST, times_s=np.arange(KEPT.sum()) / FPS), "warnings", "skip 10 frames, the times none: the times count"
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def take(truth, subject):
+    take, _ = simulate_markers(truth, subject)
+    return replace(take, positions_m=take.positions_m[:FRAMES], frame_numbers=np.arange(FRAMES), times_s=np.empty(0))
+
+
+@pytest.fixture(scope="module")
+def solved(take, truth, database_file, tmp_path_factory):
+    """Return a function that solves a file of the take: exit status, JSON, errors, motion or None."""
+    folder = tmp_path_factory.mktemp("foreign")
+    write_bvh(truth, folder / "walker.bvh")
+
+    def solve(written, capsys, *method):
+        written.write(take, folder / "a.trc")
+        (folder / "out.bvh").unlink(missing_ok=True)
+        body = [
+            "--skeleton",
+            str(folder / "walker.bvh"),
+            "--marker-set",
+            "locomotion",
+            "--method",
+            "nearest",
+            "--causal",
+        ]
+        line = ["solve", str(folder / "a.trc"), *body, "--database", str(database_file)]
+        status = main([*line, "--out", str(folder / "out.bvh"), "--json"])
+        printed = capsys.readouterr()
+        motion = read_motion(folder / "out.bvh") if (folder / "out.bvh").exists() else None
+        return status, json.loads(printed.out) if printed.out else {}, printed.err, motion
+
+    return solve
+
+
+@pytest.mark.parametrize("case", SAME)
+def test_the_motion_is_that_of_the_plain_file(case, solved, capsys):
+    plain = solved(Trc(), capsys)[3]
+    status, _, error, motion = solved(SAME[case], capsys)
+    assert (status, error) == (0, "")
+    assert motion.duration_s == pytest.approx(plain.duration_s, abs=0.5 / FPS)
+    assert evaluate(motion, plain)["bone_direction_in_root_deg"] < 3.0
+    heights_m = [each.root_positions_m[:, 1].mean() for each in (motion, plain)]
+    assert heights_m[0] == pytest.approx(heights_m[1], abs=0.01)
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_wrong_unit_is_refused_with_the_right_one(case, solved, capsys):
+    written, said = REFUSED[case]
+    status, _, error, motion = solved(written, capsys)
+    assert (status, motion, error.count("\n")) == (1, None, 1)
+    assert said in error
+
+
+@pytest.mark.parametrize("case", TOLD)
+def test_what_cannot_be_right_is_told(case, solved, capsys):
+    written, key, said = TOLD[case]
+    status, told, _, _ = solved(written, capsys, "--method", "best")
+    assert status == 0 and said in str(told[key])
+    assert solved(Trc(), capsys, "--method", "best")[1]["verdict"] == "good"
+
+
+def test_a_body_is_fitted_to_a_take_that_begins_empty(take, database_file, tmp_path, capsys):
+    empty = np.full((305, len(take.names), 3), np.nan)
+    late = replace(
+        take, positions_m=np.concatenate((empty, take.positions_m)), frame_numbers=np.empty(0, int), times_s=np.empty(0)
+    )
+    Trc().write(late, tmp_path / "late.trc")
+    line = [
+        "calibrate",
+        "subject",
+        str(tmp_path / "late.trc"),
+        "--marker-set",
+        "auto",
+        "--database",
+        str(database_file),
+    ]
+    assert main([*line, "--out", str(tmp_path / "a.toml"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["residual_mm"] < 15.0
+
+
+def test_an_archive_in_an_archive_is_named(tmp_path, capsys):
+    for name, inner in (("inner.zip", "a.bvh"), ("outer.zip", "inner.zip")):
+        (tmp_path / "a.bvh").write_text("HIERARCHY\n")
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.write(tmp_path / inner, inner)
+    assert main(["database", "build", str(tmp_path / "outer.zip"), "--out", str(tmp_path / "a.pfdb")]) == 1
+    assert "inner.zip: is an archive inside an archive; unpack it" in capsys.readouterr().err
