@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..body.body_size import HUMAN, stature_m
 from ..body.calibration_poses import standing
 from ..body.standard_skeleton import default_skeleton
-from ..body.standing import HUMAN, stature_m
 from ..errors import TakeError
 from ..geometry.arrays import Array
 from ..markers.marker_set import MarkerSet

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..body.body_size import HUMAN, girth_scale, stature_m
 from ..body.motion import Motion
 from ..body.posture import posture_of
 from ..body.scene_pose import DoubtfulStretch, PerformerPose
 from ..body.skeleton import Skeleton
 from ..body.standard_skeleton import default_skeleton
-from ..body.standing import HUMAN, girth_scale, stature_m
 from ..geometry.arrays import Array, Mask, runs
 from ..markers.source_noise import noise_of
 from ..markers.subject import Subject

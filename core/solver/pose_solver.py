@@ -11,11 +11,11 @@ from ..errors import DatabaseError
 from ..geometry.arrays import Array
 from ..system.blas_threads import use_one_blas_thread
 from .best_method import BestMethod
-from .choose import choose_method, choose_search
 from .database_markers import database_markers
 from .lagged_history import LaggedHistory
 from .locator import Located, Locator
 from .method import FrameProblem, Method
+from .method_factory import choose_method, choose_search
 from .motion_prior import PriorEstimate
 from .observation import Observation
 from .search.sample import SampleSearch

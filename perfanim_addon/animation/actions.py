@@ -15,7 +15,7 @@ from ...core.retarget.retargeter import RetargetPlan, apply_plan
 from ..blender_versions import by_channel, curves_of, first_slot
 from ..character.armature_reading import clear_offsets, delta_transforms
 from ..character.create_character import find_armature
-from ..character.posing import plan_for
+from ..character.retarget_plans import plan_for
 from .action_placement import Placement, PlacementMode, new_action, place_action
 from .keyframes import KeyWriter, bone_path, fill
 from .quaternion_curves import keep_in_quaternions

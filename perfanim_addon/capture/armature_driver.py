@@ -12,7 +12,7 @@ from ..animation.quaternion_curves import keep_in_quaternions
 from ..character.armature_reading import clear_offsets, delta_transforms
 from ..character.create_character import find_armature
 from ..character.part_bones import PARTS, bones_of_parts
-from ..character.posing import plan_for
+from ..character.retarget_plans import plan_for
 
 _QUATERNION_MODE = 0  # PoseBone.rotation_mode "QUATERNION" in foreach_get
 

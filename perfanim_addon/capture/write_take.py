@@ -17,7 +17,7 @@ from ..animation.action_placement import Placement, PlacementMode
 from ..animation.actions import scene_frames, write_action, write_object_action, write_with_plan
 from ..character.create_character import find_armature
 from ..character.part_bones import part_of_bones
-from ..character.posing import plan_for
+from ..character.retarget_plans import plan_for
 from ..settings import target_settings
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement

@@ -9,9 +9,9 @@ from functools import cache
 import bpy
 import numpy as np
 
+from ...core.body.body_size import girth_scale, standing_root_m
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import default_skeleton
-from ...core.body.standing import girth_scale, standing_root_m
 from ...core.geometry import rotations as rot
 from ...core.geometry.arrays import Array, IntArray
 from ...core.system.assets import CHARACTER

@@ -3,9 +3,9 @@
 import bpy
 import numpy as np
 
+from ...core.body.body_size import standing_root_m
 from ...core.body.skeleton import Skeleton
 from ...core.body.standard_skeleton import JOINT_NAMES
-from ...core.body.standing import standing_root_m
 from ...core.errors import CharacterError
 from . import axes
 from .armature_reading import LIMITS

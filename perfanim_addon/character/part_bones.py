@@ -6,7 +6,7 @@ import bpy
 
 from ...core.body import body_parts
 from ...core.retarget.retargeter import RetargetPlan
-from .posing import bones_of
+from .retarget_plans import bones_of
 
 _PARTS_OF = {"HIPS": ("hips",), "TORSO": ("torso",), "HEAD": ("head",)} | {
     f"{limb}_{side[0].upper()}": (f"{side} {limb.lower()}", f"{side} {end}")

@@ -18,7 +18,7 @@ from ...core.system.files import atomic_path
 from ..animation.actions import scene_frames, write_action
 from ..blender_versions import play, played
 from ..character.create_character import find_armature
-from ..character.posing import bones_of
+from ..character.retarget_plans import bones_of
 from ..character.selection import leave_modes, select_only
 from .bone_names import exported_bone_names
 

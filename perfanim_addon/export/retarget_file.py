@@ -31,8 +31,8 @@ from ...core.system.files import atomic_path, is_file, read_bytes
 from ..animation.actions import scene_frames, write_with_plan
 from ..character.armature_reading import read_armature_rest
 from ..character.create_character import create_character, find_armature
-from ..character.posing import find_map, plan_for, plan_with_map
 from ..character.rest_pose import release_pose
+from ..character.retarget_plans import find_map, plan_for, plan_with_map
 from .export_animation import ENDINGS, Form, write_played
 from .stage import add_stage, floor_below, render, set_up_rendering, write_scene
 

@@ -7,9 +7,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ...core.body.body_size import SOLE_BELOW_TOES_M, girth_scale
 from ...core.body.motion import Motion
 from ...core.body.skeleton import forward_kinematics
-from ...core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 from ...core.geometry.arrays import Array
 from ...core.system.files import atomic_path
 from ..blender_versions import enable_nodes

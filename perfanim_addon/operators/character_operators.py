@@ -14,7 +14,7 @@ from ..capture.performer_targets import add_character
 from ..character.armature_reading import read_armature_rest
 from ..character.bone_map_settings import store_map
 from ..character.create_character import find_armature, joints_without_bone
-from ..character.posing import PRESETS_FOLDER, find_map
+from ..character.retarget_plans import PRESETS_FOLDER, find_map
 from ..panels.character_panel import shown_armature
 from ..preferences.paths import absolute, user_folder
 from ..preferences.property_kinds import HIDDEN, string

@@ -7,9 +7,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...core.body.body_size import standing_root_m
 from ...core.body.calibration_poses import hanging
 from ...core.body.skeleton import forward_kinematics
-from ...core.body.standing import standing_root_m
 from ...core.database.store import open_database
 from ...core.errors import PerfanimError, SettingsError
 from ...core.sketch.sketch_messages import solution_from

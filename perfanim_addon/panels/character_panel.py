@@ -8,7 +8,7 @@ from ...core.retarget.bone_map import EXPECTED, MatchState
 from ...core.retarget.bone_map_files import preset_paths
 from ..character.bone_map_settings import joint_label
 from ..character.create_character import joints_without_bone
-from ..character.posing import PRESETS_FOLDER
+from ..character.retarget_plans import PRESETS_FOLDER
 from ..preferences.paths import user_folder
 from ..settings.capture_settings import settings
 from .panel_drawing import RowList

@@ -7,7 +7,7 @@ import bpy
 
 from ...core.markers.marker_set import marker_set_names
 from ...core.subjects.setup_check.finding import Fault
-from ..character.posing import fill_map
+from ..character.retarget_plans import fill_map
 from ..jobs import activity
 from ..preferences.property_kinds import (
     choice,

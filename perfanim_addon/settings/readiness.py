@@ -18,7 +18,7 @@ from ...core.markers.marker_set import MarkerSet, load_marker_set
 from ...core.markers.prop import Prop, load_prop
 from ...core.markers.subject import Subject, load_subject
 from ...core.system.files import exists
-from ..character.posing import map_problem
+from ..character.retarget_plans import map_problem
 from ..preferences.paths import absolute, user_folder
 from .camera_choice import NETWORK, NONE, address_problem
 from .vmc_settings import receiving_problem

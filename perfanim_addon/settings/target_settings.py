@@ -10,8 +10,8 @@ from ...core.errors import CharacterError, PerfanimError, SettingsError, Subject
 from ...core.markers.prop import Prop, check_distinct
 from ...core.markers.subject import Subject
 from ...core.system.assets import PROPS
-from ..character.posing import map_problem
 from ..character.prop_mesh import add_prop_object
+from ..character.retarget_plans import map_problem
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, collection, file_path, pointer
 from . import readiness

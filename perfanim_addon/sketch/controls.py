@@ -15,7 +15,7 @@ from ..animation.actions import present_frame
 from ..blender_versions import action_curves, play, play_only, played
 from ..capture.capture_space import CaptureSpace
 from ..character.bone_map_settings import joint_label
-from ..character.posing import bones_of
+from ..character.retarget_plans import bones_of
 from ..character.selection import leave_modes, select_only
 
 JOINT = "perfanim_joint"  # custom property of a control

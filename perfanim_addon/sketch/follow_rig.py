@@ -4,7 +4,7 @@ import bpy
 
 from ...core.errors import CharacterError, SettingsError
 from ..blender_versions import action_curves
-from ..character.posing import bones_of
+from ..character.retarget_plans import bones_of
 from ..character.selection import select_only
 from .controls import STORED, collection_of, controls_of, set_free
 

@@ -20,11 +20,11 @@ from ..animation.keyframes import KeyBounds
 from ..capture.capture_space import CaptureSpace
 from ..character.bone_map_settings import joint_label
 from ..character.part_bones import bones_of_parts
-from ..character.posing import plan_for
+from ..character.retarget_plans import plan_for
 from ..settings.capture_settings import settings
 from ..settings.result_settings import placement
+from .character_skeleton import own_skeleton
 from .controls import EDITING, STORED
-from .own_skeleton import own_skeleton
 
 
 @dataclass(frozen=True)

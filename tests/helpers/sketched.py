@@ -41,7 +41,7 @@ def solve(part: Any, operator: str = "PERFANIM_OT_solve_sketch") -> str:
 
 def distances(part: Any, armature: bpy.types.Object, frames: Any) -> dict[str, list[float]]:
     """Distance of each control from its bone, in the scene."""
-    bones = part("character.posing").bones_of(armature)
+    bones = part("character.retarget_plans").bones_of(armature)
     found: dict[str, list[float]] = {}
     for frame in frames:
         bpy.context.scene.frame_set(int(frame))

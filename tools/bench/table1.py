@@ -11,7 +11,7 @@ from perfanim.core.database.header_facts import Clip
 from perfanim.core.database.store import Database, pose_from_rotations
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import FloatArray
-from perfanim.core.solver import choose
+from perfanim.core.solver import method_factory
 from perfanim.core.solver.database_markers import database_markers
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.paper.neighbour_graph import build_graph
@@ -63,7 +63,7 @@ def table1(run: Run) -> dict[str, Any]:
         of = {"database": name, "database_frames": database.frames}
         graph = build_graph(np.asarray(database.poses).reshape(database.frames, -1), database.clip_of_frame)
         solved = [title for title in takes if title not in TABLE1_BANDAI or name != "CMU"]
-        with patch.object(choose, "build_graph", lambda *given, graph=graph: graph):  # once, not once per solver
+        with patch.object(method_factory, "build_graph", lambda *given, graph=graph: graph):  # once for all solvers
             for done, title in enumerate(solved):
                 run.progress(0.4 + 0.3 * (number + done / len(solved)), f"{name}: {title}")
                 rows += [of | row for row in _compared(takes[title], database)]
@@ -156,7 +156,7 @@ def _search_times(truth: Motion, database: Database) -> list[dict[str, Any]]:
     ]
     milliseconds = {}
     for name in ("exhaustive", *SEARCHES):
-        search, taken = choose.choose_search(name, database, stored), []
+        search, taken = method_factory.choose_search(name, database, stored), []
         for query in queries:
             started = time.perf_counter()
             search.nearest(query, PAPER_RANGE.local_pca.neighbours[-1])

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from perfanim.core.body.body_size import standing_root_m
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.body.standing import standing_root_m
 
 from .shapes import Figure, Part, parts_of
 from .skin_weights import eased, skin_weights

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from perfanim.core.body.body_size import SOLE_BELOW_TOES_M, girth_scale
 from perfanim.core.body.skeleton import Skeleton
-from perfanim.core.body.standing import SOLE_BELOW_TOES_M, girth_scale
 
 from .surface import Array, Loft, ball
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...body.body_size import HUMAN
 from ...body.clock import seconds_of
-from ...body.standing import HUMAN
 from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array
 from ...geometry.npz import read_array

@@ -18,7 +18,7 @@ from ...geometry import rotations as rot
 from ...geometry.arrays import Array, Mask
 from ...system.file_content import utf8_text, with_decimal_points
 from .asf import ROOT, AsfBone, AsfFile, fixed_axis_rotation
-from .numbers import angle_jumps, check_pose_bytes, parse_numbers
+from .number_parsing import angle_jumps, check_pose_bytes, parse_numbers
 
 CMU_FPS = 120.0
 _SPACE, _TAB, _NEWLINE = b" \t\n"

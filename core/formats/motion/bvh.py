@@ -19,7 +19,7 @@ from ...geometry.arrays import Array, IntArray, Mask
 from ...system.file_content import decode_text, utf8_text, with_decimal_points
 from ...system.files import atomic_path, read_bytes
 from .bvh_hierarchy import BvhHierarchy, read_hierarchy
-from .numbers import angle_jumps, check_pose_bytes, parse_table
+from .number_parsing import angle_jumps, check_pose_bytes, parse_table
 
 # metres per unit; "cmu" is the unit of the CMU database's own files (inches / 0.45)
 UNITS: dict[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "cmu": 0.0254 / 0.45}

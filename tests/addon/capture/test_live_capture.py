@@ -190,8 +190,8 @@ def test_one_arm_is_captured_while_the_rest_plays_its_own_animation(
 
 
 def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any, skeleton: Any, armature: Any) -> None:
-    posing, parts = part("character.posing"), part("character.part_bones")
-    product = posing.plan_for(armature, skeleton)
+    plans, parts = part("character.retarget_plans"), part("character.part_bones")
+    product = plans.plan_for(armature, skeleton)
     assert parts.bones_of_parts(armature, product, parts.PARTS) is None
     by_part = {one: parts.bones_of_parts(armature, product, {one}) for one in parts.PARTS}
     assert frozenset().union(*by_part.values()) == set(skeleton.names)
@@ -199,8 +199,8 @@ def test_parts_of_a_foreign_rig_take_the_bones_between(part: Any, skeleton: Any,
     bpy.context.view_layer.objects.active = armature
     for bone in armature.data.bones:
         bone.name = "Rig " + bone.name
-    posing.fill_map(armature)
-    retargeter = posing.plan_for(armature, skeleton)
+    plans.fill_map(armature)
+    retargeter = plans.plan_for(armature, skeleton)
     assert product.is_direct and not retargeter.is_direct
     for one, bones in by_part.items():
         found = parts.bones_of_parts(armature, retargeter, {one})

@@ -262,7 +262,7 @@ def test_bones_of_another_armature_than_the_first_are_found_and_kept(
         assert bpy.ops.perfanim.find_bones(armature="Other") == {"FINISHED"}
         assert kept.joints["lradius"].bone == "lforearm"
     assert not first.perfanim_character.joints
-    assert not part("character.posing").map_problem(first)
+    assert not part("character.retarget_plans").map_problem(first)
 
 
 @pytest.fixture

@@ -143,7 +143,9 @@ def test_an_objects_own_action_is_given_back_when_nothing_is_kept(
 ) -> None:
     targets.entries.add().object = cube = bpy.data.objects.new("Cube", None)
     cube.animation_data_create().action = old = bpy.data.actions.new("Old")
-    room = part("capture.capture_space").CaptureSpace(armature, part("character.posing").plan_for(armature, skeleton))
+    room = part("capture.capture_space").CaptureSpace(
+        armature, part("character.retarget_plans").plan_for(armature, skeleton)
+    )
     held = part("capture.scene_driver").SuspendedActions()
     following = part("capture.scene_driver").PropDriver([load_prop("sword")], held)
 

@@ -25,7 +25,7 @@ def test_the_body_follows_edits(part: Any, keyed: bpy.types.Object, walk: Motion
         assert live.current().noted
         play(part)
         bpy.context.view_layer.update()  # as a redraw does
-        bones = part("character.posing").bones_of(keyed)
+        bones = part("character.retarget_plans").bones_of(keyed)
         shown = keyed.matrix_world @ keyed.pose.bones[bones["rhand"]].head
         assert (shown - hand.location).length < MET
         hand.keyframe_insert("location", frame=35)

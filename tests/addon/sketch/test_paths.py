@@ -71,7 +71,7 @@ def test_hips_follow_a_drawn_path_and_the_body_goes_along_it(part: Any, keyed: b
 
 def walked(part: Any, armature: bpy.types.Object, frames: Any) -> dict[str, Any]:
     """Places (F, 3) of hips and thighs in the scene."""
-    bones, found = part("character.posing").bones_of(armature), {"root": [], "lfemur": [], "rfemur": []}
+    bones, found = part("character.retarget_plans").bones_of(armature), {"root": [], "lfemur": [], "rfemur": []}
     for frame in frames:
         bpy.context.scene.frame_set(int(frame))
         for name, places in found.items():

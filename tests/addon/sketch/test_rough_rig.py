@@ -87,7 +87,7 @@ def test_live_follows_a_bone_that_is_posed_and_keyed(part: Any, rough: bpy.types
         hand = next(each for each in stored.controls if each.joint == "lhand")
         assert hand.frames.tolist() == [11, 17, 23, 31, 41]  # posed, not keyed yet
         bpy.context.view_layer.update()  # as a redraw does
-        bones = part("character.posing").bones_of(rough)
+        bones = part("character.retarget_plans").bones_of(rough)
         ours, theirs = (each.matrix_world @ each.pose.bones[bones["lhand"]].head for each in (rough, rig))
         assert (ours - theirs).length < MET
         for curve in curves_of(rig):

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.body_size import standing_root_m
 from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.posture import posture_of, turned_upright
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.body.standing import standing_root_m
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion, read_motion_parts
 from perfanim.core.geometry import rotations as rot

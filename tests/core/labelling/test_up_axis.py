@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.body_size import standing_root_m
 from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.body.standing import standing_root_m
 from perfanim.core.errors import TakeError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.human_size import check_human_size

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.body_size import standing_root_m, stature_m
 from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import Motion
 from perfanim.core.body.scene_pose import PerformerPose
 from perfanim.core.body.standard_skeleton import default_skeleton
-from perfanim.core.body.standing import standing_root_m, stature_m
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_set import PointKind, load_marker_set
 from perfanim.core.markers.subject import Subject

@@ -9,8 +9,8 @@ from perfanim.core.database.k_means import clusters_of
 from perfanim.core.database.store import Database
 from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.solver.choose import choose_search
 from perfanim.core.solver.database_markers import DatabaseMarkers, database_markers
+from perfanim.core.solver.method_factory import choose_search
 from perfanim.core.solver.observation import Observation
 from perfanim.core.solver.paper.graph_search import GraphSearch
 from perfanim.core.solver.paper.neighbour_graph import build_graph

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from perfanim.core.formats.motion.numbers import parse_numbers
+from perfanim.core.formats.motion.number_parsing import parse_numbers
 
 
 def plain_text(count: int, separator: str = " ") -> str:

@@ -13,7 +13,7 @@ from ..character.armature_reading import read_armature_rest
 from ..character.axes import BLENDER_FROM_WORLD
 from ..character.bone_map_settings import stored_map
 from ..character.create_character import joints_without_bone
-from ..character.posing import bones_of
+from ..character.retarget_plans import bones_of
 
 
 def own_skeleton(armature_object: bpy.types.Object) -> Skeleton:
