@@ -1,7 +1,7 @@
-"""Two markers of one limb that have each other's labels in the whole take, found by their distances to others.
+"""Pairs of markers on one limb whose labels are exchanged in the whole take, found by their distances to others.
 
-Nothing jumps in such a take. But the distances to other markers on the limb are neither those of the usual places nor
-those of the other limb, and would be both with exchanged labels.
+Nothing jumps in such a take. But the distances to other markers on the limb match neither those of the usual positions
+nor those of the other limb, and with the labels exchanged they would match both.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from .marker_set import Marker
 class ThroughoutSettings:
     """Settings of `exchanged_throughout`; chosen on suits of many vendors."""
 
-    nearer_usual_m: float = 0.03  # by how much distances to others must come nearer to those of usual places, summed
-    nearer_other_m: float = 0.08  # the same to those of the other limb, on which markers are worn alike
+    nearer_usual_m: float = 0.03  # smallest decrease of the summed difference from the usual distances to others
+    nearer_other_m: float = 0.08  # the same for the other limb, on which markers are worn symmetrically
 
 
 _S = ThroughoutSettings()
@@ -36,7 +36,7 @@ def exchanged_throughout(
     Args:
         points_m: Trajectories (F, M, 3), NaN where hidden.
         markers: The markers (M) on the body.
-        neighbours: Whether two markers (M, M) are on the same or on neighbouring bones.
+        neighbours: Mask (M, M) of pairs of markers on the same or on neighbouring bones.
     """
     apart_m = _usual_distances(points_m)
     joints = np.array([skeleton.index(marker.joint) for marker in markers])
@@ -65,13 +65,13 @@ def exchanged_throughout(
 
 
 def _gain(apart_m: Array, expected_m: Array, marker: int, instead: int, near: Mask) -> float:
-    """Return by how much distances come nearer to those expected of a marker if its label belongs to another one."""
+    """Return how much closer distances get to those expected of a marker if its label belongs to another one."""
     expected = expected_m[marker, near]
     return float(np.nansum(np.abs(apart_m[marker, near] - expected) - np.abs(apart_m[instead, near] - expected)))
 
 
 def _usual_distances(points_m: Array) -> Array:
-    """Return the median distances (M, M) between trajectories, NaN for those never seen together."""
+    """Return the median distances (M, M) between trajectories, NaN for those never visible together."""
     count = points_m.shape[1]
     found = np.full((count, count), np.nan)
     for a, b in combinations(range(count), 2):
@@ -82,7 +82,7 @@ def _usual_distances(points_m: Array) -> Array:
 
 
 def _other_sides(markers: Sequence[Marker], offsets_m: Array) -> IntArray:
-    """Return the marker (M,) at the mirrored place of each, -1 without one."""
+    """Return the marker (M,) at the mirrored position of each, or -1 if there is none."""
     mirrored = offsets_m * [-1.0, 1.0, 1.0]
     found = []
     for marker, place in zip(markers, mirrored, strict=True):

@@ -42,7 +42,7 @@ class MarkerFrame:
         if len(self.detected) != cameras:
             raise CaptureError(f"{len(self.detected)} images of {cameras} cameras", where=f"frame {self.number}")
         if self.normalised and [len(rows) for rows in self.normalised] != [len(rows) for rows in self.blobs]:
-            raise CaptureError("normalised coordinates of other blobs", where=f"frame {self.number}")
+            raise CaptureError("the normalised coordinates do not match the blobs", where=f"frame {self.number}")
         if len(self.labels) == 0 and points:
             object.__setattr__(self, "labels", np.full(points, -1, dtype=np.int64))
         if len(self.single_labels) == 0 and rays:

@@ -22,7 +22,9 @@ class StanceSettings:
     """Settings for the stances."""
 
     stands: float = 0.5  # smallest share of the examples that must stand for a foot to stand
-    may_stand: float = 0.3  # smallest share between keys: of the largest share there for a step, of all for one stance
+    may_stand: float = (
+        0.3  # smallest share between keys: of the largest there for a step, of all examples for one stance
+    )
     most_stand: float = 0.7  # share above which the desired toes of one stance may differ more
     stayed_m: float = 0.04  # keys that are closer together and
     stayed_m_s: float = 0.1  # whose distance is covered more slowly than this form one stance

@@ -236,7 +236,7 @@ def _check_toml_value(key: str, value: Any, levels: int) -> None:
     if isinstance(value, int | float) and not abs(value) < 1e18:  # so that its square is finite
         raise ValueError(f"a number of {shorten(key, 40)} is not finite, or too large")
     if isinstance(value, str) and "\0" in value:  # impossible in paths
-        raise ValueError(f"a text of {shorten(key, 40)} holds NUL")
+        raise ValueError(f"a string of {shorten(key, 40)} contains NUL")
     if isinstance(value, dict):
         for name, item in value.items():
             _check_toml_value(name, item, levels - 1)

@@ -94,7 +94,7 @@ def write_with_plan(
     animation = armature_object.animation_data or armature_object.animation_data_create()
     if animation.use_tweak_mode:
         advice = "leave tweak mode (Tab in the NLA editor)"
-        raise CharacterError("a strip of it is being edited", where=armature_object.name, advice=advice)
+        raise CharacterError("one of its NLA strips is being edited", where=armature_object.name, advice=advice)
     turned = _moved(plan.bones, placement.only)
     moved = _moved(plan.located, placement.only)
     if not turned and not moved:

@@ -46,7 +46,7 @@ def _views(moments: list[Any], count: int) -> dict[str, BoardView]:
         rows = [(np.nan, np.nan) if pixel is None else pixel for pixel in pixels]
         table = np.asarray(rows, dtype=np.float64).reshape(-1, 2)
         if len(table) != count:
-            raise ValueError(f"moment {i + 1} has {len(table)} points, the board {count}")
+            raise ValueError(f"moment {i + 1} has {len(table)} points, but the board has {count}")
         seen = np.flatnonzero(np.isfinite(table).all(axis=1))
         if len(seen) >= 6:
             views[f"{i + 1:06d}"] = BoardView(seen, table[seen])

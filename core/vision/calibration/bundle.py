@@ -211,7 +211,7 @@ def _residuals_and_jacobian(bundle: Bundle, observation: CornerObservation) -> t
     board, camera = bundle.boards[observation.moment], bundle.cameras[observation.camera]
     composed = cv2.composeRT(board[:3], board[3:], camera[:3], camera[3:])
     turn, shift = np.asarray(composed[0]), np.asarray(composed[1])
-    chain = np.empty((_POSE, 2 * _POSE))  # derivatives of the board in the camera, by the camera's pose and the board's
+    chain = np.empty((_POSE, 2 * _POSE))  # derivatives of the composed pose by both poses
     chain[:3, :3], chain[:3, 3:6], chain[3:, :3], chain[3:, 3:6] = composed[4], composed[5], composed[8], composed[9]
     chain[:3, 6:9], chain[:3, 9:], chain[3:, 6:9], chain[3:, 9:] = composed[2], composed[3], composed[6], composed[7]
     fx, fy, cx, cy, skew = intrinsics[:5]
