@@ -90,7 +90,7 @@ def match_best_set(labels: Sequence[str], where: str) -> LabelMatch:
     matches = [match for match in matches if match.has_torso]
     if not matches:
         raise TakeError(
-            f"its markers ({join_names(labels)}) are those of no shipped marker set",
+            f"its markers ({join_names(labels)}) do not match any shipped marker set",
             where=where,
             advice="choose the marker set that was worn, or give a file of names: which label is which marker",
         )

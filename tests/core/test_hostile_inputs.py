@@ -143,7 +143,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
         (TRC.replace("2.1e1", "x"), "line 8: has a field that is not a number"),
         (TRC.replace("\tcm\t", "\tfurlong\t"), "unknown unit of length 'furlong'"),
         (TRC.replace("A\t\t\tB", "\t\t\t"), "has no markers"),
-        (TRC.replace("3\t2\tcm", "3\t1\tcm"), "declares 1 markers, names 2"),
+        (TRC.replace("3\t2\tcm", "3\t1\tcm"), "declares 1 markers but names 2"),
         (TRC.replace("12\t22\t32\t1\t2\t3", "12\t22\t32\t1\t2\t3\t4"), "line 9: has fields beyond"),
         (TRC[: TRC.index("1\t0.00")], "has no frames"),
     ],
@@ -162,7 +162,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
         (QUALISYS + "1\t2\t3\t4\t5\n", "line 11: has 5 fields, not 6"),
         (QUALISYS + "1\t2\t3\t4\t5\t6\n1\t2\tx\t4\t5\t6\n", "line 12: has a field that is not a number"),
         (QUALISYS.replace("\t3D", "\t6D") + "1\t2\t3\t4\t5\t6\n", "holds no 3D data"),
-        (QUALISYS.replace("\tHead", "") + "1\t2\t3\n", "declares 2 markers and names 1"),
+        (QUALISYS.replace("\tHead", "") + "1\t2\t3\n", "declares 2 markers but names 1"),
         (QUALISYS.replace("\t200\n", "\t0\n") + "1\t2\t3\t4\t5\t6\n", "gives neither a frame rate nor times"),
     ],
     "a.c3d": [

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.0, "reading")
     take = read_labelled(args.take, args.names)
     if args.refine and (not args.database or args.height is not None):
-        raise SettingsError("--refine needs --database and no --height", advice="the subject has its height")
+        raise SettingsError("--refine needs --database and excludes --height", advice="the subject has its height")
     known = load_subject(args.skeleton_from) if args.skeleton_from else None
     before = _subject_of(args.refine) if args.refine else known
     if args.marker_set is None and not args.refine:

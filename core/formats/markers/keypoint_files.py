@@ -58,7 +58,7 @@ def read_npy(path: Path | str) -> MarkerTake:
     if known is None or points.shape[2] != 3 or points.dtype.kind not in "iuf":
         sizes = ", ".join(f"{size} ({name})" for size, name in _ORDERS.items())
         raise FormatError(
-            f"holds an array of the shape {points.shape}, no keypoints", where=where,
+            f"holds an array of the shape {points.shape}, which cannot be keypoints", where=where,
             advice=f"write it with shape (frames, points, 3), where the number of points is one of {sizes}",
         )  # fmt: skip
     names = load_marker_set(known).names

@@ -31,7 +31,7 @@ def read_tsv(path: Path | str) -> MarkerTake:
         names.pop()
     declared = _value(header, "NO_OF_MARKERS", where)
     if not names or declared != len(names):
-        raise FormatError(f"declares {declared:g} markers and names {len(names)}", where=where)
+        raise FormatError(f"declares {declared:g} markers but names {len(names)}", where=where)
     width = 3 * len(names)
     ahead = _AHEAD if len(_fields(lines[first], width)) == width + _AHEAD else 0
     rows = table_of(_rows(lines, first, width, ahead, where), len(lines), ahead + width, len(data), where)

@@ -76,7 +76,7 @@ def _names(fields: list[str], header: dict[str, str], where: str) -> list[str]:
         advice = "name the points in the program that wrote it"
         raise FormatError("has no markers with a name", where=f"{where}, line 4", advice=advice)
     if declared < len(names):
-        raise FormatError(f"declares {declared:g} markers, names {len(names)}", where=f"{where}, line 4")
+        raise FormatError(f"declares {declared:g} markers but names {len(names)}", where=f"{where}, line 4")
     return names
 
 

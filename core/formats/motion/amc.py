@@ -102,7 +102,7 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
                 f"has {len(words) - 1} values for {words[0]!r}, {asf.path} says {len(bone.channels)}", where=place
             )
         if any(bone is other for other in layout):
-            raise FormatError(f"lists the bone {words[0]!r} in one frame", where=place)
+            raise FormatError(f"lists the bone {words[0]!r} twice in one frame", where=place)
         layout.append(bone)
     if asf.root not in layout:
         raise FormatError("has no root in its first frame", where=where)

@@ -183,7 +183,7 @@ class _Parser:
             elif keyword == "end":
                 bone = self._bone(fields)
                 if bone.name in bones or bone.name == ROOT:
-                    raise self._error(f"lists the bone {bone.name!r}")
+                    raise self._error(f"lists the bone {bone.name!r} twice")
                 bones[bone.name] = bone
             else:
                 fields[keyword] = (self.line, words[1:])

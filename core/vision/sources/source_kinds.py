@@ -44,7 +44,9 @@ def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource
     if not streams:
         return VideoSource(paths, fps or 30.0)
     if len(streams) < len(paths):
-        raise CaptureError("is a camera, the other source a film", where=streams[0], advice="give two of one kind")
+        raise CaptureError(
+            "is a camera but the other source is a film", where=streams[0], advice="give two of one kind"
+        )
     return CameraSource(streams, None, fps)
 
 

@@ -132,7 +132,7 @@ def test_bad_input_is_told(tmp_path, capsys):
     line = ["vmc", "receive", "--port", "0", "--seconds", "0.01", "--out"]
     assert main([*line, str(tmp_path / "nothing.bvh")]) == 1
     told = capsys.readouterr().err
-    assert "0 frames with bones came" in told and "127.0.0.1" in told
+    assert "0 frames with bones arrived" in told and "127.0.0.1" in told
     assert main([*line, str(tmp_path / "nothing.fbx")]) == 1
     assert "cannot be written" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

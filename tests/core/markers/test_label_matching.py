@@ -71,7 +71,7 @@ def test_keypoints_are_recognised_by_their_labels(labels, name, matched):
 
 
 def test_unknown_names_are_refused():
-    with pytest.raises(TakeError, match=r"P1, P2, P3.* no shipped marker set; choose the marker set"):
+    with pytest.raises(TakeError, match=r"P1, P2, P3.* any shipped marker set; choose the marker set"):
         match_best_set(["P1", "P2", "P3"], "take")
 
 

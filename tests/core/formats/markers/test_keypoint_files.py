@@ -125,9 +125,9 @@ def test_wrong_arrays_and_tables_are_refused(points_mm, tmp_path):
     assert ".npy" in READABLE
     path = tmp_path / "a.npy"
     for array, problem in (
-        (points_mm[:, :20], r"shape \(6, 20, 3\), no keypoints; .*33 \(blazepose-33\)"),
-        (points_mm[..., :2], "no keypoints"),
-        (points_mm[0], "no keypoints"),
+        (points_mm[:, :20], r"shape \(6, 20, 3\), which cannot be keypoints; .*33 \(blazepose-33\)"),
+        (points_mm[..., :2], "which cannot be keypoints"),
+        (points_mm[0], "which cannot be keypoints"),
         (np.zeros((0, 33, 3)), "never shows most of the body in one frame"),
         (np.full((5, 33, 3), np.nan), "never shows most of the body in one frame"),
     ):

@@ -141,9 +141,9 @@ def test_trackers_become_markers():
     assert take.positions_m[:, 0] == pytest.approx(np.tile([-0.1, 1.7, 0.2], (7, 1)), abs=1e-6)
     assert take.positions_m[:, 1, 2] == pytest.approx(np.array([0, 1, 2, 3, 4, 6, 7]) / 10, abs=1e-6)
     assert list(np.isnan(take.positions_m[:, 2, 0])) == [False, False, True, False, False, False, False]
-    with pytest.raises(TakeError, match="0 frames with bones came in"):
+    with pytest.raises(TakeError, match="0 frames with bones arrived in"):
         recording.motion("trackers")
-    with pytest.raises(TakeError, match="0 frames with trackers came in 0 packets"):
+    with pytest.raises(TakeError, match="0 frames with trackers arrived in 0 packets"):
         Recording().markers("nothing")
 
 
