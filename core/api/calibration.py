@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ..body.standard_skeleton import default_skeleton
 from ..database.store import Database
 from ..errors import SettingsError, SubjectError
+from ..labelling.human_size import likely_height_m
 from ..labelling.take_import import import_take
 from ..markers.label_faults import correct_labels
 from ..markers.label_matching import AUTO
@@ -100,7 +101,7 @@ def fit_subject(
     take: MarkerTake,
     database: Database,
     marker_set: MarkerSet | Path | str = AUTO,
-    height_m: float = 1.75,
+    height_m: float | None = None,
     name: str = "performer",
     progress: Progress = no_progress,
 ) -> Subject:
@@ -111,7 +112,7 @@ def fit_subject(
         database: Motion database that contains similar motion.
         marker_set: Marker set that was worn, see `load_take`; its usual offsets guide the fit. With "auto", markers
             unknown to the set are placed from the motion.
-        height_m: Rough body height, 1 to 2.5 m.
+        height_m: Rough body height, 1 to 2.5 m; None to find it by the distances between markers.
         name: Name of the performer.
         progress: Called with the fraction done and the activity.
 
@@ -120,8 +121,8 @@ def fit_subject(
         TakeError: The take lacks torso markers, or the body's size is not human.
     """
     worn = choose_worn(marker_set, take)
-    start = Subject(name, default_skeleton(height_m), worn)
     take = import_take(take, worn, "auto")
+    start = Subject(name, default_skeleton(height_m or likely_height_m(take, worn)), worn)
     if not is_unnamed(take):
         take, _ = correct_labels(take, start)
     if marker_set == AUTO and not set(take.names) <= set(worn.names):

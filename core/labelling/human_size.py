@@ -1,22 +1,25 @@
-"""Check of the body's size in a take, to detect a wrong unit of length."""
+"""Size of the body in a take: its likely height, and a check to detect a wrong unit of length."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..body.body_size import HUMAN, stature_m
 from ..body.calibration_poses import standing
-from ..body.standard_skeleton import default_skeleton
+from ..body.standard_skeleton import DEFAULT_HEIGHT_M, JOINT_NAMES, default_skeleton
 from ..errors import TakeError
 from ..geometry.arrays import Array
-from ..markers.marker_set import MarkerSet
+from ..markers.marker_set import Marker, MarkerSet
 from ..markers.marker_take import MarkerTake
 
 
 @dataclass(frozen=True)
 class HumanSizeSettings:
-    """Settings of the check."""
+    """Settings of the check and of the height."""
 
+    fewest_pairs: int = 4  # fewest distances on limbs that show the body's height
+    shortest_pair_m: float = 0.2  # shortest usual distance that does
     samples: int = 200  # largest number of frames that are checked
     same_unit: float = 1.6  # largest ratio to the default size after a change of unit for which the unit is blamed
 
@@ -62,26 +65,52 @@ def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
     raise TakeError(f"the body is {_length(size_m)} tall{told}", where=take.name, advice=advice)
 
 
+def likely_height_m(take: MarkerTake, marker_set: MarkerSet) -> float:
+    """Return the performer's height by the distances of markers on the same or neighbouring bones of the limbs.
+
+    These hardly depend on the pose. If too few are known, this is the default height.
+
+    Args:
+        take: Take under the names of the set.
+    """
+    worn = _worn(take, marker_set)
+    own = np.array([JOINT_NAMES.index(marker.joint) for marker in worn], dtype=np.int64)
+    above = default_skeleton().parents[own]
+    first, second = np.triu_indices(len(worn), 1)
+    is_near = (own[first] == own[second]) | (above[first] == own[second]) | (own[first] == above[second])
+    on_torso = np.array([marker.torso for marker in worn], dtype=bool)
+    apart_m, usual_m = _distances(take, marker_set, worn)
+    tells = is_near & ~(on_torso[first] & on_torso[second]) & (usual_m > _S.shortest_pair_m) & np.isfinite(apart_m)
+    if tells.sum() < _S.fewest_pairs:
+        return DEFAULT_HEIGHT_M
+    height_m = DEFAULT_HEIGHT_M * float(np.median(apart_m[tells] / usual_m[tells]))
+    return float(np.clip(height_m, HUMAN.shortest_m, HUMAN.tallest_m))
+
+
 def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
     """Return the size of the torso relative to the default body, NaN if unknown."""
-    worn = [
-        marker
-        for marker in marker_set.markers
-        if marker.torso and marker.offset_m is not None and marker.name in take.names
-    ]
-    if len(worn) < 2:
-        return float("nan")
-    skeleton = default_skeleton()
+    apart_m, usual_m = _distances(take, marker_set, [marker for marker in _worn(take, marker_set) if marker.torso])
+    known = np.isfinite(apart_m)
+    return float(apart_m[known].sum() / usual_m[known].sum()) if known.any() else float("nan")
+
+
+def _worn(take: MarkerTake, marker_set: MarkerSet) -> list[Marker]:
+    """Return the markers of the take that have a usual place."""
+    return [marker for marker in marker_set.markers if marker.offset_m is not None and marker.name in take.names]
+
+
+def _distances(take: MarkerTake, marker_set: MarkerSet, worn: Sequence[Marker]) -> tuple[Array, Array]:
+    """Return the median distances of each two markers, NaN if never seen together, and those on the default body."""
+    skeleton, first, second = default_skeleton(), *np.triu_indices(len(worn), 1)
+    if not len(first):
+        return np.zeros(0), np.zeros(0)
     usual = marker_set.subset([marker.name for marker in worn]).positions_on(skeleton, standing(skeleton))
     step = max(1, take.frames // _S.samples)
     places = take.positions_m[::step, [take.names.index(marker.name) for marker in worn]]
-    first, second = np.triu_indices(len(worn), 1)
     apart = np.linalg.norm(places[:, first] - places[:, second], axis=-1)
-    known = np.isfinite(apart).any(axis=0)
-    if not known.any():
-        return float("nan")
-    expected: Array = np.linalg.norm(usual[first] - usual[second], axis=-1)
-    return float(np.nanmedian(apart[:, known], axis=0).sum() / expected[known].sum())
+    known, found = np.isfinite(apart).any(axis=0), np.full(len(first), np.nan)
+    found[known] = np.nanmedian(apart[:, known], axis=0)
+    return found, np.linalg.norm(usual[first] - usual[second], axis=-1)
 
 
 def _length(metres: float) -> str:

@@ -63,7 +63,12 @@ def add_parser(group: Any) -> None:
         "with --database: begin with this subject, or the first of a .perftake, and let the motion correct bones "
         "and offsets a little",
     )
-    add_number(parser, "--height", "M", "with --database: height of the person, metres (default 1.7)")
+    add_number(
+        parser,
+        "--height",
+        "M",
+        "with --database: height of the person, metres (default: by the distances between markers)",
+    )
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -129,10 +134,9 @@ def _from_motion(
         result = refine_body(take, worn, database, progress)
         subject, changes = worthwhile(worn, result)
         return subject, {"changes": changes} | _changes(result)
-    height_m = 1.7 if args.height is None else args.height
-    check_height(height_m)
+    check_height(args.height)
     named = AUTO if args.marker_set == AUTO else marker_set
-    subject = fit_subject(take, database, named, height_m, name, progress)
+    subject = fit_subject(take, database, named, args.height, name, progress)
     doubtful = subject.residual_m > 0.015  # RMS distance, m: a larger one means a body that does not explain the motion
     advice = ["check --marker-set, or record a calibration pose"] if doubtful else []
     return subject, worn_facts(fit_take(take, marker_set, None), marker_set, subject) | {"advice": advice}

@@ -1,0 +1,27 @@
+"""Height of a performer by the distances of markers, whatever the pose."""
+
+import pytest
+from perfanim.core.body.motion import Motion
+from perfanim.core.body.standard_skeleton import DEFAULT_HEIGHT_M, default_skeleton
+from perfanim.core.labelling.human_size import likely_height_m
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.simulate.simulated_markers import simulate_markers
+
+
+def recorded(truth, height_m, marker_set):
+    """Return the markers of a performer of some height, and of girths to match."""
+    body, share = default_skeleton(height_m), height_m / DEFAULT_HEIGHT_M
+    motion = Motion("take", truth.fps, body, truth.rotations[:60], share * truth.root_positions_m[:60])
+    return simulate_markers(motion, marker_set.with_offsets(share * marker_set.offsets_m), noise_mm=2.0, seed=1)[0]
+
+
+@pytest.mark.parametrize("name", ["plug-in-gait", "helen-hayes", "cmu-41"])
+@pytest.mark.parametrize("height_m", [1.2, 1.5, 1.95])
+def test_height_is_found_by_markers_on_the_limbs(truth, name, height_m):
+    marker_set = load_marker_set(name)
+    assert likely_height_m(recorded(truth, height_m, marker_set), marker_set) == pytest.approx(height_m, rel=0.06)
+
+
+def test_few_markers_on_the_limbs_tell_no_height(truth):
+    marker_set = load_marker_set("boxing")
+    assert likely_height_m(recorded(truth, 1.5, marker_set), marker_set) == DEFAULT_HEIGHT_M
