@@ -72,7 +72,7 @@ def open_zip(file: BinaryIO, check_count: Callable[[int], None]) -> zipfile.ZipF
 
 
 class _CountedList:
-    """File that counts archive members while zipfile reads their directory, as the declared number is not trusted."""
+    """File that counts archive members while zipfile reads their directory; the declared number is not trusted."""
 
     def __init__(self, file: BinaryIO, check_count: Callable[[int], None]) -> None:
         self.is_listed = False

@@ -30,7 +30,7 @@ class StanceSettings:
     stayed_m_s: float = 0.1  # whose distance is covered more slowly than this form one stance
     ankles_m: float = 0.1  # largest horizontal distance of the ankles in one stance on the toes
     length_m: float = 0.015  # largest error of the foot's length in a stance
-    toes_m: tuple[float, float] = (0.03, 0.05)  # largest distance of the desired toes in it: usual, if most stand
+    toes_m: tuple[float, float] = (0.03, 0.05)  # largest distance of the desired toes: usually; if most stand
     step_m_s: float = 2.0  # mean speed of a step
     shortest_step_s: float = 0.07
     longest_step: float = 0.35  # share of the time between two keys, unless examples step for longer

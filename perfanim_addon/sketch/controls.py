@@ -129,7 +129,7 @@ def _key_where_keyed(context: bpy.types.Context, armature_object: bpy.types.Obje
     controls, bones = controls_of(armature_object), bones_of(armature_object)
     for control in controls.values():
         set_free(control)
-    armature_object.perfanim_sketch.free_height = False  # it was the height of a followed path
+    armature_object.perfanim_sketch.free_height = False  # it was set for a followed path
     with present_frame(context.scene):
         for frame in frames:
             context.scene.frame_set(frame)

@@ -41,5 +41,5 @@ def follow(armature_object: bpy.types.Object, rig: bpy.types.Object) -> int:
         set_free(control)
         held = control.constraints.new("COPY_LOCATION")
         held.target, held.subtarget = rig, bones[joint]
-    armature_object.perfanim_sketch.free_height = False  # it was the height of a followed path
+    armature_object.perfanim_sketch.free_height = False  # it was set for a followed path
     return len(controls)

@@ -100,7 +100,7 @@ def _camera_views(
 
 
 def _check_size(shown: tuple[int, int] | None, board: Board) -> None:
-    """Raise CalibrationError for a description unlike the board shown, because a part of it would calibrate badly."""
+    """Raise CalibrationError if the board shown differs from its description: part of a board calibrates badly."""
     asked = _larger_first(board)
     if shown is not None and shown != asked:
         raise CalibrationError(
