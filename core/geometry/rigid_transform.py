@@ -44,6 +44,22 @@ def fit_rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
     return quaternion, q_mean - rot.to_matrix(quaternion) @ p_mean
 
 
+def mean_vertical(template: Array, targets: Array, fewest: int) -> Array:
+    """Return the mean of the y axes (3,) of rigid fits to targets, zero without a fit.
+
+    Args:
+        template: Points (N, 3) of an upright body.
+        targets: Points (F, N, 3), NaN where unknown.
+        fewest: Smallest number of known points for a fit.
+    """
+    ups: list[Array] = []
+    for target in targets:
+        known = np.isfinite(target[:, 0])
+        if known.sum() >= fewest:
+            ups.append(kabsch(template[known], target[known])[0][:, 1])
+    return np.mean(ups, axis=0) if ups else np.zeros(3)
+
+
 def transform(rotation: ArrayLike, translation: ArrayLike, points: ArrayLike) -> Array:
     """Return R p + t for points `[..., 3]`."""
     p = np.asarray(points, dtype=np.float64)

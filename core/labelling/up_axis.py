@@ -8,7 +8,7 @@ from ..body.calibration_poses import standing
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry.arrays import Array
-from ..geometry.rigid_transform import kabsch
+from ..geometry.rigid_transform import mean_vertical
 from ..markers.marker_set import FEWEST_TORSO, MarkerSet
 from ..markers.marker_take import MarkerTake
 
@@ -61,10 +61,10 @@ def axis_up(take: MarkerTake, marker_set: MarkerSet) -> str:
             "too few markers are seen at once to find the vertical", where=take.name, advice="say which axis points up"
         )
     chosen = whole[np.unique(np.linspace(0, len(whole) - 1, _S.samples).astype(int))]
-    rows, seen = rows[chosen], seen[chosen]
+    rows = rows[chosen]
     template, torso = _usual_places(worn), worn.torso
-    body = _mean_up(template, rows, seen, _S.fewest)
-    trunk = _mean_up(template, rows, seen & torso, FEWEST_TORSO)
+    body = mean_vertical(template, rows, _S.fewest)
+    trunk = mean_vertical(template[torso], rows[:, torso], FEWEST_TORSO)
     evidence = {}
     for name, (_, axis, _) in TURNS.items():
         posture = _S.body * float(body @ axis) + _S.trunk * float(trunk @ axis)
@@ -77,15 +77,6 @@ def _usual_places(marker_set: MarkerSet) -> Array:
     skeleton = default_skeleton()
     offsets = np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in marker_set.markers])
     return marker_set.with_offsets(offsets).positions_on(skeleton, standing(skeleton))
-
-
-def _mean_up(template: Array, rows: Array, seen: Array, fewest: int) -> Array:
-    """Return the mean over frames of the vertical (3,) of the template fitted to the visible markers."""
-    ups: list[Array] = []
-    for row, own in zip(rows, seen, strict=True):
-        if own.sum() >= fewest:
-            ups.append(kabsch(template[own], row[own], np.ones(int(own.sum())))[0][:, 1])
-    return np.mean(ups, axis=0) if ups else np.zeros(3)
 
 
 def _top_moves_m(heights: Array) -> float:

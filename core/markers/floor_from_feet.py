@@ -11,9 +11,9 @@ from ..body.skeleton import Skeleton, forward_kinematics
 from ..body.standard_skeleton import default_skeleton
 from ..errors import TakeError
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, evenly
 from ..geometry.camera import CameraRig
-from ..geometry.rigid_transform import kabsch, transform
+from ..geometry.rigid_transform import mean_vertical, transform
 from .filtering import smooth_take
 from .marker_set import MarkerSet
 from .marker_take import MarkerTake
@@ -36,6 +36,7 @@ class FloorSettings:
     frames_per_stand: float = 10.0  # number of frames that repeat each other's errors
     trimmed: float = 3.0  # deviation of the height, in median deviations, above which a frame is an outlier
     trim_rounds: int = 5
+    fewest: int = 4  # fewest markers of a frame that tell the vertical
     upright_samples: int = 60  # number of frames used to find the vertical
 
 
@@ -80,13 +81,8 @@ def to_rig_world(take: MarkerTake, old: CameraRig, new: CameraRig) -> MarkerTake
 def _upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleton, pose: Array) -> Array:
     """Return the rotation (3, 3) from a level frame, according to the body's mean vertical."""
     template = marker_set.positions_on(skeleton, pose)
-    columns = _columns(take, marker_set)
-    up = np.zeros(3)
-    for frame in np.unique(np.linspace(0, take.frames - 1, _S.upright_samples).astype(int)):
-        row = take.positions_m[frame, columns]
-        seen = np.isfinite(row[:, 0])
-        if np.sum(seen) >= 4:
-            up += kabsch(template[seen], row[seen], np.ones(int(seen.sum())))[0][:, 1]
+    frames = evenly(take.frames, _S.upright_samples)
+    up = mean_vertical(template, take.positions_m[frames][:, _columns(take, marker_set)], _S.fewest)
     if np.linalg.norm(up) < 1e-6:
         raise TakeError("too few markers are seen at once to find the floor", where=take.name)
     return rot.to_matrix(rot.between([0.0, 1.0, 0.0], up))
