@@ -20,11 +20,14 @@ class HumanSizeSettings:
 
     fewest_pairs: int = 4  # fewest distances on limbs that show the body's height
     shortest_pair_m: float = 0.2  # shortest usual distance that does
+    largest: float = 95.0  # percentile of distances that is the largest one
+    standing_range: float = 0.16  # largest log ratio to the default height of a performer who stands in the take
     samples: int = 200  # largest number of frames that are checked
     same_unit: float = 1.6  # largest ratio to the default size after a change of unit for which the unit is blamed
 
 
 _S = HumanSizeSettings()
+_FEET = ("foot", "toes")
 # ratio to the default size -> unit of the numbers, unit that the file states
 _MISTAKES = {
     1e-3: ("metres", "millimetres"),
@@ -66,9 +69,10 @@ def check_human_size(take: MarkerTake, marker_set: MarkerSet) -> None:
 
 
 def likely_height_m(take: MarkerTake, marker_set: MarkerSet) -> float:
-    """Return the performer's height by the distances of markers on the same or neighbouring bones of the limbs.
+    """Return the performer's height by the distances of markers.
 
-    These hardly depend on the pose. If too few are known, this is the default height.
+    Those on the same or neighbouring bones of the limbs hardly depend on the pose. If too few are known, the feet's
+    largest distances from torso and head tell it, unless the performer seems to sit; otherwise it is the default.
 
     Args:
         take: Take under the names of the set.
@@ -78,18 +82,23 @@ def likely_height_m(take: MarkerTake, marker_set: MarkerSet) -> float:
     above = default_skeleton().parents[own]
     first, second = np.triu_indices(len(worn), 1)
     is_near = (own[first] == own[second]) | (above[first] == own[second]) | (own[first] == above[second])
-    on_torso = np.array([marker.torso for marker in worn], dtype=bool)
-    apart_m, usual_m = _distances(take, marker_set, worn)
-    tells = is_near & ~(on_torso[first] & on_torso[second]) & (usual_m > _S.shortest_pair_m) & np.isfinite(apart_m)
-    if tells.sum() < _S.fewest_pairs:
-        return DEFAULT_HEIGHT_M
-    height_m = DEFAULT_HEIGHT_M * float(np.median(apart_m[tells] / usual_m[tells]))
-    return float(np.clip(height_m, HUMAN.shortest_m, HUMAN.tallest_m))
+    high = np.array([marker.torso or marker.joint == "head" for marker in worn], dtype=bool)
+    low = np.array([marker.joint[1:] in _FEET for marker in worn], dtype=bool)
+    apart_m, most_m, usual_m = _distances(take, marker_set, worn)
+    known = (usual_m > _S.shortest_pair_m) & np.isfinite(apart_m)
+    on_limbs = known & is_near & ~(high[first] & high[second])
+    standing_up = known & ((high[first] & low[second]) | (low[first] & high[second]))
+    if on_limbs.sum() >= _S.fewest_pairs:
+        ratio = float(np.median(apart_m[on_limbs] / usual_m[on_limbs]))
+    else:
+        ratio = float(np.median(most_m[standing_up] / usual_m[standing_up])) if standing_up.any() else 1.0
+        ratio = ratio if abs(np.log(ratio)) < _S.standing_range else 1.0
+    return float(np.clip(DEFAULT_HEIGHT_M * ratio, HUMAN.shortest_m, HUMAN.tallest_m))
 
 
 def _scale(take: MarkerTake, marker_set: MarkerSet) -> float:
     """Return the size of the torso relative to the default body, NaN if unknown."""
-    apart_m, usual_m = _distances(take, marker_set, [marker for marker in _worn(take, marker_set) if marker.torso])
+    apart_m, _, usual_m = _distances(take, marker_set, [marker for marker in _worn(take, marker_set) if marker.torso])
     known = np.isfinite(apart_m)
     return float(apart_m[known].sum() / usual_m[known].sum()) if known.any() else float("nan")
 
@@ -99,18 +108,19 @@ def _worn(take: MarkerTake, marker_set: MarkerSet) -> list[Marker]:
     return [marker for marker in marker_set.markers if marker.offset_m is not None and marker.name in take.names]
 
 
-def _distances(take: MarkerTake, marker_set: MarkerSet, worn: Sequence[Marker]) -> tuple[Array, Array]:
-    """Return the median distances of each two markers, NaN if never seen together, and those on the default body."""
+def _distances(take: MarkerTake, marker_set: MarkerSet, worn: Sequence[Marker]) -> tuple[Array, Array, Array]:
+    """Return median and largest distances of each two markers, NaN if never seen together, and the default body's."""
     skeleton, first, second = default_skeleton(), *np.triu_indices(len(worn), 1)
+    found = np.full((2, len(first)), np.nan)
     if not len(first):
-        return np.zeros(0), np.zeros(0)
+        return *found, found[0]
     usual = marker_set.subset([marker.name for marker in worn]).positions_on(skeleton, standing(skeleton))
     step = max(1, take.frames // _S.samples)
     places = take.positions_m[::step, [take.names.index(marker.name) for marker in worn]]
     apart = np.linalg.norm(places[:, first] - places[:, second], axis=-1)
-    known, found = np.isfinite(apart).any(axis=0), np.full(len(first), np.nan)
-    found[known] = np.nanmedian(apart[:, known], axis=0)
-    return found, np.linalg.norm(usual[first] - usual[second], axis=-1)
+    known = np.isfinite(apart).any(axis=0)
+    found[:, known] = np.nanpercentile(apart[:, known], (50.0, _S.largest), axis=0)
+    return *found, np.linalg.norm(usual[first] - usual[second], axis=-1)
 
 
 def _length(metres: float) -> str:

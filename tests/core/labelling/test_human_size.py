@@ -22,6 +22,15 @@ def test_height_is_found_by_markers_on_the_limbs(truth, name, height_m):
     assert likely_height_m(recorded(truth, height_m, marker_set), marker_set) == pytest.approx(height_m, rel=0.06)
 
 
-def test_few_markers_on_the_limbs_tell_no_height(truth):
-    marker_set = load_marker_set("boxing")
+@pytest.mark.parametrize("height_m", [1.55, 1.9])
+def test_height_is_found_by_feet_and_torso_where_the_limbs_have_no_markers(truth, height_m):
+    marker_set = load_marker_set("plug-in-gait")
+    kept = [marker.name for marker in marker_set.markers if marker.torso or marker.joint[1:] == "foot"]
+    take = recorded(truth, height_m, marker_set.subset(kept))
+    assert likely_height_m(take, marker_set) == pytest.approx(height_m, rel=0.06)
+
+
+def test_torso_and_hands_tell_no_height(truth):
+    whole = load_marker_set("boxing")
+    marker_set = whole.subset([marker.name for marker in whole.markers if not marker.joint.endswith("foot")])
     assert likely_height_m(recorded(truth, 1.5, marker_set), marker_set) == DEFAULT_HEIGHT_M
