@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 from perfanim.core.body.motion_metrics import evaluate
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.simulate.simulated_keypoints import simulate_keypoints
 from perfanim.core.simulate.simulated_markers import simulate_markers
 
 FPS, FRAMES = 30.0, 40
+FEET = ["lfoot", "rfoot", "ltoes", "rtoes"]
 AXES = {"x": [1, 2, 0], "y": [0, 1, 2], "z": [2, 0, 1]}  # the world's axes that a file of this up axis has, in order
 KEPT = np.random.default_rng(1).random(FRAMES) > 0.3
 KEPT[[0, 1, -1]] = True
@@ -204,6 +208,24 @@ def test_a_body_is_fitted_to_a_take_that_begins_empty(take, database_file, tmp_p
     ]
     assert main([*line, "--out", str(tmp_path / "a.toml"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["residual_mm"] < 15.0
+
+
+@pytest.mark.parametrize(("name", "ending"), [("halpe-26", "npy"), ("halpe-26", "trc")])
+def test_keypoints_become_motion_by_one_command(truth, database_file, tmp_path, capsys, name, ending):
+    take, file = simulate_keypoints(truth, load_marker_set(name), seed=3), tmp_path / f"points.{ending}"
+    if ending == "npy":
+        np.save(file, 1000.0 * take.positions_m[..., AXES["z"]])
+    else:
+        Trc(per_m=1.0, unit="m").write(take, file)
+    line = ["solve", str(file), "--database", str(database_file), "--out", str(tmp_path / "a.bvh"), "--json"]
+    assert main(line) == 0
+    told, motion = json.loads(capsys.readouterr().out), read_motion(tmp_path / "a.bvh")
+    assert (told["verdict"], told["marker_set"], motion.frames) == ("good", name, truth.frames)
+    joints_m, _ = forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)
+    head, feet = (joints_m[:, [motion.skeleton.index(each) for each in names], 1] for names in (["head"], FEET))
+    assert 1.2 < np.median(head) < 1.8 and abs(np.median(feet.min(axis=1))) < 0.1
+    jitter_m = [np.linalg.norm(np.diff(each, 3, axis=0), axis=-1).mean() for each in (joints_m, take.positions_m)]
+    assert jitter_m[0] < jitter_m[1] / 3.0
 
 
 def test_an_archive_in_an_archive_is_named(tmp_path, capsys):
