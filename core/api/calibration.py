@@ -87,6 +87,7 @@ def calibrate_subject(
     """
     worn = choose_worn(marker_set, take)
     take = import_take(take, worn, "auto")
+    take, _ = correct_labels(take, Subject(name, known.skeleton if known else default_skeleton(), worn))
     held = (poses,) if isinstance(poses, str) else tuple(poses)
     if isinstance(poses, str):
         points_m = calibration_points(take, worn, seconds)

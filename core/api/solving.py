@@ -17,7 +17,7 @@ from ..formats.take_file.take_reader import TakeFile
 from ..geometry.arrays import runs
 from ..geometry.camera import CameraRig
 from ..markers.filtering import smooth_motion, smooth_take
-from ..markers.label_faults import correct_labels
+from ..markers.label_faults import correct_labels, told
 from ..markers.label_matching import AUTO
 from ..markers.marker_set import MarkerSet
 from ..markers.marker_take import MarkerTake
@@ -159,8 +159,9 @@ def solve_markers(
     """
     cache = cache or SessionCache()
     opened, settings = _opened(database, cache), SolveSettings(method=request.method or "best")
-    checked = not (request.trust_labels or request.causal or is_unnamed(take))
+    checked = not (request.trust_labels or is_unnamed(take))
     take, faults = correct_labels(take, subject) if checked else (take, ())
+    corrected = tuple(fault.stretch(take) for fault in faults)
     if request.smooth_hz is not None:
         take = smooth_take(take, request.smooth_hz)
     if request.place_markers:
@@ -176,9 +177,9 @@ def solve_markers(
         "method": settings.method,
         "marker_set": subject.marker_set.name,
         "markers": sum(name in take.names for name in subject.marker_set.names),
-        "warnings": [*_label_differences(take, subject), *take.notes, *_told_times(solved)],
+        "warnings": [*_label_differences(take, subject), *take.notes, *told(corrected), *_told_times(solved)],
     }
-    solved = replace(solved, corrected=tuple(fault.stretch(take) for fault in faults))
+    solved = replace(solved, corrected=corrected)
     report |= changes | choice
     if is_unnamed(take):
         return _finished(solved, request, None, report)

@@ -81,3 +81,21 @@ def principal_axes(points: Array) -> tuple[Array, Array, Array]:
     middle = points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points - middle)
     return middle, sizes, axes
+
+
+def rigid_misfits_m2(source: Array, targets: Array) -> Array:
+    """Return the mean squared distances (F,) of points from their rigid fits to targets.
+
+    Args:
+        source: Points (N, 3).
+        targets: Points (F, N, 3), NaN where unknown, three or more known in each row.
+    """
+    known = np.isfinite(targets[..., 0])
+    weights = known / known.sum(axis=1, keepdims=True)
+    q = np.where(known[..., None], targets, 0.0)
+    p = source - np.einsum("fn,nc->fc", weights, source)[:, None]
+    q = q - np.einsum("fn,fnc->fc", weights, q)[:, None]
+    together = np.einsum("fn,fni,fnj->fij", weights, p, q).reshape(len(q), 9)
+    largest = np.linalg.eigvalsh((together @ _HORN).reshape(-1, 4, 4))[:, 3]
+    squares = np.einsum("fn,fnc,fnc->f", weights, p, p) + np.einsum("fn,fnc,fnc->f", weights, q, q)
+    return np.asarray(np.maximum(squares - 2.0 * largest, 0.0))

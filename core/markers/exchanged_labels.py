@@ -65,6 +65,15 @@ def undo_exchanges(times_s: Array, points_m: Array, neighbours: Mask) -> tuple[A
     return search.points_m, found
 
 
+def put_back(points_m: Array, exchanges: Sequence[Exchange]) -> Array:
+    """Return trajectories (F, M, 3) with exchanged labels put back, one after another."""
+    points_m = points_m.copy()
+    for each in exchanges:
+        rows = slice(each.first, each.last + 1)
+        points_m[rows, list(each.markers)] = points_m[rows, list(each.markers[::-1])]
+    return points_m
+
+
 @dataclass(frozen=True)
 class _Course:
     """A trajectory at its seams.
@@ -93,7 +102,7 @@ class _Search:
     """Finds the pair with the most evidence, again after each correction."""
 
     def __init__(self, times_s: Array, points_m: Array, neighbours: Mask) -> None:
-        self._times_s, self.points_m = times_s, points_m.copy()
+        self._times_s, self.points_m = times_s, points_m
         self._scale = SeamScale(times_s, points_m)
         self._distances = RigidDistances(points_m, neighbours)
         self._frame_weight = float(np.median(np.diff(times_s))) / _S.independent_s
@@ -109,9 +118,7 @@ class _Search:
     def put_back(self, exchanges: list[Exchange]) -> None:
         """Swap the labels back, and search all pairs with these markers again."""
         changed = exchanges[0].markers
-        for each in exchanges:
-            rows = slice(each.first, each.last + 1)
-            self.points_m[rows, list(changed)] = self.points_m[rows, list(changed[::-1])]
+        self.points_m = put_back(self.points_m, exchanges)
         for marker in changed:
             self._courses[marker] = self._course(marker)
         for pair in combinations(range(self.points_m.shape[1]), 2):

@@ -39,11 +39,9 @@ def exchanged_throughout(
         neighbours: Mask (M, M) of pairs of markers on the same or on neighbouring bones.
     """
     apart_m = _usual_distances(points_m)
-    joints = np.array([skeleton.index(marker.joint) for marker in markers])
-    offsets_m = np.array([marker.offset_m for marker in markers])
-    places_m = marker_positions(skeleton, joints, offsets_m, standing(skeleton), np.zeros(3))
+    places_m = places_standing(markers, skeleton)
     usual_m = np.linalg.norm(places_m[:, None] - places_m, axis=-1)
-    other = _other_sides(markers, offsets_m)
+    other = other_sides(markers)
     sided = (other >= 0) & (other != np.arange(len(markers)))
     found: dict[tuple[int, int], float] = {}
     for a, b in combinations(np.flatnonzero(sided).tolist(), 2):
@@ -81,8 +79,20 @@ def _usual_distances(points_m: Array) -> Array:
     return found
 
 
-def _other_sides(markers: Sequence[Marker], offsets_m: Array) -> IntArray:
+def places_standing(markers: Sequence[Marker], skeleton: Skeleton) -> Array:
+    """Return the places (M, 3) of markers on a standing body."""
+    joints = np.array([skeleton.index(marker.joint) for marker in markers])
+    return marker_positions(skeleton, joints, _offsets_m(markers), standing(skeleton), np.zeros(3))
+
+
+def _offsets_m(markers: Sequence[Marker]) -> Array:
+    """Return the offsets (M, 3) of markers, zero where they are unknown."""
+    return np.array([marker.offset_m or (0.0, 0.0, 0.0) for marker in markers])
+
+
+def other_sides(markers: Sequence[Marker]) -> IntArray:
     """Return the marker (M,) at the mirrored position of each, or -1 if there is none."""
+    offsets_m = _offsets_m(markers)
     mirrored = offsets_m * [-1.0, 1.0, 1.0]
     found = []
     for marker, place in zip(markers, mirrored, strict=True):

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..body.scene_pose import DoubtfulStretch
 from ..geometry.arrays import Array, IntArray, Mask, runs
-from .exchanged_labels import Exchange, undo_exchanges
+from .exchanged_labels import Exchange, put_back, undo_exchanges
+from .exchanged_sides import exchanged_sides
 from .exchanged_throughout import exchanged_throughout
 from .marker_take import MarkerTake, SingleViews
 from .subject import Subject
@@ -24,15 +25,20 @@ class FaultKind(Enum):
     """What is wrong with labels."""
 
     EXCHANGED = "exchanged"
+    SIDES = "sides"  # all of the left with all of the right in the whole take, which can be a mirror image
     FROZEN = "frozen"
     WILD = "wild"
 
 
 _WHAT = {
     FaultKind.EXCHANGED: "had each other's labels, put back",
+    FaultKind.SIDES: "had each other's labels, put back; or the take is a mirror image, and so is the motion now",
     FaultKind.FROZEN: "stood still while the body moved, taken as missing",
     FaultKind.WILD: "jumped away and back, taken as missing",
 }
+
+
+_TOLD = 8  # stretches that warnings name
 
 
 @dataclass(frozen=True)
@@ -55,9 +61,17 @@ class LabelFault:
         start, stop = (int(take.frame_numbers[at]) for at in (self.first, self.last))
         frames = f"frame {start}" if start == stop else f"frames {start} to {stop}"
         markers = " and ".join([", ".join(self.labels[:-1]), self.labels[-1]]) if self.labels[1:] else self.labels[0]
+        markers = "left and right" if self.kind is FaultKind.SIDES else markers
         start_s, stop_s = (float(take.times_s[at] - take.times_s[0]) for at in (self.first, self.last))
         reason = f"{markers} {_WHAT[self.kind]} ({frames})"
         return DoubtfulStretch(start_s, stop_s, reason, "", self.first, self.last)
+
+
+def told(stretches: Sequence[DoubtfulStretch]) -> list[str]:
+    """Return the first stretches with faults in words, and how many more there are."""
+    more = len(stretches) - _TOLD
+    rest = [f"and {more} more stretches with wrong labels"] if more > 0 else []
+    return [stretch.reason for stretch in stretches[:_TOLD]] + rest
 
 
 @dataclass(frozen=True)
@@ -97,10 +111,12 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
     joints = [subject.skeleton.index(marker.joint) for marker in worn]
     steps = _steps_between(subject, joints)
     points_m, exchanges = undo_exchanges(take.times_s, take.positions_m[:, columns], steps <= 1)
-    for pair in exchanged_throughout(points_m, worn, subject.skeleton, steps <= 1):
-        points_m[:, pair] = points_m[:, pair[::-1]]
-        exchanges.append(Exchange(0, take.frames - 1, pair))
-    faults, nearest = _exchanged(exchanges, names), _nearest(steps)
+    last = take.frames - 1
+    within = [Exchange(0, last, pair) for pair in exchanged_throughout(points_m, worn, subject.skeleton, steps <= 1)]
+    points_m, exchanges = put_back(points_m, within), [*exchanges, *within]
+    sides = [Exchange(0, last, pair) for pair in exchanged_sides(points_m, worn, subject.skeleton)]
+    points_m, nearest = put_back(points_m, sides), _nearest(steps)
+    faults = _exchanged(exchanges, names, FaultKind.EXCHANGED) + _exchanged(sides, names, FaultKind.SIDES)
     scale = SeamScale(take.times_s, points_m)
     for kind in (FaultKind.FROZEN, FaultKind.WILD):
         frozen = kind is FaultKind.FROZEN
@@ -111,7 +127,7 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
         return take, ()
     positions_m = take.positions_m.copy()
     positions_m[:, columns] = points_m
-    single = take.single and _exchanged_views(take.single, exchanges, columns)
+    single = take.single and _exchanged_views(take.single, [*exchanges, *sides], columns)
     faults.sort(key=lambda each: (each.first, each.last, each.labels))
     return replace(take, positions_m=positions_m, single=single), tuple(faults)
 
@@ -137,13 +153,13 @@ def _nearest(steps: IntArray) -> Mask:
 # ---- exchanged labels
 
 
-def _exchanged(exchanges: Sequence[Exchange], names: Sequence[str]) -> list[LabelFault]:
+def _exchanged(exchanges: Sequence[Exchange], names: Sequence[str], kind: FaultKind) -> list[LabelFault]:
     """Return exchanges as stretches; pairs that changed at the same time become one."""
     together: dict[tuple[int, int], list[int]] = {}
     for each in exchanges:
         together.setdefault((each.first, each.last), []).extend(each.markers)
     return [
-        LabelFault(first, last, tuple(names[i] for i in sorted(set(markers))), FaultKind.EXCHANGED)
+        LabelFault(first, last, tuple(names[i] for i in sorted(set(markers))), kind)
         for (first, last), markers in together.items()
     ]
 

@@ -89,11 +89,12 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
     )
     up: choice("Up", "Up axis of the files", [(up, *_UP_TEXTS[up]) for up in UPS], "auto")
     method: choice("Method", "Solver method", _METHODS, "best")
+    trust_labels: switch("Trust Labels", "Take the files' labels as they are, also where they contradict the motion")
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, chosen = self.layout, settings(context)
         layout.use_property_split = True
-        draw_props(layout, self, "up", "method")
+        draw_props(layout, self, "up", "method", "trust_labels")
         performer = readiness.performer_text(absolute(chosen.subject)) if chosen.subject else "average body"
         height = "" if chosen.subject else f", {chosen.subject_height:.2f} m"
         layout.label(text=f"Performer: {performer}{height}", icon="USER")
@@ -109,7 +110,7 @@ class PERFANIM_OT_import_takes(FilesOperator, SolvingOperator, bpy.types.Operato
         performer = ["--subject", subject] if subject else ["--height", str(chosen.subject_height)]
         markers = ["--marker-set", readiness.marker_set_source(chosen)]
         solver = ["--database", str(readiness.database_path(chosen)), "--method", self.method]
-        out = ["--up", self.up, "--out", str(take_library.folder())]
+        out = ["--up", self.up, *["--trust-labels"] * self.trust_labels, "--out", str(take_library.folder())]
         return ["take", "import", *files, *performer, *markers, *solver, *out]
 
     def on_result(self, context: bpy.types.Context, summary: dict[str, Any]) -> str:

@@ -10,10 +10,12 @@ import numpy as np
 from ...api.calibration import calibrate_subject, fit_subject
 from ...api.take_reading import fit_take, read_labelled
 from ...body.calibration_poses import CALIBRATION, POSES
+from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
 from ...errors import SettingsError, SubjectError
 from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.take_reader import read_take_file
+from ...markers.label_faults import correct_labels, told
 from ...markers.label_matching import AUTO, choose_marker_set
 from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake
@@ -88,6 +90,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
     take = part(fit_take(take, marker_set, None if is_recorded(args.take) else "auto"), args.frames)
     name = args.name or (before.name if before else Path(args.out).stem)
+    bones = before.skeleton if before else default_skeleton()
+    take, faults = correct_labels(take, Subject(name, bones, marker_set))
     if args.database:
         if known:
             raise SettingsError("--skeleton-from and --database cannot be used together", advice="leave one out")
@@ -106,6 +110,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         },
         "residual_mm": 1e3 * subject.residual_m,
         **facts,
+        "warnings": told([fault.stretch(take) for fault in faults]),
         "out": str(args.out),
     }
 

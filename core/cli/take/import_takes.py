@@ -15,13 +15,21 @@ from ...formats.markers.marker_files import READABLE, is_recorded
 from ...formats.take_file.take_edits import recover
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
 from ...labelling.take_import import UPS
+from ...markers.label_faults import told
 from ...markers.label_matching import AUTO, load_names, match_best_set
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
-from ...solver.settings import METHODS
 from ...system.progress import Progress
-from ..options import add_choice, add_command, add_number, add_text, check_height
+from ..options import (
+    add_choice,
+    add_command,
+    add_number,
+    add_request_options,
+    add_text,
+    check_height,
+    request_of,
+)
 from ..performer_options import add_names_option
 
 
@@ -41,7 +49,7 @@ def add_parser(group: Any) -> None:
         "others placed by the motion (default: the subject's; without a subject the one of most labels)",
     )
     add_names_option(parser)
-    add_choice(parser, "--method", METHODS, "how poses are found (default best)", default="best")
+    add_request_options(parser, SolveRequest, method="--method", trust_labels="--trust-labels")
     add_choice(
         parser,
         "--up",
@@ -113,12 +121,12 @@ def _import_one(
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []
     out = unused_path(Path(args.out), take.name)
     take = replace(take, name=take_name(out))  # so that takes of the same name can be told apart in lists
-    request = SolveRequest(args.method, place_markers=args.marker_set == AUTO)
+    request = request_of(SolveRequest, args, place_markers=args.marker_set == AUTO)
     solved = solve_markers(take, subject, database, request, progress)
     warnings += [note for note in take.notes if note not in warnings]
     warnings += solved.clock.sentences if solved.clock is not None else []
     solved.save(out, capture={"imported": str(path), "up": args.up})
-    warnings += [f"{path.name}: {stretch.reason}" for stretch in solved.corrected]
+    warnings += [f"{path.name}: {text}" for text in told(solved.corrected)]
     if not solved.verdict.is_good:
         warnings.append(f"{path.name}: {solved.verdict.text}")
     facts = solved.summary() | {"verdict": solved.verdict.text}

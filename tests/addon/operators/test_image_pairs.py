@@ -58,7 +58,7 @@ def imported(part: Any, folder: Path, name: str) -> tuple[str, Path]:
     """Return what the button says, and the take in the list."""
     operator = part("operators.solve_takes").PERFANIM_OT_import_takes
     given = {"files": [SimpleNamespace(name=name)], "directory": str(folder), "filepath": ""}
-    text = run_job(part, operator, SimpleNamespace(**given, up="auto", method="best"))
+    text = run_job(part, operator, SimpleNamespace(**given, up="auto", method="best", trust_labels=False))
     (take,) = part("take_library").listed()
     return text, take.path
 

@@ -49,6 +49,7 @@ def imported(part: Any, walk: SimpleNamespace, *files: str) -> str:
     operator = part("operators.solve_takes").PERFANIM_OT_import_takes
     names = [SimpleNamespace(name=name) for name in files]
     given = {"files": names, "directory": str(walk.folder), "filepath": "", "up": "auto", "method": "nearest"}
+    given |= {"trust_labels": False}
     return run_job(part, operator, SimpleNamespace(**given))
 
 

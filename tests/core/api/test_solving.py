@@ -107,17 +107,20 @@ def test_poses_without_their_markers_make_no_recorded_take(solved, tmp_path):
         bare.save(tmp_path / "walk.perftake")
 
 
-def test_exchanged_labels_are_put_back_and_told_unless_trusted(take, subject, database):
+@pytest.mark.parametrize("causal", [False, True])
+def test_exchanged_labels_are_put_back_and_told_unless_trusted(take, subject, database, causal):
     positions = take.positions_m.copy()
     feet = [take.names.index(name) for name in ("LFOO", "RFOO")]
     positions[15:27, feet] = positions[15:27, feet[::-1]]
     faulty = replace(take, positions_m=positions)
     untouched, corrected, trusted = (
-        perfanim.solve(each, subject, database, perfanim.SolveRequest("nearest", trust_labels=trust))
+        perfanim.solve(each, subject, database, perfanim.SolveRequest("nearest", causal, trust_labels=trust))
         for each, trust in ((take, False), (faulty, False), (faulty, True))
     )
     np.testing.assert_array_equal(corrected.motion.rotations, untouched.motion.rotations)
     told = corrected.verdict_facts()["doubtful"]
     assert any("LFOO and RFOO" in each["reason"] and (each["first"], each["last"]) == (15, 26) for each in told)
+    assert corrected.verdict.text == untouched.verdict.text
+    assert any("LFOO and RFOO had each other's labels" in text for text in corrected.report["warnings"])
     assert untouched.corrected == trusted.corrected == ()
     assert not np.allclose(trusted.motion.rotations, untouched.motion.rotations)

@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench.label_faults import scored, with_faults
-from perfanim.core.markers.label_faults import FaultKind, correct_labels
+from perfanim.core.markers.label_faults import FaultKind, correct_labels, told
+from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import SingleViews
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.simulate.studio.studio_rig import default_rig
+
+from tests.helpers.exchanged_sides import sides_exchanged
 
 
 @pytest.fixture(scope="module")
@@ -96,3 +99,53 @@ def test_takes_too_short_or_empty_stay(take, subject):
     assert correct_labels(short, subject) == (short, ())
     empty = replace(take, positions_m=np.full_like(take.positions_m, np.nan))
     assert correct_labels(empty, subject) == (empty, ())
+
+
+@pytest.fixture(scope="module")
+def suit(truth, subject):
+    """A performer in a suit with markers on front and back, and a take."""
+    worn = replace(subject, marker_set=load_marker_set("cmu-41"))
+    return worn, simulate_markers(truth, worn, noise_mm=1.0, seed=6)[0]
+
+
+def test_sides_exchanged_in_a_whole_take_are_put_back_and_told(suit):
+    worn, take = suit
+    corrected, faults = correct_labels(sides_exchanged(take), worn)
+    np.testing.assert_array_equal(corrected.positions_m, take.positions_m)
+    assert [(fault.kind, fault.first, fault.last) for fault in faults] == [(FaultKind.SIDES, 0, take.frames - 1)]
+    assert {"LKNE", "RKNE", "LFHD", "RBWT"} <= set(faults[0].labels) and "C7" not in faults[0].labels
+    assert faults[0].stretch(take).reason.startswith("left and right had each other's labels, put back; or the take is")
+
+
+def test_mirrored_take_gets_the_labels_of_a_body(suit):
+    worn, take = suit
+    mirrored = replace(take, positions_m=take.positions_m * [-1.0, 1.0, 1.0])
+    corrected, faults = correct_labels(mirrored, worn)
+    assert [fault.kind for fault in faults] == [FaultKind.SIDES]
+    np.testing.assert_array_equal(corrected.positions_m, sides_exchanged(mirrored).positions_m)
+
+
+def test_exchange_of_a_stretch_in_a_take_with_exchanged_sides_is_put_back(suit):
+    worn, take = suit
+    faulty = exchanged(sides_exchanged(take), [("LKNE", "RKNE"), ("LANK", "RANK")], slice(15, 27))
+    corrected, faults = correct_labels(faulty, worn)
+    np.testing.assert_array_equal(corrected.positions_m, take.positions_m)
+    assert {fault.kind for fault in faults} == {FaultKind.EXCHANGED, FaultKind.SIDES}
+
+
+def test_performer_who_walks_backwards_has_the_right_labels(suit, take, subject):
+    for worn, forwards in (suit, (subject, take)):
+        backwards = replace(forwards, positions_m=forwards.positions_m[::-1])
+        assert correct_labels(backwards, worn)[1] == ()
+
+
+def test_sides_stay_where_the_markers_show_no_front(take, subject):
+    assert not [fault for fault in correct_labels(sides_exchanged(take), subject)[1] if fault.kind is FaultKind.SIDES]
+
+
+def test_warnings_name_the_first_stretches(take, subject):
+    stretches = [
+        fault.stretch(take) for fault in correct_labels(exchanged(take, [("LFOO", "RFOO")], slice(15, 27)), subject)[1]
+    ]
+    assert told(stretches) == [stretches[0].reason]
+    assert told(stretches * 12)[8:] == ["and 4 more stretches with wrong labels"]

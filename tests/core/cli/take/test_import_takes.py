@@ -169,3 +169,15 @@ def test_a_full_suit_of_another_system_is_solved_to_a_body(shared_dir, tmp_path,
     hips = 0.25 * (solved["LASI"] + solved["RASI"] + solved["LPSI"] + solved["RPSI"])
     ankles = 0.5 * (solved["LANK"] + solved["RANK"])
     assert (knees - 0.5 * (hips + ankles)) @ forward > -0.02  # knees do not bend backwards
+
+
+def test_exchanged_labels_are_put_back_and_told_unless_trusted(bring, tmp_path, walk):
+    feet, positions = [walk.names.index(name) for name in ("LFOO", "RFOO")], walk.positions_m.copy()
+    positions[6:14, feet] = positions[6:14, feet[::-1]]
+    write_take(replace(walk, positions_m=positions), tmp_path / "walk.csv")
+    (row,) = bring(tmp_path / "walk.csv")["takes"]
+    assert any("walk.csv: LFOO and RFOO had each other's labels" in text for text in row["warnings"])
+    np.testing.assert_allclose(read_take(row["out"]).positions_m, walk.positions_m, atol=ROUNDED_M)
+    (trusted,) = bring(tmp_path / "walk.csv", options=["--trust-labels"])["takes"]
+    assert not any("each other's labels" in text for text in trusted["warnings"])
+    np.testing.assert_allclose(read_take(trusted["out"]).positions_m, positions, atol=ROUNDED_M)
