@@ -118,7 +118,7 @@ def test_files_that_do_not_begin_like_a_video_are_refused(tmp_path, monkeypatch,
     video(tmp_path / "left.avi", 3)
     (tmp_path / name).write_bytes(LISTS[name])
     monkeypatch.setattr(cv2, "VideoCapture", None)
-    with pytest.raises(CaptureError, match=r"it does not begin like one.*no playlist") as caught:
+    with pytest.raises(CaptureError, match=r"it does not begin like one.*not a playlist") as caught:
         VideoSource([tmp_path / name])
     assert str(caught.value).startswith(f"{tmp_path / name}: ")
 
