@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ..errors import SubjectError
+from ..database.store import Database
+from ..errors import SubjectError, TakeError
 from ..formats.markers.marker_files import is_recorded, read_take
 from ..formats.motion.read_motion import read_skeleton
 from ..labelling.take_import import import_take
@@ -14,6 +15,8 @@ from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
+from ..subjects.suit_recognition import recognise_suit
+from ..system.progress import Progress, no_progress
 
 Names = Mapping[str, str] | Path | str
 
@@ -51,6 +54,36 @@ def choose_worn(marker_set: MarkerSet | Path | str, take: MarkerTake, where: str
     if isinstance(marker_set, MarkerSet):
         return marker_set
     return choose_marker_set(str(marker_set), take.names, where or take.name)
+
+
+def labelled_by(
+    marker_set: MarkerSet | Path | str,
+    take: MarkerTake,
+    database: Database | None,
+    where: str = "",
+    progress: Progress = no_progress,
+) -> tuple[MarkerTake, MarkerSet]:
+    """Return a take and the marker set that is worn; for "auto", unknown labels are replaced by the motion's evidence.
+
+    Args:
+        marker_set: As for `load_take`.
+        take: Take under the names of its file.
+        database: Motion that shows which trajectory is which marker; None to refuse unknown labels.
+
+    Raises:
+        TakeError: The labels are those of no set, and the motion does not show the markers.
+    """
+    try:
+        return take, choose_worn(marker_set, take, where)
+    except TakeError:
+        if marker_set != AUTO or database is None or take.single is not None:
+            raise
+    worn, names = recognise_suit(replace(take, name=where or take.name), database, progress)
+    shown = int(take.visible.any(axis=0).sum())
+    note = (
+        f"no marker set knows the labels; {len(names)} of {shown} markers were recognised by their motion: {worn.name}"
+    )
+    return replace(rename_labels(take, names), notes=(*take.notes, note)), worn
 
 
 def read_labelled(path: Path | str, names: Names | None) -> MarkerTake:

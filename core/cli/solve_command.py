@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from ..api.solving import RecordingChanges, SolveRequest, solve_markers, solve_recording, solve_unmeasured
-from ..api.take_reading import fit_take, read_labelled, wearing
+from ..api.take_reading import fit_take, labelled_by, read_labelled, wearing
 from ..errors import FormatError
 from ..formats.markers.marker_files import READABLE, is_recorded
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion
 from ..formats.take_file.take_reader import ENDING, read_take_file
 from ..geometry.rig_file import load_rig
 from ..labelling.take_import import UPS
-from ..markers.label_matching import AUTO, choose_marker_set
+from ..markers.label_matching import AUTO
 from ..markers.prop import load_prop
 from ..markers.subject import load_subject
 from ..session.session_cache import SessionCache
@@ -167,7 +167,9 @@ def _solve_markers(
     take = read_labelled(args.take, args.names)
     has_body = args.subject is not None or args.skeleton is not None
     named = args.marker_set or (None if has_body else AUTO)
-    worn = choose_marker_set(named, take.names, str(args.take)) if named is not None else None
+    worn = None
+    if named is not None:
+        take, worn = labelled_by(named, take, cache.database(args.database), str(args.take), progress)
     subject = chosen_subject(args, worn)
     up = args.up or "auto"
     if subject is not None:

@@ -24,6 +24,21 @@ def evenly(total: int, most: int) -> IntArray:
     return np.unique(np.linspace(0, total - 1, min(most, total)).astype(np.int64)) if total else np.arange(0)
 
 
+def median_of_known(values: Array) -> Array:
+    """Return the medians over frames (F, ...) of known values, NaN where there are none."""
+    known = np.isfinite(values).any(axis=0)
+    found = np.full(known.shape, np.nan)
+    found[known] = np.nanmedian(values[:, known], axis=0)
+    return found
+
+
+def mean_of_known(values: Array) -> Array:
+    """Return the means over frames (F, ...) of known values, NaN where there are none."""
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
+    return np.where(count > 0, np.sum(values, axis=0, where=known) / np.maximum(count, 1), np.nan)
+
+
 def packed(values: Array) -> str:
     """Return numbers as text: base 64 of 32-bit floats."""
     return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")

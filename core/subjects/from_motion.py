@@ -85,7 +85,7 @@ def fitted_body(take: MarkerTake, start: Subject, database: Database, progress: 
         used = int(good.sum())
         if used < SETTINGS.fewest_frames:
             raise _refusal(used, observed[:, start.marker_set.torso], take)
-        subject = _fitted(rotations[good], observed[good], start, noise_of(start.marker_set.points))
+        subject = body_of_poses(rotations[good], observed[good], start, noise_of(start.marker_set.points))
     return subject
 
 
@@ -140,7 +140,7 @@ def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Arra
     return np.array([pose.rotations for pose in poses]), good
 
 
-def _fitted(rotations: Array, observed: Array, start: Subject, source: SourceNoise) -> Subject:
+def body_of_poses(rotations: Array, observed: Array, start: Subject, source: SourceNoise) -> Subject:
     """Return the subject with the smallest marker error for rotations (F, J, 4)."""
     by_part, by_offset, modelled = linear_model(rotations, start)
     count, markers = observed.shape[:2]

@@ -14,7 +14,7 @@ import numpy as np
 from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, IntArray, evenly
+from ..geometry.arrays import Array, IntArray, evenly, median_of_known
 from ..markers.marker_set import FEWEST_TORSO, Marker
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
@@ -99,15 +99,14 @@ def _wearing(subject: Subject, places: tuple[Marker, ...]) -> Subject:
     return replace(subject, marker_set=replace(worn, markers=(*worn.markers, *places)))
 
 
-def _posed(part: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Array]:
-    """Return joint positions (F, J, 3) and orientations (F, J, 4); each frame is solved separately."""
+def solved_poses(part: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Array]:
+    """Return joint rotations (F, J, 4) and root positions (F, 3); each frame is solved separately."""
     session = Session(subject, database, smooth=False)
     poses = []
     for frame in take_frames(part, subject.marker_set):
         session.reset()
         poses.append(session.step(frame))
-    rotations = np.array([pose.rotations for pose in poses])
-    return forward_kinematics(subject.skeleton, rotations, np.array([pose.root_position_m for pose in poses]))
+    return np.array([pose.rotations for pose in poses]), np.array([pose.root_position_m for pose in poses])
 
 
 def _in_bones(points_m: Array, positions_m: Array, world: Array) -> Array:
@@ -116,7 +115,7 @@ def _in_bones(points_m: Array, positions_m: Array, world: Array) -> Array:
 
 
 def _local_places(part: MarkerTake, subject: Subject, database: Database, points_m: Array) -> Array:
-    return _in_bones(points_m, *_posed(part, subject, database))
+    return _in_bones(points_m, *forward_kinematics(subject.skeleton, *solved_poses(part, subject, database)))
 
 
 def _first_places(
@@ -124,7 +123,7 @@ def _first_places(
 ) -> tuple[Marker, ...]:
     """Return the positions given by the poses of the known markers, or on undetermined limbs by their fits."""
     skeleton = start.skeleton
-    positions_m, world = _posed(part, start, database)
+    positions_m, world = forward_kinematics(skeleton, *solved_poses(part, start, database))
     local_m = _in_bones(points_m, positions_m, world)
     shown = [name for name, visible in zip(part.names, part.visible.T, strict=True) if visible.any()]
     has_joint = {marker.joint for marker in start.marker_set.markers if marker.name in shown}
@@ -150,8 +149,8 @@ def _nearest_on_bones(local_m: Array, skeleton: Skeleton) -> Array:
 
 def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
     """Return costs (U, J) of markers on bones, inf for impossible ones, and their median positions (U, J, 3)."""
-    offsets_m = _median(local_m)
-    spread_m = _median(np.linalg.norm(local_m - offsets_m, axis=-1))
+    offsets_m = median_of_known(local_m)
+    spread_m = median_of_known(np.linalg.norm(local_m - offsets_m, axis=-1))
     apart_m = np.linalg.norm(offsets_m - _nearest_on_bones(offsets_m, skeleton), axis=-1)
     costs = (spread_m / _S.spread_m) ** 2 + (apart_m / _S.flesh_m) ** 2
     costs[(spread_m > _S.largest_spread_m) | (apart_m > _S.farthest_m)] = np.inf
@@ -171,7 +170,7 @@ def _lay(
     joints = (limb.first, limb.second, limb.end)
     first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in joints[1:])
     lengths_m = np.array([first_m, second_m, _S.hand_m])
-    from_root_m = _median(np.linalg.norm(points_m - root_m[:, None], axis=-1))
+    from_root_m = median_of_known(np.linalg.norm(points_m - root_m[:, None], axis=-1))
     near = np.flatnonzero(from_root_m < lengths_m.sum() + _S.farthest_m)
     bends = near[np.abs(from_root_m[near] / first_m - 1.0) < _S.size_share]
     few = slice(None, None, _S.every)
@@ -187,21 +186,13 @@ def _lay(
     course = _course(root_m, points_m[:, best[0]], points_m[:, best[1]], lengths_m)
     along_m, off_m = _beside(points_m, course, lengths_m)
     for part, joint in enumerate(joints):
-        middle_m = _median(along_m[..., part])
-        spread_m = _median(np.abs(along_m[..., part] - middle_m))
-        beside_m = _median(off_m[..., part])
+        middle_m = median_of_known(along_m[..., part])
+        spread_m = median_of_known(np.abs(along_m[..., part] - middle_m))
+        beside_m = median_of_known(off_m[..., part])
         costs[:, joint] = (spread_m / _S.spread_m) ** 2 + (beside_m / _S.flesh_m) ** 2
         costs[beside_m > _S.farthest_m, joint] = np.inf
         direction = skeleton.tips_m[joint] / max(float(np.linalg.norm(skeleton.tips_m[joint])), 1e-9)
         offsets_m[:, joint] = np.clip(middle_m, 0.0, lengths_m[part])[:, None] * direction
-
-
-def _median(values: Array) -> Array:
-    """Return the medians over frames (F, ...) of known values, NaN where there are none."""
-    known = np.isfinite(values).any(axis=0)
-    found = np.full(known.shape, np.nan)
-    found[known] = np.nanmedian(values[:, known], axis=0)
-    return found
 
 
 def _course(root_m: Array, elbow_m: Array, wrist_m: Array, lengths_m: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...api.calibration import calibrate_subject, fit_subject
-from ...api.take_reading import fit_take, read_labelled
+from ...api.take_reading import fit_take, labelled_by, read_labelled
 from ...body.calibration_poses import CALIBRATION, POSES
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import open_database
@@ -16,7 +16,7 @@ from ...errors import SettingsError, SubjectError
 from ...formats.markers.marker_files import is_recorded
 from ...formats.take_file.take_reader import read_take_file
 from ...markers.label_faults import correct_labels, told
-from ...markers.label_matching import AUTO, choose_marker_set
+from ...markers.label_matching import AUTO
 from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
@@ -87,7 +87,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     if args.marker_set is None and before:
         marker_set = before.marker_set
     else:
-        marker_set = choose_marker_set(args.marker_set, take.names, str(args.take))
+        database = open_database(args.database) if args.database else None
+        take, marker_set = labelled_by(args.marker_set, take, database, str(args.take), progress)
     take = part(fit_take(take, marker_set, None if is_recorded(args.take) else "auto"), args.frames)
     name = args.name or (before.name if before else Path(args.out).stem)
     bones = before.skeleton if before else default_skeleton()

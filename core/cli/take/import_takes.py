@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...api.solving import SolveRequest, solve_markers
-from ...api.take_reading import fit_take, read_labelled
+from ...api.take_reading import fit_take, labelled_by, read_labelled
 from ...body.standard_skeleton import default_skeleton
 from ...database.store import Database, open_database
 from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, TakeError
@@ -16,7 +16,7 @@ from ...formats.take_file.take_edits import recover
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
 from ...labelling.take_import import UPS
 from ...markers.label_faults import told
-from ...markers.label_matching import AUTO, load_names, match_best_set
+from ...markers.label_matching import AUTO, load_names
 from ...markers.marker_set import MarkerSet, load_marker_set
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
@@ -114,8 +114,10 @@ def _import_one(
     if is_recorded(path):
         return _copy_recorded(path, Path(args.out))
     take = read_labelled(path, names)
+    if subject is None:
+        take, worn = labelled_by(AUTO, take, database, str(path), progress)
+        subject = _subject(args, worn)
     warnings = list(take.notes)
-    subject = subject or _subject(args, match_best_set(take.names, str(path)).marker_set)
     take = fit_take(replace(take, name=_stem(path)), subject.marker_set, args.up)
     lacking = [] if is_unnamed(take) else [name for name in subject.marker_set.names if name not in take.names]
     warnings += [f"not in {path.name}: {', '.join(lacking)}"] if lacking else []

@@ -1,0 +1,374 @@
+"""Recognition of a suit in trajectories whose labels say nothing: which trajectory is which marker.
+
+1. Frames are laid over one another with robust weights, so that the trunk rests: each trajectory's median is the take's
+   mean shape.
+2. Bodies in usual poses that wear each known marker set are laid into this shape, along every axis and heading.
+3. From the best of them, examples of the database and one assignment for all frames are found in turn.
+4. The solver poses the body with these markers, its bones and offsets are fitted, and markers are assigned again.
+   Feet and head take part last: a foot that was assigned the wrong way round would bend to its markers.
+
+Distances alone cannot tell left from right. A mirrored assignment turns the body round, so that knees and feet point
+backwards: it is followed as well, and must explain the trajectories clearly worse.
+"""
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..body.calibration_poses import standing, t_pose
+from ..body.standard_skeleton import default_skeleton, scaled
+from ..database.store import Database
+from ..errors import TakeError
+from ..geometry.arrays import Array, IntArray, evenly, mean_of_known, median_of_known
+from ..geometry.gated_assignment import assign
+from ..geometry.rigid_transform import kabsch
+from ..labelling.template_labelling import Similarity, similarity
+from ..labelling.up_axis import TURNS
+from ..markers.label_matching import join_names
+from ..markers.marker_set import FEWEST_TORSO, MarkerSet, PointKind, load_marker_set, marker_set_names
+from ..markers.marker_take import MarkerTake
+from ..markers.source_noise import noise_of
+from ..markers.subject import Subject
+from ..session.frame_labelling import BodyExamples
+from ..solver.marker_selection import worn_in
+from ..solver.subject_model import SubjectModel
+from ..system.progress import Progress, no_progress
+from .from_motion import body_of_poses
+from .marker_placement import solved_poses
+
+
+@dataclass(frozen=True)
+class RecognitionSettings:
+    """Settings of the recognition, chosen on simulated and recorded suits; costs are sums of squared distances."""
+
+    fewest: int = 8  # fewest trajectories that show a body
+    frames: int = 40  # frames, spread over the take, that give the mean shape
+    compared: int = 12  # number of these in which bodies are compared
+    shape_rounds: int = 8  # rounds in which frames are laid over one another
+    rest_m: float = 0.03  # spread of a trajectory that rests on the trunk
+    radius_m: tuple[float, float] = (0.2, 1.2)  # range of the RMS radius of suits; others have a wrong unit
+    usual_radius_m: float = 0.5
+    sizes: tuple[float, float] = (0.5, 5.0)  # range of the number of a set's markers for each trajectory
+    poses: int = 16  # usual poses of the database
+    headings: int = 16
+    refined: int = 80  # placements of a body in the mean shape that are refined
+    refinements: int = 10
+    scales: tuple[float, float] = (0.75, 1.3)  # size of bodies relative to the default skeleton
+    starts: int = 4  # assignments of each set that are followed
+    same: float = 0.7  # share of common assignments above which two starts are the same
+    examples: int = 700  # poses of the database that are compared with each frame
+    nearest: int = 6  # of these, the nearest ones show where the markers should be
+    rounds: int = 6  # rounds of examples and assignment
+    placed_m: float = 0.3  # largest distance of a trajectory from a marker of the mean shape
+    example_m: float = 0.22  # the same for the nearest examples
+    free_m: float = 0.2  # the same for a solved body whose ends are predicted
+    solved_m: float = 0.15  # the same for a solved body
+    capped_m: float = 0.25  # limit of each distance, and cost of a trajectory that is no marker
+    missed_m: float = 0.1  # cost of a marker without a trajectory
+    ends_free: int = 3  # rounds of the solver without feet, hands and head
+    most_ends: float = 0.4  # share of markers on ends above which they are never left out
+    all_solved: int = 3  # rounds with them
+    solved: int = 3  # best assignments that are solved, besides a mirrored one
+    turned_rad: float = 2.0  # difference of headings from which one assignment is another's mirror image
+    clearer: float = 1.25  # factor by which the mirror image must explain the trajectories worse
+    recognised: float = 0.6  # smallest share of recognised markers, of the set or of the trajectories
+    residual_m: float = 0.03  # largest median distance of the recognised markers from the body
+
+
+_S = RecognitionSettings()
+_NO_SUIT = "their motion looks like that of no suit"
+_ENDS = ("foot", "toes", "hand", "fingers", "thumb", "head", "upperneck")
+
+
+class _Suit(NamedTuple):
+    """Marker set with its markers (K, M, 3) on the default skeleton in usual poses."""
+
+    marker_set: MarkerSet
+    usual_m: Array
+
+
+class _Placement(NamedTuple):
+    """Body laid into the mean shape: p_body = size (turn p_shape) + shift."""
+
+    cost: float
+    labels: IntArray  # (N,) marker of each trajectory, -1 for none
+    fit: Similarity
+
+
+class _Guess(NamedTuple):
+    """Assignment of trajectories to a set's markers in the compared frames."""
+
+    cost: float
+    labels: IntArray  # (N,)
+    marker_set: MarkerSet
+    size: float  # of the skeleton, relative to the default one
+    turns: Array  # (F, 3, 3) from the world to the body's root
+    residual_m: float = np.nan
+
+
+def recognise_suit(
+    take: MarkerTake, database: Database, progress: Progress = no_progress
+) -> tuple[MarkerSet, dict[str, str]]:
+    """Return the shipped marker set that a take's trajectories look like, and the marker of each recognised label.
+
+    Args:
+        take: Take under any labels, in any axes.
+        database: Database with motion like the take's.
+
+    Raises:
+        TakeError: The trajectories look like no suit, or left and right cannot be told apart.
+    """
+    shown = np.flatnonzero(take.visible.any(axis=0))
+    if len(shown) < _S.fewest or take.single is not None:
+        raise _refusal(take, f"{len(shown)} trajectories are too few to show a body")
+    points_m, turns, shifts_m, shape_m = _laid_over(take.positions_m[:, shown])
+    compared = evenly(len(points_m), _S.compared)
+    points_m, turns, shifts_m = points_m[compared], turns[compared], shifts_m[compared]
+    guesses: list[_Guess] = []
+    suits = _suits(len(shown), database)
+    for number, suit in enumerate(suits):
+        progress(0.7 * number / len(suits), "recognising the markers")
+        for start in _starts(shape_m, suit):
+            guesses.append(_compare(points_m, turns, shifts_m, start.fit, suit.marker_set, database))
+    solved = []
+    for number, guess in enumerate(_worth_solving(guesses)):
+        progress(0.7 + 0.3 * number / _S.solved, "recognising the markers")
+        with contextlib.suppress(TakeError):  # too few of the torso
+            solved.append(_solve(points_m, guess, database))
+    if not solved:
+        raise _refusal(take, _NO_SUIT)
+    return _decided(take, solved, [take.names[i] for i in shown])
+
+
+def _refusal(take: MarkerTake, what: str) -> TakeError:
+    advice = "choose the marker set that was worn, or give a file of names: which label is which marker"
+    return TakeError(
+        f"its markers ({join_names(take.names)}) are those of no shipped marker set, and {what}",
+        where=take.name,
+        advice=advice,
+    )
+
+
+def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
+    """Return frames (F, N, 3) of a take, turns (F, 3, 3) and shifts (F, 3) to its mean shape, and this (N, 3).
+
+    Markers that move little relative to most others weigh most, so that the trunk rests.
+    """
+    count = np.isfinite(positions_m[..., 0]).sum(axis=1)
+    telling = np.flatnonzero(count >= max(FEWEST_TORSO, 0.5 * count.max()))
+    points_m = positions_m[telling[evenly(len(telling), _S.frames)]]
+    seen = np.isfinite(points_m[..., 0])
+    shape_m, weights = points_m[seen.sum(axis=1).argmax()], np.ones(points_m.shape[1])
+    turns, shifts_m = np.tile(np.eye(3), (len(points_m), 1, 1)), np.zeros((len(points_m), 3))
+    for _ in range(_S.shape_rounds):
+        for f, row in enumerate(points_m):
+            common = seen[f] & np.isfinite(shape_m[:, 0])
+            if common.sum() >= FEWEST_TORSO:
+                turns[f], shifts_m[f] = kabsch(row[common], shape_m[common], weights[common])
+        moved_m = np.einsum("fij,fnj->fni", turns, points_m) + shifts_m[:, None]
+        shape_m = median_of_known(moved_m)
+        spread_m = np.nan_to_num(median_of_known(np.linalg.norm(moved_m - shape_m, axis=-1)), nan=np.inf)
+        weights = 1.0 / (_S.rest_m**2 + spread_m**2)
+    radius_m = float(np.sqrt(np.nanmean(np.sum((shape_m - np.nanmedian(shape_m, axis=0)) ** 2, axis=-1))))
+    if not _S.radius_m[0] < radius_m < _S.radius_m[1]:  # a wrong unit, which is told later
+        points_m, shifts_m, shape_m = (
+            values * _S.usual_radius_m / radius_m for values in (points_m, shifts_m, shape_m)
+        )
+    return points_m, turns, shifts_m, shape_m
+
+
+def _suits(trajectories: int, database: Database) -> list[_Suit]:
+    """Return the marker sets that so many trajectories may be of, in usual poses."""
+    skeleton, found = default_skeleton(), []
+    for name in marker_set_names():
+        worn = load_marker_set(name)
+        if worn.points is PointKind.KEYPOINTS or not _S.sizes[0] <= len(worn) / trajectories <= _S.sizes[1]:
+            continue
+        model = SubjectModel(Subject(name, skeleton, worn), database.reference_pose_of(skeleton, name))
+        poses_m = [worn.positions_on(skeleton, pose(skeleton)) for pose in (standing, t_pose)]
+        usual_m = model.database_markers(database, evenly(database.frames, _S.poses))
+        found.append(_Suit(worn, np.concatenate((poses_m, usual_m)).astype(np.float64)))
+    return found
+
+
+def _starts(shape_m: Array, suit: _Suit) -> list[_Placement]:
+    """Return the best different placements of a suit in the mean shape (N, 3)."""
+    seen = np.isfinite(shape_m[:, 0])
+    rough = sorted(
+        (each for usual_m in suit.usual_m for each in _rough_placements(shape_m[seen], usual_m)),
+        key=lambda each: each[0],
+    )
+    found: list[_Placement] = []
+    refined = [_refined(shape_m, usual_m, fit) for _, usual_m, fit in rough[: _S.refined]]
+    for placed in sorted(refined, key=lambda each: each.cost):
+        common = [np.mean(placed.labels == other.labels) for other in found]
+        if len(found) < _S.starts and max(common, default=0.0) < _S.same:
+            found.append(placed)
+    return found
+
+
+def _rough_placements(shape_m: Array, usual_m: Array) -> list[tuple[float, Array, Similarity]]:
+    """Return costs of a body's markers (M, 3) in the shape along all axes and headings.
+
+    Middles, lowest or highest markers meet: a suit may be worn on the legs alone.
+    """
+    found = []
+    angles = 2.0 * np.pi * np.arange(_S.headings) / _S.headings
+    for axis in TURNS.values():
+        for cosine, sine in zip(np.cos(angles), np.sin(angles), strict=True):
+            turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]) @ axis
+            turned_m = shape_m @ turn.T
+            shift_m = np.median(usual_m, axis=0) - np.median(turned_m, axis=0)
+            ends = (usual_m[:, 1].min() - turned_m[:, 1].min(), usual_m[:, 1].max() - turned_m[:, 1].max())
+            for height_m in (shift_m[1], *ends):
+                shift_m = np.array([shift_m[0], height_m, shift_m[2]])
+                apart2 = _squares(turned_m + shift_m, usual_m)
+                cost = np.minimum(apart2.min(axis=1), _S.placed_m**2).sum()
+                cost += 0.5 * np.minimum(apart2.min(axis=0), _S.capped_m**2).sum()
+                found.append((float(cost), usual_m, Similarity(turn, shift_m, 1.0)))
+    return found
+
+
+def _squares(points_m: Array, others_m: Array) -> Array:
+    """Return squared distances (..., N, M)."""
+    apart_m = points_m[..., :, None, :] - others_m[..., None, :, :]
+    return np.asarray(np.einsum("...c,...c->...", apart_m, apart_m))
+
+
+def _refined(shape_m: Array, usual_m: Array, fit: Similarity) -> _Placement:
+    """Assign and place in turn."""
+    labels = np.full(len(shape_m), -1)
+    cost = np.inf
+    for _ in range(_S.refinements):
+        before = labels
+        cost, labels = _assigned(_squares(fit.apply(shape_m), usual_m), _S.placed_m)
+        known = labels >= 0
+        if known.sum() <= FEWEST_TORSO or np.array_equal(labels, before):
+            break
+        fit = similarity(shape_m[known], usual_m[labels[known]], _S.scales)
+    return _Placement(cost, labels, fit)
+
+
+def _assigned(squares: Array, gate_m: float) -> tuple[float, IntArray]:
+    """Return cost and labels (N,) of the best assignment by squared distances (N, M), NaN for unknown ones."""
+    squares = np.where(np.isfinite(squares), squares, np.inf)
+    rows, columns = assign(squares / gate_m**2)
+    labels = np.full(len(squares), -1)
+    labels[rows] = columns
+    missed = squares.shape[1] - len(rows)
+    cost = squares[rows, columns].sum() + gate_m**2 * (len(squares) - len(rows)) + _S.missed_m**2 * missed
+    return float(cost), labels
+
+
+def _compare(
+    points_m: Array, turns: Array, shifts_m: Array, fit: Similarity, marker_set: MarkerSet, database: Database
+) -> _Guess:
+    """Find examples for frames (F, N, 3) and one assignment for all of them in turn."""
+    size = 1.0 / fit.scale
+    skeleton = scaled(default_skeleton(), size)
+    model = SubjectModel(Subject("", skeleton, marker_set), database.reference_pose_of(skeleton, ""))
+    usual_m = BodyExamples(model, database).markers_m
+    examples_m = usual_m[evenly(len(usual_m), _S.examples)].astype(np.float64)
+    turns, shifts_m = fit.turn @ turns, shifts_m @ fit.turn.T + size * fit.shift
+    labels = np.full(points_m.shape[1], -1)
+    cost = np.inf
+    for _ in range(_S.rounds):
+        apart2, before = np.full((*points_m.shape[:2], len(marker_set)), np.nan), labels
+        for f, row in enumerate(points_m):
+            seen = np.flatnonzero(np.isfinite(row[:, 0]))
+            nearest_m = _nearest_examples(row[seen] @ turns[f].T + shifts_m[f], before[seen], examples_m)
+            own = seen[before[seen] >= 0]
+            if len(own) >= FEWEST_TORSO:
+                target_m = nearest_m[0, before[own]]
+                off2 = np.sum((row[own] @ turns[f].T + shifts_m[f] - target_m) ** 2, axis=1)
+                turns[f], shifts_m[f] = kabsch(row[own], target_m, 1.0 / (_S.rest_m**2 + off2))
+            moved_m = row[seen] @ turns[f].T + shifts_m[f]
+            apart2[f, seen] = np.minimum(_squares(moved_m, nearest_m), _S.capped_m**2).mean(axis=0)
+        cost, labels = _assigned(mean_of_known(apart2), _S.example_m)
+        if np.array_equal(labels, before):
+            break
+    return _Guess(cost, labels, marker_set, size, turns)
+
+
+def _nearest_examples(points_m: Array, labels: IntArray, examples_m: Array) -> Array:
+    """Return the examples (K, M, 3) nearest to points (N, 3), whose labels may all be -1."""
+    known = labels >= 0
+    if known.any():
+        apart2 = np.sum((points_m[known] - examples_m[:, labels[known]]) ** 2, axis=-1)
+        cost = np.minimum(apart2, _S.capped_m**2).sum(axis=1)
+    else:
+        norms = np.einsum("emc,emc->em", examples_m, examples_m)
+        apart2 = np.sum(points_m**2, axis=1)[:, None] + norms[:, None] - 2.0 * (points_m @ examples_m.swapaxes(1, 2))
+        cost = np.minimum(apart2.min(axis=2), _S.capped_m**2).sum(axis=1)
+        cost += 0.5 * np.minimum(apart2.min(axis=1), _S.capped_m**2).sum(axis=1)
+    return np.asarray(examples_m[np.argsort(cost)[: _S.nearest]])
+
+
+def _worth_solving(guesses: Sequence[_Guess]) -> list[_Guess]:
+    """Return the best guesses, among them the best one whose body faces the other way than the best of all."""
+    ordered: list[_Guess] = []
+    for guess in sorted(guesses, key=lambda guess: guess.cost):
+        if not any(
+            other.marker_set is guess.marker_set and np.array_equal(other.labels, guess.labels) for other in ordered
+        ):
+            ordered.append(guess)
+    chosen = ordered[: _S.solved]
+    return [*chosen, *[guess for guess in ordered[_S.solved :] if _is_turned(guess, ordered[0])][:1]]
+
+
+def _is_turned(guess: _Guess, other: _Guess) -> bool:
+    """Return whether the bodies of two guesses face different ways in most frames."""
+    traces = np.einsum("fij,fij->f", guess.turns, other.turns)
+    angles = np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0))
+    return bool(np.median(angles) > _S.turned_rad)
+
+
+def _solve(points_m: Array, guess: _Guess, database: Database) -> _Guess:
+    """Solve frames with a guess's markers, fit the body, and assign again, in turn."""
+    worn, labels = guess.marker_set, guess.labels
+    vertical = guess.turns[:, 1].mean(axis=0)
+    upright = max(TURNS.values(), key=lambda turn: float(turn[1] @ vertical))
+    part = MarkerTake("", 1.0, tuple(f"{i}" for i in range(len(labels))), points_m @ upright.T)
+    start = subject = Subject("", scaled(default_skeleton(), guess.size), worn)
+    is_end = np.array([marker.joint in _ENDS or marker.joint[1:] in _ENDS for marker in worn.markers])
+    if np.mean(is_end) > _S.most_ends:
+        is_end[:] = False
+    cost, residual_m = np.inf, np.inf
+    for ends_free in (*[True] * _S.ends_free, *[False] * _S.all_solved):
+        used = np.where(is_end[labels], -1, labels) if ends_free else labels
+        rotations, root_m = _poses(part, used, subject, database)
+        solved_m = subject.marker_set.positions_on(subject.skeleton, rotations, root_m)
+        apart2 = np.minimum(_squares(part.positions_m, solved_m), _S.capped_m**2)
+        cost, labels = _assigned(mean_of_known(apart2), _S.free_m if ends_free else _S.solved_m)
+        cost += float(np.sum((subject.marker_set.offsets_m - worn.offsets_m) ** 2))
+        known = np.flatnonzero(labels >= 0)
+        residual_m = float(np.sqrt(np.nanmedian(apart2[:, known, labels[known]])))
+        observed = np.full((len(points_m), len(worn), 3), np.nan)
+        observed[:, labels[known]] = part.positions_m[:, known]
+        observed[:, is_end & ends_free] = np.nan
+        subject = body_of_poses(rotations, observed, start, noise_of(worn.points))
+    return guess._replace(cost=cost, labels=labels, residual_m=residual_m)
+
+
+def _poses(part: MarkerTake, labels: IntArray, subject: Subject, database: Database) -> tuple[Array, Array]:
+    """Return rotations (F, J, 4) and root positions (F, 3) of frames with labelled trajectories."""
+    names = subject.marker_set.names
+    named = replace(part, names=tuple(names[k] if k >= 0 else f"{i}" for i, k in enumerate(labels)))
+    return solved_poses(named, worn_in(named, subject), database)
+
+
+def _decided(take: MarkerTake, solved: list[_Guess], shown: list[str]) -> tuple[MarkerSet, dict[str, str]]:
+    """Return set and marker of each recognised label by the best guess; raise TakeError if it is not clear."""
+    best = min(solved, key=lambda guess: guess.cost)
+    known = int(np.sum(best.labels >= 0))
+    if known < _S.recognised * min(len(best.marker_set), len(shown)) or not best.residual_m < _S.residual_m:
+        raise _refusal(take, _NO_SUIT)
+    if any(_is_turned(guess, best) and guess.cost < _S.clearer * best.cost for guess in solved):
+        raise _refusal(take, "their motion does not tell left from right")
+    names = best.marker_set.names
+    return best.marker_set, {
+        label: names[marker] for label, marker in zip(shown, best.labels.tolist(), strict=True) if marker >= 0
+    }
