@@ -146,7 +146,7 @@ def recognise_suit(
 def _refusal(take: MarkerTake, what: str) -> TakeError:
     advice = "choose the marker set that was worn, or give a file of names: which label is which marker"
     return TakeError(
-        f"its markers ({join_names(take.names)}) are those of no shipped marker set, and {what}",
+        f"its markers ({join_names(take.names)}) do not match any shipped marker set, and {what}",
         where=take.name,
         advice=advice,
     )

@@ -111,7 +111,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
         },
         "residual_mm": 1e3 * subject.residual_m,
         **facts,
-        "warnings": told([fault.stretch(take) for fault in faults]),
+        "warnings": [*take.notes, *told([fault.stretch(take) for fault in faults])],
         "out": str(args.out),
     }
 

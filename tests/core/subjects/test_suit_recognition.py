@@ -50,5 +50,5 @@ def test_a_few_trajectories_and_a_missing_database_are_refused(unknown, database
     few = replace(take, names=take.names[:5], positions_m=take.positions_m[:, :5])
     with pytest.raises(TakeError, match="5 trajectories are too few"):
         labelled_by(AUTO, few, database)
-    with pytest.raises(TakeError, match="are those of no shipped marker set"):
+    with pytest.raises(TakeError, match="do not match any shipped marker set"):
         labelled_by(AUTO, take, None)
