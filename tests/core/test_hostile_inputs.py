@@ -89,7 +89,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
         ("", "does not begin with HIERARCHY"),
         (bytes(range(256)) * 30, "does not begin with HIERARCHY"),
         (BVH[: BVH.index("JOINT Slider")], "no MOTION section"),
-        (BVH.replace("}\nMOTION", "MOTION"), "not complete"),
+        (BVH.replace("}\nMOTION", "MOTION"), "incomplete hierarchy"),
         (BVH.replace("MOTION\n", "}\nMOTION\n"), "closes more joints"),
         (BVH.replace("0.1 -0.5 0", "0.1 x 0"), "line 8: has an OFFSET that is not a number"),
         (BVH.replace("CHANNELS 3", "CHANNELS 4"), "line 9: has unknown channels"),
