@@ -88,5 +88,5 @@ def test_without_online_access_nothing_is_asked_for(part: Any, monkeypatch: Any,
 def test_an_address_that_is_none_is_told(part: Any) -> None:
     for address in ("", "walks.zip", "file:///walks.zip"):
         operator, dialog = asked(part, address=address)
-        with pytest.raises(part("operators.database_operators").DownloadError, match="no http or https address"):
+        with pytest.raises(part("operators.database_operators").DownloadError, match="not an http or https address"):
             operator.arguments(dialog, bpy.context)

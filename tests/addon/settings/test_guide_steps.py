@@ -111,7 +111,7 @@ def test_each_sentence_is_about_its_button(guide: Any, chosen: Any) -> None:
     steps = {step.title: step for step in guide.STEPS}
     sentences = {
         "CAMERAS": (
-            "stand before",
+            "stand in front of",
             "Hold the board",
             "Lay the board",
             "Put the markers",

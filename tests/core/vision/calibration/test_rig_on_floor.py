@@ -65,7 +65,7 @@ def test_points_that_are_not_a_floor_are_refused(room):
     with pytest.raises(CalibrationError, match="three points are needed"):
         rig_on_floor(rig, np.zeros((2, 3)))
     rough = board_on_the_floor(0.0) + np.random.default_rng(0).normal(scale=0.05, size=(35, 3))
-    with pytest.raises(CalibrationError, match="do not lie in one plane; lay flat"):
+    with pytest.raises(CalibrationError, match="do not lie in one plane; lay board or markers flat"):
         rig_on_floor(rig, rough)
     line = np.linspace(0.0, 1.0, 10)[:, None] * np.array([1.0, 0.0, 0.5])
     with pytest.raises(CalibrationError, match="do not lie in one plane"):
