@@ -222,9 +222,8 @@ class Key:
 
     def _kind(self, table: Table, where: str) -> Any:
         """Return the dataclass of a table, by the key "kind" where several are possible."""
-        if len(self.holds) == 1:
-            return self.holds[0]
-        kinds, kind = {each.kind: each for each in self.holds}, table.get("kind")
+        kinds = {getattr(each, "kind", ""): each for each in self.holds}
+        kind = table.get("kind") if len(kinds) > 1 else next(iter(kinds))
         if not isinstance(kind, str) or kind not in kinds:
             raise _MisfitError(where, f"kind must be one of {', '.join(kinds)}")
         return kinds[kind]

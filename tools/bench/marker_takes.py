@@ -105,9 +105,9 @@ def _moved_mm(solved: SolvedTake, usual: MarkerSet) -> str:
     assert solved.setup is not None  # noqa: S101 - it was solved here
     found = {marker.name: marker.offset_m for marker in solved.setup.performers[0].marker_set.markers}
     moved_m = {
-        marker.name: float(np.linalg.norm(np.subtract(found[marker.name], marker.offset_m)))
+        marker.name: float(np.linalg.norm(np.subtract(at, marker.offset_m)))
         for marker in usual.markers
-        if marker.offset_m is not None and found.get(marker.name) is not None
+        if marker.offset_m is not None and (at := found.get(marker.name)) is not None
     }
     farthest = max(moved_m, key=moved_m.__getitem__)
     return f"{farthest} {1e3 * moved_m[farthest]:.0f}"

@@ -70,7 +70,7 @@ class Door:
     ending: str = ""
     guided: tuple[bytes, ...] = ()
     slack_bytes: int = 64 << 20
-    longest_s: float = 5.0
+    longest_s: float = 2.0
     share: float = 1.0
 
 
