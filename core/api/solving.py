@@ -192,8 +192,15 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
     unused = [i for i, name in enumerate(take.names) if name in shown and name not in used.names]
     lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
-    held = f"no marker holds the {', the '.join(lacking)}: {'it is' if len(lacking) == 1 else 'they are'} guessed"
-    findings = [Reason(ReasonKind.LIMB, held)] if lacking else []
+    known = [marker.name for marker in used.markers if marker.name in shown and not marker.placed]
+    inferred = [limb for limb in open_limbs(used, known) if limb not in lacking]
+    findings = []
+    if lacking:
+        guessed = "it is guessed" if len(lacking) == 1 else "they are guessed"
+        findings = [Reason(ReasonKind.LIMB, f"no marker holds {_listed(lacking)}: {guessed}")]
+    if inferred:
+        text = f"only markers placed by the motion hold {_listed(inferred)}: check the labels"
+        findings.append(Reason(ReasonKind.LIMB, text))
     share = max(0.0, 1.0 - len(lacking) / len(LIMBS))
     poses = tuple(
         replace(pose, performers=tuple(replace(each, confidence=share * each.confidence) for each in pose.performers))
@@ -202,6 +209,10 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     unused_m = take.positions_m[:, unused]
     solved = replace(solved, poses=poses, findings=(*solved.findings, *findings), unused_m=unused_m)
     return solved, coverage_text(used, shown, lacking)
+
+
+def _listed(limbs: Sequence[str]) -> str:
+    return ", ".join(f"the {limb}" for limb in limbs)
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def judge(
     Args:
         motion: Solved motion, y up.
         poses: Solved poses from which the motion was made, with the markers that were used.
-        marker_set: Markers that were used; None if unknown.
+        subject: Performer with the markers that were used; None if unknown.
         duration_s: Time between the first and the last frame of the source that the motion shows.
         has_floor: Whether y = 0 is the floor.
         reasons: Findings about the markers made before the solve.

@@ -2,7 +2,7 @@
 
 A marker that is fixed in a bone's frame is worn on that bone. For bones that known markers determine, the poses show
 this directly. A limb that they leave undetermined is first fitted to the unknown markers: its first bone points at one
-them, its second at another, the same two in all frames. The pair that leaves the markers closest to the body wins.
+of them, its second at another, the same two in all frames. The pair that leaves the markers closest to the body wins.
 Then poses and positions are estimated alternately.
 """
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import perfanim
 import pytest
 from perfanim.core.body.calibration_poses import standing
 from perfanim.core.body.motion import Motion, sliced
@@ -48,6 +49,12 @@ def test_unknown_markers_are_placed_on_the_bones_that_carry_them(renamed, placed
         joint = markers[label].joint
         assert joint[0] == true_name[0].lower(), (true_name, joint)
         assert joint[1:] in (("femur", "tibia") if true_name == "LKNE" else ARM), (true_name, joint)
+
+
+def test_the_verdict_names_the_limbs_that_only_placed_markers_hold(renamed, walker, database):
+    told = perfanim.solve(renamed[0], walker, database, perfanim.SolveRequest("nearest", place_markers=True)).verdict
+    held = "only markers placed by the motion hold the left arm, the right arm: check the labels"
+    assert held in [reason.text for reason in told.reasons]
 
 
 def test_markers_on_an_arm_lay_no_leg_that_has_none(truth, walker, database):
