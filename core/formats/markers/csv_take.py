@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Container, Iterator
 from contextlib import suppress
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -179,11 +179,12 @@ def _cell(row: list[str], place: int | None) -> str:
 
 
 def _date_seconds(cell: str) -> str:
-    """Return a date and time of day in seconds; other fields are returned unchanged."""
+    """Return a date and time of day in seconds, UTC unless a zone is named; other fields are returned unchanged."""
     if ":" not in cell:
         return cell
     with suppress(ValueError):
-        return repr(datetime.fromisoformat(cell.strip()).timestamp())
+        date = datetime.fromisoformat(cell.strip())
+        return repr((date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp())
     return cell
 
 

@@ -85,10 +85,10 @@ def keypoint_take(
         names, points = [names[place].removeprefix(BODY) for place in kept], points[:, kept]
     notes: tuple[str, ...] = ()
     if times_s is None or not np.all(np.isfinite(times_s)):
-        times_s = _recorded_times(Path(where), len(points))
+        times_s, notes = _recorded_times(Path(where), len(points))
     if times_s is None and not fps > 0.0:
         fps = _S.usual_fps
-        notes = (f"neither a rate nor times are stated: {fps:g} frames a second are assumed",)
+        notes = (*notes, f"neither a rate nor times are stated: {fps:g} frames a second are assumed")
     take = make_take(where, fps, names, points * _metres_per_unit(points, where), frame_numbers, times_s)
     return replace(take, notes=(*take.notes, *notes))
 
@@ -106,11 +106,17 @@ def _metres_per_unit(points: Array, where: str) -> float:
     return next((metres for metres in _UNITS_M if extent * metres <= HUMAN.largest_m), _UNITS_M[-1])
 
 
-def _recorded_times(path: Path, frames: int) -> Array | None:
-    """Return the times (F,) that FreeMoCap's cameras wrote next to a file, or None if there are none."""
+def _recorded_times(path: Path, frames: int) -> tuple[Array | None, tuple[str, ...]]:
+    """Return the times (F,) that FreeMoCap's cameras wrote next to a file, or None; and files that cannot be read."""
+    notes: list[str] = []
     for folder in path.absolute().parents[:2]:
-        stamps = [read_array(file) for file in sorted((folder / "synchronized_videos" / "timestamps").glob("*.npy"))]
+        stamps = []
+        for file in sorted((folder / "synchronized_videos" / "timestamps").glob("*.npy")):
+            try:
+                stamps.append(read_array(file))
+            except FormatError as error:
+                notes.append(f"a camera's times are not used: {file.name} {error.what}")
         known = [each.astype(np.float64) for each in stamps if each.shape == (frames,) and each.dtype.kind in "iuf"]
         if known:
-            return seconds_of(np.mean(known, axis=0))
-    return None
+            return seconds_of(np.mean(known, axis=0)), tuple(notes)
+    return None, tuple(notes)

@@ -119,6 +119,10 @@ def test_times_come_from_the_folder_of_the_recording(points_mm, tmp_path):
         take = read_take(output / f"mediapipe_body_3d_xyz.{ending}")
         check(take, points_mm, 50.0)
         assert not any("assumed" in note for note in take.notes)
+    (stamps / "camera_0.npy").write_bytes(b"damaged")
+    take = read_take(output / "mediapipe_body_3d_xyz.npy")
+    check(take, points_mm, 50.0)
+    assert any("a camera's times are not used: camera_0.npy" in note for note in take.notes)
 
 
 def test_wrong_arrays_and_tables_are_refused(points_mm, tmp_path):

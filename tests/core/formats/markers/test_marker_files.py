@@ -1,4 +1,5 @@
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
@@ -148,6 +149,19 @@ def test_columns_of_text_are_passed_over_and_times_have_units(
     take = read_take(tmp_path / "a.csv")
     assert (take.names, take.fps) == (("A",), 25.0)
     assert take.times_s[-1] - take.times_s[0] == pytest.approx(0.08)
+
+
+def test_dates_are_the_same_times_in_every_zone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "America/New_York")
+    time.tzset()
+    hours = ("02:59:59.96", "03:00:00.00", "03:00:00.04")  # in New York clocks go forward to 03:00
+    rows = [f"2026-03-08 {hour},0.5,1,2" for hour in hours]
+    (tmp_path / "a.csv").write_text("\n".join(["timestamp,A_x,A_y,A_z", *rows]))
+    take = read_take(tmp_path / "a.csv")
+    monkeypatch.undo()
+    time.tzset()
+    assert take.fps == 25.0
+    assert np.diff(take.times_s) == pytest.approx(0.04, abs=1e-6)
 
 
 def test_motive_export(tmp_path: Path) -> None:
