@@ -49,8 +49,8 @@ def stood(hero: bpy.types.Object, own: tuple, above: tuple) -> None:
 @pytest.mark.parametrize(
     ("own", "above", "said"),
     [
-        ((1.0, 1.0, 2.0), (1.0, 1.0, 1.0), "stretched, 2 times longer"),
-        ((1.0, 1.0, 1.0), (3.0, 1.0, 1.0), "stretched, 3 times longer"),
+        ((1.0, 1.0, 2.0), (1.0, 1.0, 1.0), "stretches it, 2 times longer"),
+        ((1.0, 1.0, 1.0), (3.0, 1.0, 1.0), "stretches it, 3 times longer"),
         ((-1.0, 1.0, 1.0), (1.0, 1.0, 1.0), "mirrored"),
         ((2.0, 2.0, 2.0), (-1.0, -1.0, -1.0), "mirrored"),
     ],
