@@ -81,7 +81,6 @@ class Receiver(AbstractContextManager["Receiver"]):
 
     Attributes:
         strangers: Addresses of other computers that have sent packets, at most ten.
-        others: Further programs that have sent packets, as HOST:PORT; only one is listened to at a time.
         overflowed: Packets that the system dropped while this process was busy (reported by Linux only).
 
     Raises:
@@ -114,7 +113,7 @@ class Receiver(AbstractContextManager["Receiver"]):
 
     @property
     def others(self) -> list[str]:
-        """Programs whose packets were dropped because another program is sending."""
+        """Further programs that have sent packets, as HOST:PORT; only one is listened to at a time."""
         return [f"{address}:{port}" for address, port in sorted(self._choice.others)]
 
     def receive(self, timeout_s: float) -> bytes | None:
