@@ -113,7 +113,7 @@ class Clock:
     @property
     def is_whole(self) -> bool:
         """Whether the output has exactly the input's frames."""
-        return self.is_steady and len(self.steady_s) == self.frames
+        return self.is_steady and len(self.rows) == len(self.steady_s) == self.frames
 
     @property
     def notes(self) -> list[ClockNote]:

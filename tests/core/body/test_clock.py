@@ -60,6 +60,12 @@ def test_a_stamp_that_leaps_is_left_out(stamp_s):
     assert kinds(clock) == [ClockFault.ORDER, ClockFault.LOST]
 
 
+def test_a_repeated_frame_does_not_stand_for_a_lost_one():
+    clock = clock_of(np.array([0.0, 0.1, 0.2, 0.2, 0.4]), 10.0)
+    turns, places_m = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1, 1)), np.array([[0.0], [1.0], [2.0], [2.0], [4.0]])
+    assert clock.poses(turns, places_m)[1][:, 0] == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0])
+
+
 def test_times_that_do_not_move_have_no_rate():
     for times_s in (np.full(40, np.nan), np.zeros(40), np.zeros(1)):
         with pytest.raises(TakeError, match="too few frames"):
