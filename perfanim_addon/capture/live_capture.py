@@ -192,7 +192,8 @@ class LiveCapture:
     def keep(self, context: bpy.types.Context) -> str:
         """Write each recording as one action, once; return a report, or "" if there is no recording.
 
-        Keys are placed at the poses' times, even between the scene's frames, so that the motion has its true speed.
+        Keys are laid out by the poses' times at a steady rate, even between the scene's frames, so that the motion has
+        its true speed.
         """
         if self._kept is None:
             self._kept = ""  # a second attempt would fail, too

@@ -16,7 +16,6 @@ class CaptureTuning:
     judged_poses: int = 600  # poses at the end of a capture that are used for its verdict: ten seconds at 60 Hz
     refined_at_s: tuple[float, float] = (20.0, 60.0)  # motion for a first refinement, and for one of a whole minute
     poses_in_memory: int = 1000  # poses that are written to disk together
-    least_step_s: float = 1e-4  # distance between poses with equal times
     beep_s: float = 0.12
     tick_hz: float = 660.0  # beep in each of the last seconds before a calibration pose
     hold_hz: float = 1320.0  # beep at which a pose begins, and for each view of the board

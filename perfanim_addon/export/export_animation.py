@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...core.body.skeleton import Skeleton
+from ...core.body.motion import Motion
 from ...core.errors import CharacterError, FormatError
 from ...core.formats.motion.bvh_transform import transform_bvh
 from ...core.geometry.arrays import Array
@@ -36,25 +36,14 @@ class Form:
     scale: float = 1.0  # BVH units per scene unit: 100 for centimetres
 
 
-@dataclass(frozen=True)
-class TimedPoses:
-    """A performer's poses and their times."""
-
-    times_s: Array  # times (F,), strictly increasing; the file begins at the first
-    rotations: Array  # parent-from-joint quaternions (F, J, 4)
-    root_positions_m: Array  # root positions (F, 3)
-    skeleton: Skeleton
-
-
 def export_poses(
-    context: bpy.types.Context, object_name: str, target: Path, kind: str, poses: TimedPoses, fps: float, form: Form
+    context: bpy.types.Context, object_name: str, target: Path, kind: str, motion: Motion, form: Form
 ) -> int:
-    """Write poses on an armature to a file; return the number of frames.
+    """Write a motion on an armature to a file of a whole number of frames per second; return the number of frames.
 
     Args:
         object_name: Name of the armature object.
         kind: Key of `ENDINGS`.
-        fps: Rate of the file, rounded to a whole number; Blender's curves are sampled between poses.
 
     Raises:
         CharacterError: The armature cannot be driven, or is hidden.
@@ -63,12 +52,12 @@ def export_poses(
     armature_object = find_armature(object_name)
     with _lent(context, armature_object):
         scene = context.scene
-        scene.render.fps, scene.render.fps_base = max(1, round(fps)), 1.0
-        frames = scene_frames(poses.times_s, scene)
+        scene.render.fps, scene.render.fps_base = round(motion.fps), 1.0
+        frames = scene_frames(np.arange(motion.frames) / motion.fps, scene)
         animation = armature_object.animation_data or armature_object.animation_data_create()
         animation.use_nla, animation.action = False, None  # only the new action plays
-        motion = poses.rotations, poses.root_positions_m, poses.skeleton
-        write_action(object_name, frames, *motion, name=target.stem)
+        poses = motion.rotations, motion.root_positions_m, motion.skeleton
+        write_action(object_name, frames, *poses, name=target.stem)
         scene.frame_start, scene.frame_end = 1, max(1, int(np.floor(frames[-1] + 1e-3)))
         bones = bones_of(armature_object) if form.naming else {}
         write_played(context, armature_object, target, kind, bones, form)

@@ -5,15 +5,13 @@ from pathlib import Path
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
-from ...core.body.clock import clock_of
 from ...core.errors import PerfanimError, TakeError
 from ...core.formats.motion.write_motion import ANGLES, VRMA, write_motion
 from ...core.formats.take_file.take_reader import read_take_file, summarise
 from ...core.retarget.displayed_joint_names import OWN
 from .. import take_library
 from ..capture.performer_targets import add_character
-from ..capture.write_take import increasing, pose_arrays
-from ..export.export_animation import ENDINGS, Form, TimedPoses, export_poses
+from ..export.export_animation import ENDINGS, Form, export_poses
 from ..panels.takes_panel import KEY as PANEL
 from ..preferences.paths import absolute
 from ..preferences.property_kinds import choice, number, property_column, switch, whole_number
@@ -98,21 +96,20 @@ class PERFANIM_OT_export_take(TakeOperator, PanelOperator, bpy.types.Operator, E
         subject, armature = motion.performers[index].subject, motion.performers[index].armature
         title = f"{take.notes.name} ({subject.name})" if count > 1 else take.notes.name
         naming = "" if self.naming == "OWN" else self.naming
-        if self.kind in _MOTIONS:
-            from ...core.session.steady_motion import pose_clock, steady_motion
+        from ...core.session.steady_motion import pose_clock, steady_motion
 
-            performed = [pose.performers[index] for pose in poses]
-            uniform = steady_motion(
-                performed, subject, take.notes.name, pose_clock(performed, self.path).at(self.rate or None)
-            )
-            written = write_motion(uniform, target, naming=naming or OWN)
+        performed = [pose.performers[index] for pose in poses]
+        if self.kind in _MOTIONS:
+            clock = pose_clock(performed, self.path).at(self.rate or None)
+            shown = steady_motion(performed, subject, take.notes.name, clock)
+            written = write_motion(shown, target, naming=naming or OWN)
             return f"{written.frames} frames of {title} in {target}"
         if not armature and index > 0:
             advice = "choose one under Additional Targets, or click Put on Character"
             raise TakeError("the performer has no character", where=subject.name, advice=advice)
         armature = armature or add_character(context, subject.skeleton)
-        times_s, rotations, positions = pose_arrays(poses, index)
-        fps = self.rate or clock_of(times_s, stated_fps=1.0 if len(times_s) == 1 else None).fps
-        timed = TimedPoses(increasing(times_s), rotations, positions, subject.skeleton)
-        count = export_poses(context, armature, target, self.kind, timed, fps, Form(self.meshes, naming, self.scale))
+        clock = pose_clock(performed, self.path, stated_fps=1.0)  # a still of one pose, too
+        clock = clock.at(max(1.0, round(self.rate or clock.fps)))  # Blender's exporters have whole rates
+        shown = steady_motion(performed, subject, take.notes.name, clock)
+        count = export_poses(context, armature, target, self.kind, shown, Form(self.meshes, naming, self.scale))
         return f"{count} frames of {title} on {armature} in {target}"

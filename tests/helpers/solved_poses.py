@@ -11,6 +11,7 @@ from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_frame import MarkerFrame
+from perfanim.core.markers.prop import Prop
 from perfanim.core.markers.subject import Subject
 from perfanim.core.simulate.studio.studio_rig import default_rig
 
@@ -36,10 +37,15 @@ def scene_pose(number: int, *given: Any, **fields: Any) -> ScenePose:
 
 
 def write_poses(
-    folder: Path, name: str, performers: Sequence[Subject], poses: Sequence[ScenePose], **notes: Any
+    folder: Path,
+    name: str,
+    performers: Sequence[Subject],
+    poses: Sequence[ScenePose],
+    props: Sequence[Prop] = (),
+    **notes: Any,
 ) -> Path:
     """Write a take of poses with empty marker frames."""
-    setup = TakeSetup.of(default_rig(), performers, {"method": "lwr"}, {"path": "C:/data/walks.pfdb"}, {})
+    setup = TakeSetup.of(default_rig(), performers, {"method": "lwr"}, {"path": "C:/data/walks.pfdb"}, {}, props)
     frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
     path = folder / f"{name}.perftake"
     write_whole_take(path, setup, TakeNotes(name, **notes), frames, [TimedPose(pose, 0.0) for pose in poses])

@@ -250,10 +250,20 @@ def test_a_character_deleted_while_capturing_does_not_lose_the_take(chosen: Any,
     assert len(bpy.data.actions) == 1
 
 
-def test_times_that_stand_still_are_spread(part: Any) -> None:
-    times = part("capture.write_take").increasing(np.array([0.0, 0.1, 0.1, 0.05, 0.2]))
-    assert np.all(np.diff(times) > 0)
-    np.testing.assert_allclose(times, [0.0, 0.1, 0.1, 0.1, 0.2], atol=1e-3)
+def test_frames_whose_time_stands_still_leave_the_keys_steady(chosen: Any, play: Any, skeleton: Any) -> None:
+    bpy.context.scene.render.fps = 60
+    poses, performer = anna(skeleton, swing(skeleton, ("head",), 8))
+    poses[3] = poses[4] = poses[2]
+    capture = play(poses, performer)
+    tick(capture, 8)
+    capture.keep(bpy.context)
+    np.testing.assert_allclose(key_times(curves_of(chosen.armature)), np.arange(1.0, 8.0), atol=1e-3)
+    found = [quaternion_at(chosen.armature, "head", frame) for frame in (4, 5)]
+    true = [
+        pose.performers[0].rotations[skeleton.index("head")]
+        for pose in anna(skeleton, swing(skeleton, ("head",), 8))[0]
+    ]
+    np.testing.assert_allclose(found, true[3:5], atol=1e-4)
 
 
 class Refinement:

@@ -1,4 +1,4 @@
-"""The end of a capture and Put on Character write the same keyframes for the same take."""
+"""The end of a capture and Put on Character write the same keyframes for the same take, at a steady rate."""
 
 import sys
 from contextlib import closing
@@ -11,9 +11,16 @@ import pytest
 from perfanim.core.body.body_parts import PARTS
 from perfanim.core.database.build_database import BuildSettings, build_database
 from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.markers.prop import load_prop
+from perfanim.core.markers.subject import Subject
 from perfanim.core.system.assets import MOTION
-from played import curves_of
+from played import curves_of, key_times, played_poses, points_from_blender
+from solved_poses import write_poses
 from ticking import stop_and_keep, tick_until
+
+from tests.helpers.irregular_takes import SKELETON, SUIT, hands_at, hands_m, random_series, scene_poses
+
+NEAR_M = 0.005
 
 
 def keys_of(armature: Any) -> dict[tuple[str, int], np.ndarray]:
@@ -85,3 +92,34 @@ def test_put_on_character_writes_the_keys_of_the_capture(
         of_arm = curve.group.name in PARTS["left arm"]
         types = ["JITTER" if of_arm and each[arm] > most else "KEYFRAME" for each in errors]
         assert [key.type for key in curve.keyframe_points] == types, curve.group.name
+
+
+def test_keys_of_frames_at_random_times_are_steady_and_the_hand_is_where_it_was(
+    part: Any, chosen: Any, targets: Any, tmp_path: Path
+) -> None:
+    scene, waver, sword = bpy.context.scene, Subject("waver", SKELETON, SUIT), load_prop("sword")
+    targets.entries.add()
+    chosen.feet, scene.perfanim_result.filters, scene.perfanim_result.start = "off", "CHOSEN", "FIRST"
+    for seed in range(50):
+        series = random_series(seed)
+        path = write_poses(tmp_path, f"take {seed}", [waver], scene_poses(series), [sword])
+        assert bpy.ops.perfanim.play_take(path=str(path)) == {"FINISHED"}
+        armature, held = chosen.armature, targets.entries[0].object
+        passed_s, keys = np.ptp(series.true_s), key_times(curves_of(armature))
+        assert np.ptp(np.diff(keys)) < 1e-3, seed
+        assert abs((keys[-1] - keys[0]) / scene.render.fps - passed_s) < np.diff(keys)[0] / scene.render.fps + 0.001
+        shown = np.arange(1.0, keys[-1], 7.0)
+        true_m = hands_at(series.true_s[0] + (shown - 1.0) / scene.render.fps)
+        played_m = hands_m(*played_poses(armature.name, shown, SKELETON))
+        assert np.linalg.norm(played_m - true_m, axis=1).max() < NEAR_M, seed
+        held_m = points_from_blender(places_of(held, shown) - np.array(armature.location))
+        assert np.linalg.norm(held_m - true_m, axis=1).max() < NEAR_M, seed
+
+
+def places_of(target: Any, frames: np.ndarray) -> np.ndarray:
+    """Return an object's position (F, 3) in scene frames."""
+    found = []
+    for frame in frames:
+        bpy.context.scene.frame_set(int(frame), subframe=float(frame % 1.0))
+        found.append(target.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world.translation.copy())
+    return np.array(found)

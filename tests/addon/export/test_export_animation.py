@@ -15,7 +15,7 @@ from perfanim.core.retarget.displayed_joint_names import NAMINGS
 from perfanim.core.system.assets import MOTION
 from perfanim.perfanim_addon.animation import actions
 from perfanim.perfanim_addon.character import create_character
-from perfanim.perfanim_addon.export.export_animation import ENDINGS, Form, TimedPoses, export_poses
+from perfanim.perfanim_addon.export.export_animation import ENDINGS, Form, export_poses
 from played import curves_of
 
 SAME_M = 0.001
@@ -33,9 +33,7 @@ def performer(addon: object, motion: Motion) -> str:
 
 
 def export(performer: str, target: Path, kind: str, motion: Motion, **form: Any) -> int:
-    times_s = np.arange(motion.frames) / motion.fps
-    poses = TimedPoses(times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
-    return export_poses(bpy.context, performer, target, kind, poses, motion.fps, Form(**form))
+    return export_poses(bpy.context, performer, target, kind, motion, Form(**form))
 
 
 def import_again(path: Path, kind: str) -> bpy.types.Object:
@@ -90,7 +88,7 @@ def test_joints_of_an_imported_file_are_where_they_were(performer, motion, tmp_p
 
 @pytest.mark.parametrize(("kind", "naming"), [("BVH", "unreal"), ("FBX", "mixamo"), ("GLTF", "vrm")])
 def test_joints_have_another_programs_names_and_are_where_they_were(performer, motion, tmp_path, kind, naming):
-    """At half the rate; one bone that stands for no joint has a name that is needed."""
+    """One bone that stands for no joint has a name that is needed."""
     obj, scene, names = bpy.data.objects[performer], bpy.context.scene, NAMINGS[naming]
     bpy.context.view_layer.objects.active = obj
     bpy.ops.object.mode_set(mode="EDIT")
@@ -101,15 +99,12 @@ def test_joints_have_another_programs_names_and_are_where_they_were(performer, m
     mesh = next(other for other in bpy.data.objects if other.type == "MESH" and other.find_armature() == obj)
     groups = [group.name for group in mesh.vertex_groups]
     target = tmp_path / f"run{ENDINGS[kind]}"
-    times_s = np.arange(motion.frames) / motion.fps
-    poses = TimedPoses(times_s, motion.rotations, motion.root_positions_m, motion.skeleton)
-    form = Form(naming=naming, scale=100.0)
-    count = export_poses(bpy.context, performer, target, kind, poses, motion.fps / 2, form)
-    assert count == motion.frames // 2
+    count = export(performer, target, kind, motion, naming=naming, scale=100.0)
+    assert count == motion.frames
     assert [bone.name for bone in obj.data.bones] == before
     assert [group.name for group in mesh.vertex_groups] == groups
-    scene.render.fps, scene.render.fps_base = round(motion.fps / 2), 1.0
-    frames = actions.scene_frames(times_s, scene)
+    scene.render.fps, scene.render.fps_base = round(motion.fps), 1.0
+    frames = actions.scene_frames(np.arange(motion.frames) / motion.fps, scene)
     actions.write_action(performer, frames, motion.rotations, motion.root_positions_m, motion.skeleton)
     joint_names = list(names)
     wanted = joints(obj, 1, count, joint_names)

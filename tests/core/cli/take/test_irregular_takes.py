@@ -12,15 +12,10 @@ from perfanim.core.cli.main import main
 from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.motion.bvh import write_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
-from perfanim.core.formats.take_file.pose_codec import TimedPose
-from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
-from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.prop import load_prop
 from perfanim.core.markers.subject import Subject
-from perfanim.core.simulate.studio.studio_rig import default_rig
 
 from tests.helpers.irregular_takes import (
     HAND_MARKER,
@@ -33,6 +28,7 @@ from tests.helpers.irregular_takes import (
     random_series,
     scene_poses,
 )
+from tests.helpers.solved_poses import write_poses
 
 NEAR_M = 0.005
 MOTIONS = ("bvh", "angles.csv", "vrma")
@@ -63,12 +59,7 @@ def recorded(tmp_path_factory):
 
     def write(seed, series):
         subject = Subject("waver", SKELETON, SUIT)
-        setup = TakeSetup.of(default_rig(), [subject], {"method": "lwr"}, {"path": "a.pfdb"}, {}, [load_prop("sword")])
-        poses = scene_poses(series)
-        frames = [(0.0, MarkerFrame(pose.number, pose.time_s)) for pose in poses]
-        path = folder / f"{seed}.perftake"
-        write_whole_take(path, setup, TakeNotes(f"take {seed}"), frames, [TimedPose(pose, 0.0) for pose in poses])
-        return path
+        return write_poses(folder, str(seed), [subject], scene_poses(series), [load_prop("sword")])
 
     return write
 
