@@ -376,10 +376,11 @@ def _recorded_figures(solved: SolvedTake, setup: CaptureSetup) -> Facts:
 
 def _finished(solved: SolvedTake, request: SolveRequest, floor_m: float | None, report: Facts) -> SolvedTake:
     """Return the take with smoothed motion and feet held in place, and the report."""
-    motions = solved.motions
-    if request.smooth_hz is not None:
-        motions = tuple(smooth_motion(motion, request.smooth_hz) for motion in motions)
-    if request.feet != "off":
-        motions = tuple(hold_feet(motion, request.feet, floor_m) for motion in motions)
-    is_finished = request.smooth_hz is not None or request.feet != "off"
-    return replace(solved, motions=motions, is_finished=is_finished, report=report)
+    if request.smooth_hz is None and request.feet == "off":
+        return replace(solved, report=report)
+
+    def finish(motion: Motion) -> Motion:
+        calm = motion if request.smooth_hz is None else smooth_motion(motion, request.smooth_hz)
+        return calm if request.feet == "off" else hold_feet(calm, request.feet, floor_m)
+
+    return replace(solved, motions=tuple(map(finish, solved.motions)), finish=finish, report=report)

@@ -73,6 +73,12 @@ def sliced(motion: Motion, start: int, stop: int) -> Motion:
     return replace(motion, rotations=motion.rotations[start:stop], root_positions_m=motion.root_positions_m[start:stop])
 
 
+def every_nth(motion: Motion, step: int) -> Motion:
+    """Return the first frame and every `step`-th after it, at the rate that these have."""
+    rotations, root_positions_m = motion.rotations[::step], motion.root_positions_m[::step]
+    return replace(motion, fps=motion.fps / step, rotations=rotations, root_positions_m=root_positions_m)
+
+
 def resampled(motion: Motion, fps: float) -> Motion:
     """Return the motion at another rate, interpolated between frames."""
     if motion.fps == fps or motion.frames == 1:

@@ -1,6 +1,7 @@
 """A solved take: its poses and motions, and writing of its files."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 
 from ..body.clock import Clock
 from ..body.foot_lock import floor_of
-from ..body.motion import Motion, resampled
+from ..body.motion import Motion, every_nth, resampled
 from ..body.scene_pose import DoubtfulStretch, PerformerPose, ScenePose, doubtful_stretches
 from ..body.standard_skeleton import JOINT_NAMES
 from ..errors import FormatError
@@ -43,7 +44,7 @@ class SolvedTake:
         seconds: Computing time of each frame (F,), without the second pass of a solve in both directions.
         relabelled: Frames (F,) whose labels were corrected by later frames.
         clock: Times of the poses in the motions, and the motions' steady rate; None for poses alone.
-        is_finished: The motions are smoothed or foot-locked, so they differ from the poses.
+        finish: Smoothing and foot lock of the motions; None if there is neither.
         setup: Cameras, performers, props, database and settings of this solve; None for poses alone.
         frames: Marker frames, each with the time at which it arrived, s.
         recording: Recorded take that was solved again; None for a marker take.
@@ -59,7 +60,7 @@ class SolvedTake:
     seconds: Array
     relabelled: Mask
     clock: Clock | None = None
-    is_finished: bool = False
+    finish: Callable[[Motion], Motion] | None = None
     setup: CaptureSetup | None = None
     frames: Sequence[tuple[float, MarkerFrame]] = ()
     recording: TakeFile | None = None
@@ -105,13 +106,15 @@ class SolvedTake:
 
     def motions_at(self, rate_hz: float | None) -> tuple[Motion, ...]:
         """Return the motions at another rate, resampled by the times of the poses; None keeps the take's rate."""
-        if rate_hz is None or self.setup is None or self.clock is None or self.is_finished:
+        if rate_hz is None or self.setup is None or self.clock is None:
             return tuple(motion if rate_hz is None else resampled(motion, rate_hz) for motion in self.motions)
-        poses, clock = self.recorded_poses(), self.clock.at(rate_hz)
-        return tuple(
-            steady_motion([pose.performers[index] for pose in poses], subject, self.motion.name, clock)
-            for index, subject in enumerate(self.setup.performers)
-        )
+        # motions are finished at a multiple of a lower rate: smoothing needs the take's own
+        every = max(1, math.ceil(self.clock.fps / rate_hz)) if self.finish else 1
+        poses, clock, found = self.recorded_poses(), self.clock.at(every * rate_hz), []
+        for index, subject in enumerate(self.setup.performers):
+            motion = steady_motion([pose.performers[index] for pose in poses], subject, self.motion.name, clock)
+            found.append(every_nth(self.finish(motion) if self.finish else motion, every))
+        return tuple(found)
 
     def poses_of(self, performer: int = 0) -> list[PerformerPose]:
         """Return the poses of one performer, counted from 0."""

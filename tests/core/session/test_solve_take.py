@@ -6,9 +6,15 @@ from perfanim.core.body.motion import sliced
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.errors import TakeError
 from perfanim.core.markers.marker_take import MarkerTake, SingleViews
+from perfanim.core.markers.subject import Subject
+from perfanim.core.session.capture_setup import CaptureSetup
 from perfanim.core.session.solve_take import solve_take
+from perfanim.core.session.solved_take import SolvedTake
+from perfanim.core.session.steady_motion import pose_clock, steady_motion
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.settings import SolveSettings
+
+from tests.helpers.irregular_takes import SKELETON, SUIT, random_series, scene_poses
 
 
 @pytest.fixture(scope="module")
@@ -101,3 +107,24 @@ def test_motion_lasts_as_long_as_its_take(truth, subject, database, kept, causal
     assert solved.motions_at(12.0)[0].duration_s == pytest.approx(times_s[-1] - times_s[0], abs=1.0 / 12.0)
     shown = sliced(truth, int(kept[0]), int(kept[-1]) + 1)
     assert evaluate(solved.motion, shown)["root_position_mm"] < 30.0
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 25.0, 60.0])
+def test_a_finished_motion_is_laid_out_once(rate_hz, database):
+    series, waver = random_series(1), Subject("waver", SKELETON, SUIT)
+    poses = scene_poses(series)
+    clock = pose_clock(poses, "a")
+    motion = steady_motion([pose.performers[0] for pose in poses], waver, "a", clock)
+    setup = CaptureSetup(None, (waver,), (), database, SolveSettings())
+    seconds, finished_at = np.zeros(len(poses)), []
+
+    def finish(motion):
+        finished_at.append(motion.fps)
+        return motion
+
+    plain = SolvedTake(tuple(poses), (motion,), seconds, seconds > 0.0, clock, setup=setup)
+    (found,), (expected,) = (each.motions_at(rate_hz) for each in (replace(plain, finish=finish), plain))
+    assert (found.fps, found.frames) == (expected.fps, expected.frames)
+    np.testing.assert_allclose(found.root_positions_m, expected.root_positions_m, atol=1e-9)
+    np.testing.assert_allclose(found.rotations, expected.rotations, atol=1e-9)
+    assert finished_at[0] >= clock.fps
