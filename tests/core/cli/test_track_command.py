@@ -102,6 +102,36 @@ def test_a_camera_that_is_late_is_noticed_and_made_good_for(tmp_path, capsys):
     assert distances[0] < 0.5 * distances[1]
 
 
+def film(folder: Path, name: str, every: int = 1, code: str = "MJPG") -> Path:
+    """A film of every n-th picture of a side, at an n-th of 25 frames per second."""
+    path, side = folder / name, name.partition(".")[0]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 25.0 / every, SIZE)
+    for number in range(0, FRAMES, every):
+        writer.write(cv2.imread(str(folder / side / f"{number:03d}.png")))
+    writer.release()
+    return path
+
+
+def test_films_of_two_rates_are_paired_in_time(folder, capsys):
+    films = ["--left", film(folder, "left.avi"), "--right", film(folder, "right.avi", every=2)]
+    line = ["track", "--cameras", folder / "cameras.toml", *films, "--out", folder / "take.take.npz", "--json"]
+    assert main([*map(str, line)]) == 0
+    told, take = json.loads(capsys.readouterr().out), read_take(folder / "take.take.npz")
+    assert any("left.avi 25" in text and "right.avi 12.5" in text for text in told["warnings"])
+    assert (take.frames, take.fps) == (FRAMES // 2, 12.5)
+    truth = np.array([where(25.0 * (time_s - take.times_s[0])) for time_s in take.times_s])
+    distance = np.linalg.norm(take.positions_m[:, :, None] - truth[:, None], axis=3)
+    assert np.nanmax(distance.min(axis=2)) < 0.01 and take.visible.mean() > 0.8
+
+
+def test_a_film_that_cannot_be_read_is_named(folder, capsys):
+    path = film(folder, "left.mp4", code="mp4v")
+    path.write_bytes(path.read_bytes().replace(b"mp4v", b"av01").replace(b"esds", b"free"))
+    line = ["track", "--cameras", f"{folder}/cameras.toml", "--left", str(path)]
+    assert main([*line, "--out", f"{folder}/a.take.npz"]) == 1
+    assert "is a film in AV1, which cannot be read here; convert it to H.264" in capsys.readouterr().err
+
+
 def test_distance_to_other_trajectories_is_told(folder, capsys):
     first = folder / "first.trc"
     assert main(arguments(folder, "--out", str(first))) == 0
