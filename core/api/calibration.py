@@ -18,7 +18,7 @@ from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from ..subjects import pose_calibration
 from ..subjects.from_motion import fitted_body, subject_from_motion
-from ..subjects.marker_placement import place_markers
+from ..subjects.marker_placement import place_markers, with_usual_offsets
 from ..subjects.pose_calibration import SubjectCalibration, calibrate_markers, calibration_points, pose_points
 from ..subjects.prototype_bodies import load_bodies
 from ..system.files import is_file
@@ -129,5 +129,5 @@ def fit_subject(
     if marker_set == AUTO and not set(take.names) <= set(worn.names):
         with contextlib.suppress(SubjectError):  # unknown markers would adapt to a body of the wrong size
             start = fitted_body(take, start, database, progress)
-        start = place_markers(take, start, database, progress)
+        start = with_usual_offsets(place_markers(take, start, database, progress), take.names)
     return subject_from_motion(take, start, database, progress)

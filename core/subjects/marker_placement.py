@@ -2,10 +2,12 @@
 
 A marker that is fixed in a bone's frame is worn on that bone. For bones that known markers determine, the poses show
 this directly. A limb that they leave undetermined is first fitted to the unknown markers: its first bone points at one
-of them, its second at another, the same two in all frames. The pair that leaves the markers closest to the body wins.
+of them, its second at another, the same two in all frames. The pair with which the markers keep their positions on the
+bones best, close to them, wins.
 Then poses and positions are estimated alternately.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -15,6 +17,7 @@ from ..body.skeleton import Skeleton, forward_kinematics
 from ..database.store import Database
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array, IntArray, evenly, median_of_known
+from ..geometry.gated_assignment import assign
 from ..markers.marker_set import FEWEST_TORSO, Marker
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
@@ -38,9 +41,10 @@ class PlacementSettings:
     spread_m: float = 0.02  # usual spread of a marker's position on its bone: skin, and error of the poses
     flesh_m: float = 0.08  # usual distance of a marker from its bone
     explained: float = 2.0  # cost of a marker on a determined bone, below which it is on no undetermined limb
+    unexplained: float = 6.0  # cost, in the choice between fits of a limb, of a marker that is on no bone
     largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
     farthest_m: float = 0.2  # largest distance of a worn marker from its bone
-    capped_m: float = 0.3  # limit of each distance in the cost of a limb's fit
+    usual_m: float = 0.08  # largest distance of a placed marker from a marker of the set that it may be
     size_share: float = 0.4  # largest relative difference between a bone and the skeleton's
     every: int = 2  # step between the frames to which a limb is fitted
     hand_m: float = 0.15  # length of hand or foot beyond wrist or ankle
@@ -99,6 +103,24 @@ def _wearing(subject: Subject, places: tuple[Marker, ...]) -> Subject:
     return replace(subject, marker_set=replace(worn, markers=(*worn.markers, *places)))
 
 
+def with_usual_offsets(subject: Subject, names: Sequence[str]) -> Subject:
+    """Return the subject with each placed marker where its set has a marker nearby that is not among the take's names.
+
+    The motion shows where a marker is along a bone, but hardly how thick the flesh below it is.
+    """
+    markers = subject.marker_set.markers
+    rest_m = subject.marker_set.positions_on(subject.skeleton, rot.identity((len(subject.skeleton),)))
+    placed = [i for i, marker in enumerate(markers) if marker.placed]
+    missing = [i for i, marker in enumerate(markers) if not marker.placed and marker.name not in names]
+    apart_m = np.linalg.norm(rest_m[placed][:, None] - rest_m[missing], axis=-1)
+    usual = {placed[i]: markers[missing[j]] for i, j in zip(*assign(apart_m / _S.usual_m), strict=True)}
+    moved = (
+        replace(marker, joint=usual[i].joint, offset_m=usual[i].offset_m) if i in usual else marker
+        for i, marker in enumerate(markers)
+    )
+    return replace(subject, marker_set=replace(subject.marker_set, markers=tuple(moved)))
+
+
 def solved_poses(part: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Array]:
     """Return joint rotations (F, J, 4) and root positions (F, 3); each frame is solved separately."""
     session = Session(subject, database, smooth=False)
@@ -132,11 +154,9 @@ def _first_places(
     costs, offsets_m = _costs(local_m, skeleton)
     costs[:, is_open] = np.inf
     free = ~(costs.min(axis=1) < _S.explained)
-    bones_m = np.linalg.norm(local_m - _nearest_on_bones(local_m, skeleton), axis=-1)
-    bones_m[:, :, is_open] = np.inf
     for limb in limbs:
         laid = np.where(free[:, None], points_m, np.nan)
-        _lay(limb, skeleton, laid, positions_m[:, limb.first], bones_m.min(axis=2), costs, offsets_m)
+        _lay(limb, skeleton, laid, positions_m[:, limb.first], costs, offsets_m)
     return _chosen(costs, offsets_m, skeleton, unknown)
 
 
@@ -147,52 +167,47 @@ def _nearest_on_bones(local_m: Array, skeleton: Skeleton) -> Array:
     return np.clip(share, 0.0, 1.0)[..., None] * tips
 
 
+def _cost(spread_m: Array, apart_m: Array) -> Array:
+    """Return the costs of markers by the spread of their positions on bones and their distances from these."""
+    costs = (spread_m / _S.spread_m) ** 2 + (apart_m / _S.flesh_m) ** 2
+    possible = (spread_m <= _S.largest_spread_m) & (apart_m <= _S.farthest_m)
+    return np.where(possible, costs, np.inf)
+
+
 def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
     """Return costs (U, J) of markers on bones, inf for impossible ones, and their median positions (U, J, 3)."""
     offsets_m = median_of_known(local_m)
     spread_m = median_of_known(np.linalg.norm(local_m - offsets_m, axis=-1))
     apart_m = np.linalg.norm(offsets_m - _nearest_on_bones(offsets_m, skeleton), axis=-1)
-    costs = (spread_m / _S.spread_m) ** 2 + (apart_m / _S.flesh_m) ** 2
-    costs[(spread_m > _S.largest_spread_m) | (apart_m > _S.farthest_m)] = np.inf
+    costs = _cost(spread_m, apart_m)
     costs[:, [skeleton.index(side + joint) for side in "lr" for joint in _LOOSE]] = np.inf
     return costs, offsets_m
 
 
-def _lay(
-    limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, apart_m: Array, costs: Array, offsets_m: Array
-) -> None:
-    """Fit a limb to the markers, and write costs (U, J) and positions (U, J, 3) of markers.
-
-    Args:
-        root_m: First joint of the limb (F, 3).
-        apart_m: Distances (F, U) of the markers from the rest of the body.
-    """
+def _lay(limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, costs: Array, offsets_m: Array) -> None:
+    """Fit a limb with its first joint at `root_m` (F, 3); write costs (U, J) and positions (U, J, 3) of its markers."""
     joints = (limb.first, limb.second, limb.end)
     first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in joints[1:])
     lengths_m = np.array([first_m, second_m, _S.hand_m])
     from_root_m = median_of_known(np.linalg.norm(points_m - root_m[:, None], axis=-1))
     near = np.flatnonzero(from_root_m < lengths_m.sum() + _S.farthest_m)
     bends = near[np.abs(from_root_m[near] / first_m - 1.0) < _S.size_share]
-    few = slice(None, None, _S.every)
+    others = np.fmin(costs[near].min(axis=1), _S.unexplained)
     best, least = None, np.inf
+    few = slice(None, None, _S.every)
     for bend, end in product(bends, near):
-        course = _course(root_m[few], points_m[few, bend], points_m[few, end], lengths_m)
-        _, off_m = _beside(points_m[few][:, near], course, lengths_m)
-        cost = float(np.nansum(np.fmin(np.fmin(off_m.min(axis=2), apart_m[few][:, near]), _S.capped_m) ** 2))
+        course_m = _course(root_m[few], points_m[few, bend], points_m[few, end], lengths_m)
+        own, _ = _course_costs(points_m[few][:, near], course_m, lengths_m)
+        cost = float(np.fmin(own.min(axis=1), others).sum())
         if bend != end and cost < least:
             best, least = (bend, end), cost
     if best is None:
         return
-    course = _course(root_m, points_m[:, best[0]], points_m[:, best[1]], lengths_m)
-    along_m, off_m = _beside(points_m, course, lengths_m)
+    course_m = _course(root_m, points_m[:, best[0]], points_m[:, best[1]], lengths_m)
+    costs[:, joints], middle_m = _course_costs(points_m, course_m, lengths_m)
     for part, joint in enumerate(joints):
-        middle_m = median_of_known(along_m[..., part])
-        spread_m = median_of_known(np.abs(along_m[..., part] - middle_m))
-        beside_m = median_of_known(off_m[..., part])
-        costs[:, joint] = (spread_m / _S.spread_m) ** 2 + (beside_m / _S.flesh_m) ** 2
-        costs[beside_m > _S.farthest_m, joint] = np.inf
         direction = skeleton.tips_m[joint] / max(float(np.linalg.norm(skeleton.tips_m[joint])), 1e-9)
-        offsets_m[:, joint] = np.clip(middle_m, 0.0, lengths_m[part])[:, None] * direction
+        offsets_m[:, joint] = np.clip(middle_m[:, part], 0.0, lengths_m[part])[:, None] * direction
 
 
 def _course(root_m: Array, elbow_m: Array, wrist_m: Array, lengths_m: Array) -> Array:
@@ -205,13 +220,20 @@ def _course(root_m: Array, elbow_m: Array, wrist_m: Array, lengths_m: Array) -> 
     return np.stack((*joints, joints[-1] + lengths_m[2] * way), axis=1)
 
 
-def _beside(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[Array, Array]:
-    """Return how far along and away from each bone of a course (F, 4, 3) the points are, (F, U, 3) each."""
+def _course_costs(points_m: Array, course_m: Array, lengths_m: Array) -> tuple[Array, Array]:
+    """Return costs (U, 3) of markers (F, U, 3) on the bones of a course (F, 4, 3), and how far along each they are.
+
+    The course does not show how a bone is turned about its axis, only positions along it and distances from it.
+    """
     ways = np.diff(course_m, axis=1) / lengths_m[:, None]
     relative = points_m[:, :, None] - course_m[:, None, :3]
     along_m = np.einsum("fubx,fbx->fub", relative, ways)
-    on = np.clip(along_m, 0.0, lengths_m)[..., None] * ways[:, None]
-    return along_m, np.linalg.norm(relative - on, axis=-1)
+    on_m = np.clip(along_m, 0.0, lengths_m)[..., None] * ways[:, None]
+    apart_m = np.linalg.norm(relative - on_m, axis=-1)
+    both_m = np.stack((along_m, apart_m), axis=-1)
+    middle_m = median_of_known(both_m)
+    spread_m = median_of_known(np.linalg.norm(both_m - middle_m, axis=-1))
+    return _cost(spread_m, middle_m[..., 1]), middle_m[..., 0]
 
 
 def _kept_places(

@@ -6,8 +6,9 @@ import numpy as np
 import perfanim
 import pytest
 from perfanim.core.body.calibration_poses import standing
-from perfanim.core.body.motion import Motion, sliced
+from perfanim.core.body.motion import Motion, resampled, sliced
 from perfanim.core.body.skeleton import forward_kinematics
+from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.markers.label_matching import rename_labels
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
@@ -16,6 +17,7 @@ from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.marker_selection import worn_in
 from perfanim.core.solver.settings import SolveSettings
 from perfanim.core.subjects.marker_placement import place_markers
+from perfanim.core.system.assets import MOTION
 
 SUIT = load_marker_set("plug-in-gait")
 ARM_MARKERS = [side + name for side in "LR" for name in ("UPA", "ELB", "FRM", "WRA", "WRB", "FIN")]
@@ -105,3 +107,17 @@ def test_a_take_without_unknown_markers_leaves_the_subject(renamed, walker, data
         renamed[0], names=tuple(renamed[0].names[i] for i in own), positions_m=renamed[0].positions_m[:, own]
     )
     assert place_markers(only, walker, database) is walker
+
+
+def test_arms_bent_at_the_side_of_a_runner_are_found_as_by_their_true_names(database):
+    motion = sliced(resampled(read_motion(MOTION / "running-05-proud.bvh"), 30.0), 0, 60)
+    off_m = np.random.default_rng(5).uniform(-0.015, 0.015, (len(SUIT), 3))
+    take = simulate_markers(motion, SUIT.with_offsets(SUIT.offsets_m + off_m), noise_mm=1.0, seed=2)[0]
+    under = {name: f"X{number}" for number, name in enumerate(ARM_MARKERS)}
+    hands_m = []
+    for named in (take, rename_labels(take, under)):
+        solved = perfanim.solve(named, None, database).motion
+        hands = [solved.skeleton.index(side + joint) for side in "lr" for joint in ("radius", "hand")]
+        hands_m.append(forward_kinematics(solved.skeleton, solved.rotations, solved.root_positions_m)[0][:, hands])
+    apart_m = np.linalg.norm(hands_m[1] - hands_m[0], axis=-1)
+    assert np.median(apart_m, axis=0).max() < 0.03
