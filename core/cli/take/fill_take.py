@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from ...api.calibration import fit_subject
+from ...api.solving import SolveRequest
 from ...api.take_reading import fit_take
 from ...database.store import Database, open_database
 from ...errors import TakeError
@@ -13,13 +14,14 @@ from ...formats.markers.rewrite_take import rewrite_take
 from ...labelling.take_import import turned
 from ...labelling.up_axis import TURNS, axis_up
 from ...markers.gap_filling import find_gaps
+from ...markers.label_faults import correct_labels, told
 from ...markers.label_matching import AUTO, choose_marker_set, load_names, rename_labels
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject
 from ...markers.take_frames import is_unnamed
 from ...session.solve_take import fill_take
 from ...system.progress import Progress
-from ..options import add_command, add_number, add_text, check_height
+from ..options import add_command, add_number, add_request_options, add_text, check_height
 from ..performer_options import add_names_option
 
 
@@ -34,6 +36,7 @@ def add_parser(group: Any) -> None:
     worn = f"without --subject: shipped marker set or TOML file, or {AUTO}: by the take's labels (default {AUTO})"
     add_text(parser, "--marker-set", "NAME", worn, default=AUTO)
     add_names_option(parser)
+    add_request_options(parser, SolveRequest, trust_labels="--trust-labels")
     add_number(
         parser,
         "--filter",
@@ -54,11 +57,15 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     take = rename_labels(read, load_names(args.names)) if args.names is not None else read
     subject, take = _subject_and_take(args, take, database, progress)
     turn = TURNS[axis_up(take, subject.marker_set)]
-    filled, solved = fill_take(turned(take, turn), subject, database, args.filter, progress)
+    take, faults = turned(take, turn), ()
+    if not args.trust_labels:
+        take, faults = correct_labels(take, subject)
+    filled, solved = fill_take(take, subject, database, args.filter, progress)
     filled = turned(filled, turn.T)  # the file keeps its axes
     new = filled.visible & ~take.visible
     lengths = [gap.frames for gap in find_gaps(take.visible) if new[gap.start, gap.marker]]
-    warnings = rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)
+    warnings = told([fault.stretch(take) for fault in faults])
+    warnings += rewrite_take(args.take, replace(read, positions_m=filled.positions_m), args.out)
     left = sorted({name for name, open_ in zip(read.names, ~filled.visible.all(axis=0), strict=True) if open_})
     warnings += [f"gaps are left in {', '.join(left)}: they are not in the marker set, or never seen"] * bool(left)
     return {

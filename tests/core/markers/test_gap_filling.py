@@ -135,3 +135,21 @@ def test_filled_file_keeps_its_labels(whole, gappy, suited, database_file, tmp_p
     assert changed[:, :-1].mean() > 0.99
     assert not changed[np.isfinite(ball[:, 0, 0]), -1].any()
     assert main([*map(str, line[:2]), str(tmp_path / "a.c3d"), "--out", "b.xyz", *map(str, line[5:])]) == 1
+
+
+def test_frozen_stretches_are_filled_unless_labels_are_trusted(whole, suited, database_file, tmp_path, capsys):
+    held, stretch = whole.names.index("RFIN"), slice(20, 40)
+    positions = whole.positions_m.copy()
+    positions[stretch, held] = positions[stretch.start, held]
+    write_take(replace(whole, positions_m=positions), tmp_path / "a.trc")
+    save_subject(suited, tmp_path / "ben.toml")
+    line = ["take", "fill", tmp_path / "a.trc", "--out", tmp_path / "b.trc", "--database", database_file]
+    line = [*map(str, [*line, "--subject", tmp_path / "ben.toml"]), "--json"]
+    found = []
+    for more in ([], ["--trust-labels"]):
+        assert main([*line, *more]) == 0
+        told = json.loads(capsys.readouterr().out)
+        away_m = np.linalg.norm(read_take(tmp_path / "b.trc").positions_m - whole.positions_m, axis=-1)[stretch, held]
+        found.append((told["gaps"], away_m.max() < 0.02, told["warnings"]))
+    text = "RFIN stood still while the body moved, taken as missing (frames 21 to 39)"
+    assert found == [(1, True, [text]), (0, False, [])]
