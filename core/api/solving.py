@@ -177,6 +177,7 @@ def solve_markers(
         "method": settings.method,
         "marker_set": subject.marker_set.name,
         "markers": sum(name in take.names for name in subject.marker_set.names),
+        "cut_off_frames": take.cut_off_frames,
         "warnings": [*_label_differences(take, subject), *take.notes, *told(corrected), *_told_times(solved)],
     }
     solved = replace(solved, corrected=corrected)

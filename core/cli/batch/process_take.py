@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...errors import PerfanimError
-from ...formats.markers.marker_files import declared_frames
 from ...formats.motion.write_motion import write_motion
 from ...retarget.displayed_joint_names import OWN
 from ...session.solved_take import SolvedTake
@@ -80,9 +79,9 @@ class TakePipeline:
         self._warnings += [self._plain(text) for text in facts["warnings"]]
         self._outputs["motion"] = motion.name
         self._write_also(solved)
-        declared = 0 if self._take.is_tracked else declared_frames(source)
-        if declared > len(solved.poses):
-            self._doubts.append(f"the file was cut off: it holds {len(solved.poses)} of {declared} frames")
+        if cut := facts.get("cut_off_frames", 0):
+            count = len(solved.poses)
+            self._doubts.append(f"the file was cut off: it holds {count} of {count + cut} frames")
         if not facts.get("complete", True):
             self._doubts.append("the recording was cut off")
         return solved

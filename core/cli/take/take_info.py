@@ -10,7 +10,7 @@ import numpy as np
 from ...body.clock import Clock, ClockFault, clock_of
 from ...body.scene_pose import doubtful_stretches
 from ...errors import PerfanimError
-from ...formats.markers.marker_files import READABLE, declared_frames, is_recorded, read_take
+from ...formats.markers.marker_files import READABLE, is_recorded, read_take
 from ...formats.take_file.take_reader import TakeFile, read_take_file
 from ...markers.steady_take import take_clock
 from ...markers.subject import Subject
@@ -110,15 +110,15 @@ def _further_performers(take: TakeFile, subjects: Sequence[Subject]) -> list[dic
 
 
 def _marker_info(path: str) -> dict[str, Any]:
-    take, declared = read_take(path), declared_frames(path)
+    take = read_take(path)
     clock = take_clock(take)
     return {
         "format": "marker take",
         "name": take.name,
         "frames": take.frames,
         **_times(clock),
-        "complete": take.frames >= declared,
-        "lost_frames": _left_out(take.frame_numbers, clock) + max(declared - take.frames, 0),
+        "complete": not take.cut_off_frames,
+        "lost_frames": _left_out(take.frame_numbers, clock) + take.cut_off_frames,
         "markers": len(take.names),
         "names": list(take.names),
         "visible_fraction": float(take.visible.mean()),

@@ -79,12 +79,6 @@ def layout_of(data: bytes, where: str) -> Layout:
         return reader.layout(reader.parameters())
 
 
-def declared_frames(path: Path | str) -> int:
-    """Return the frame count in a C3D header, 0 if it is not stated; errors are those of `read_c3d`."""
-    with reading(path):
-        return _C3dParser(read_bytes(path), str(path)).header_frames()
-
-
 class _C3dParser:
     def __init__(self, data: bytes, where: str) -> None:
         check_kind(data, where, "C3D file")
@@ -114,14 +108,14 @@ class _C3dParser:
         numbers = layout.first_frame + np.arange(layout.frames, dtype=np.float64)
         times = (numbers - layout.first_frame) / layout.fps
         names = self._names(parameters, layout.points)
-        return make_take(self.where, layout.fps, names, positions, numbers, times)
+        declared = self._declared(parameters)
+        return make_take(self.where, layout.fps, names, positions, numbers, times, declared)
 
-    def header_frames(self) -> int:
+    def _declared(self, parameters: Parameters) -> int:
         """Return the frame count; some programs store counts that do not fit the header in parameters."""
         frames = max(self._word(5) - self._word(4) + 1, 0)
         if frames < 0xFFFF:
             return frames
-        parameters = self.parameters()
         first, last = (_long(parameters, ("TRIAL", f"ACTUAL_{end}_FIELD")) for end in ("START", "END"))
         return (last - first + 1 if last >= first > 0 else 0) or _long(parameters, ("POINT", "LONG_FRAMES"))
 

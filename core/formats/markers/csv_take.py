@@ -11,6 +11,7 @@ import io
 import re
 from collections.abc import Container, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -25,8 +26,6 @@ from ...system.files import atomic_path, is_over_budget, read_bytes
 from .keypoint_files import are_keypoints, keypoint_take
 from .reader_parts import (
     SECONDS,
-    frame_count,
-    head_of,
     make_take,
     metres_of,
     numbers_of,
@@ -64,14 +63,6 @@ def read_csv(path: Path | str) -> MarkerTake:
     return _plain(rows, where)
 
 
-def declared_frames(path: Path | str) -> int:
-    """Return the frame count in the header of a Motive export, or 0 for other tables."""
-    text = decode_text(head_of(path), str(path), "table of markers")
-    first = next(csv.reader(text.splitlines()[:1], delimiter=_separator(text)), [])
-    found = dict(zip(first[::2], first[1::2], strict=False)).get("Total Exported Frames", "")
-    return frame_count(float(found)) if found.isdecimal() else 0
-
-
 def _separator(text: str) -> str:
     """Return the field separator, found in the first line that is not blank or a comment."""
     first = next((line for line in text.splitlines() if line.strip() and line[:1] != "#"), "")
@@ -102,7 +93,10 @@ def _motive(rows: list[list[str]], where: str) -> MarkerTake:
     names = [labels["name"][i] for i in starts]
     own = [name.split(":")[-1] for name in names]  # without the subject, unless two subjects share a name
     names = own if len(set(own)) == len(own) else names
-    return make_take(where, fps, names, positions, table[:, 0], table[:, 1], facts.get("Take Name", ""))
+    count = facts.get("Total Exported Frames", "")
+    declared = float(count) if count.isdecimal() else 0.0
+    take = make_take(where, fps, names, positions, table[:, 0], table[:, 1], declared)
+    return replace(take, name=facts.get("Take Name") or take.name)
 
 
 def _plain(rows: list[list[str]], where: str) -> MarkerTake:

@@ -1,14 +1,12 @@
 """Reading and writing of marker takes in all formats, in metres."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from ...errors import FormatError
 from ...markers.marker_take import MarkerTake, load_take, save_take
 from ...markers.steady_take import steady_take
 from ..take_file.take_reader import ENDING
-from . import c3d, csv_take, qualisys_tsv, trc
 from .c3d import read_c3d
 from .c3d_write import write_c3d
 from .csv_take import read_csv, write_csv
@@ -18,7 +16,7 @@ from .recorded_take import read_recorded_take
 from .trc import read_trc, write_trc
 
 _OWN = ".take.npz"
-# file name ending -> reader, and reader of the frame count in the header
+# file name ending -> reader
 _READERS: dict[str, Callable[[Path], MarkerTake]] = {
     ".c3d": read_c3d,
     ".trc": read_trc,
@@ -27,12 +25,6 @@ _READERS: dict[str, Callable[[Path], MarkerTake]] = {
     ".npy": read_npy,
     _OWN: load_take,
     ENDING: read_recorded_take,
-}
-_COUNTERS = {
-    ".c3d": c3d.declared_frames,
-    ".trc": trc.declared_frames,
-    ".csv": csv_take.declared_frames,
-    ".tsv": qualisys_tsv.declared_frames,
 }
 READABLE = tuple(_READERS)
 WRITABLE = (_OWN, ".c3d", ".csv", ".trc")
@@ -50,29 +42,11 @@ def read_take(path: Path | str) -> MarkerTake:
         FormatError: The file is of another kind, is damaged, or has no markers.
         TakeError: A .take.npz has another version, or a recorded take has no poses.
     """
-    read = _READERS.get(_ending_of(path))
+    ending = Path(path).suffix.lower()
+    read = _READERS.get(_OWN if ending == ".npz" else ending)
     if read is None:
         raise FormatError("is not a marker take", where=str(path), advice="give one of " + ", ".join(READABLE))
-    take = read(Path(path))
-    cut = _cut_off(path, take.frames)
-    return replace(take, notes=(*take.notes, cut)) if cut else take
-
-
-def declared_frames(path: Path | str) -> int:
-    """Return the frame count stated in a file's header, 0 if there is none."""
-    count = _COUNTERS.get(_ending_of(path))
-    return count(path) if count else 0
-
-
-def _cut_off(path: Path | str, frames: int) -> str:
-    """Return a sentence if a file contains fewer frames than its header declares, else ""."""
-    declared = declared_frames(path)
-    return f"{Path(path).name} was cut off: it holds {frames} of {declared} frames" if frames < declared else ""
-
-
-def _ending_of(path: Path | str) -> str:
-    ending = Path(path).suffix.lower()
-    return _OWN if ending == ".npz" else ending
+    return read(Path(path))
 
 
 def check_ending(path: Path | str, endings: tuple[str, ...] = WRITABLE) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from ...errors import FormatError
 from ...markers.marker_take import MarkerTake
 from ...system.files import read_bytes
-from .reader_parts import frame_count, head_of, lines_of, make_take, numbers_of, table_of
+from .reader_parts import lines_of, make_take, numbers_of, table_of
 
 _KIND = "export of Qualisys"
 _METRES = 0.001  # metres per unit, which the file does not name
@@ -37,13 +37,8 @@ def read_tsv(path: Path | str) -> MarkerTake:
     rows = table_of(_rows(lines, first, width, ahead, where), len(lines), ahead + width, len(data), where)
     positions = rows[:, ahead:].reshape(len(rows), len(names), 3) * _METRES
     frames, times = (rows[:, 0], rows[:, 1]) if ahead else (None, None)
-    return make_take(where, _value(header, "FREQUENCY", where), names, positions, frames, times)
-
-
-def declared_frames(path: Path | str) -> int:
-    """Return the frame count in the header; errors are those of `read_tsv`."""
-    header, _ = _header(lines_of(head_of(path), str(path), _KIND), str(path))
-    return frame_count(_value(header, "NO_OF_FRAMES", str(path)))
+    rate, declared = (_value(header, key, where) for key in ("FREQUENCY", "NO_OF_FRAMES"))
+    return make_take(where, rate, names, positions, frames, times, declared)
 
 
 def _value(header: dict[str, list[str]], key: str, where: str) -> float:

@@ -12,7 +12,7 @@ from ...errors import FormatError, TakeError
 from ...geometry.arrays import Array, IntArray
 from ...markers.marker_take import MarkerTake
 from ...system.file_content import decode_text
-from ...system.files import is_over_budget, open_foreign
+from ...system.files import is_over_budget
 from ..unique_names import unique_names
 
 # metres per unit, by the names used in marker files
@@ -27,12 +27,6 @@ LENGTHS: dict[str, float] = {
 def lines_of(data: bytes, where: str, expected: str) -> list[str]:
     """Return the lines of a text file from any system; FormatError if it is not what `expected` says."""
     return re.split("\r\n|\r|\n", decode_text(data, where, expected))
-
-
-def head_of(path: Path | str, most: int = 1 << 16) -> bytes:
-    """Return the first bytes of a file, which hold its header."""
-    with open_foreign(path) as file:
-        return file.read(most)
 
 
 def separator_of(line: str) -> str | None:
@@ -55,11 +49,6 @@ SECONDS = {
     "ns": 1e-9,
     "nano": 1e-9,
 }
-
-
-def frame_count(declared: float) -> int:
-    """Return a frame count from a header, 0 if it is not one."""
-    return int(declared) if 0.0 < declared < 1e9 else 0
 
 
 def metres_of(unit: str, where: str) -> float:
@@ -111,7 +100,7 @@ def _numbers(fields: Sequence[str]) -> list[float]:
 
 def make_take(
     where: str, fps: float, names: Sequence[str], positions_m: Array,
-    frame_numbers: Array | None = None, times_s: Array | None = None, name: str = "",
+    frame_numbers: Array | None = None, times_s: Array | None = None, declared: float = 0.0,
 ) -> MarkerTake:  # fmt: skip
     """Return a take with true times, and with a rate that agrees with them.
 
@@ -120,6 +109,7 @@ def make_take(
     Args:
         fps: Rate that the header states; may be zero or negative if there are times.
         times_s: Times (F,), seconds or a smaller unit, as written: they may be rounded or contradict the header.
+        declared: Frame count in the header; 0, NaN or an impossible number if there is none.
     """
     seen = np.all(np.isfinite(positions_m), axis=-1) & np.any(positions_m != 0.0, axis=-1)
     positions_m = np.where(seen[..., None], positions_m, np.nan)
@@ -128,8 +118,12 @@ def make_take(
         frames = frame_numbers.astype(np.int64)
     fps, times, notes = _clock(where, fps, frames, times_s)
     names = unique_names([each.strip() or "unnamed" for each in names])
+    lacking = max(int(declared) - len(frames), 0) if 0.0 < declared < 1e9 else 0
+    if lacking:
+        notes += (f"{Path(where).name} was cut off: it holds {len(frames)} of {declared:.0f} frames",)
     try:
-        return MarkerTake(name or Path(where).stem, fps, names, positions_m, frames, times, notes=notes)
+        title = Path(where).stem
+        return MarkerTake(title, fps, names, positions_m, frames, times, notes=notes, cut_off_frames=lacking)
     except TakeError as error:
         raise FormatError(error.what, where=where, advice=error.advice) from error
 

@@ -10,7 +10,7 @@ from ...errors import FormatError
 from ...geometry.arrays import Array, Mask
 from ...markers.marker_take import MarkerTake
 from ...system.files import atomic_path, read_bytes
-from .reader_parts import frame_count, head_of, lines_of, make_take, metres_of, separator_of, table_of
+from .reader_parts import lines_of, make_take, metres_of, separator_of, table_of
 
 _KIND = "TRC file"
 
@@ -36,13 +36,8 @@ def read_trc(path: Path | str) -> MarkerTake:
     fields = _fields_without_separators(lines, header, where) if separator is None else _fields(lines, separator)
     rows = table_of(_rows(fields, width, where), len(lines), width, len(data), where)
     positions = rows[:, 2:].reshape(len(rows), len(names), 3) * metres_of(header.get("units", "mm"), where)
-    return make_take(where, _number(header.get("datarate", "")), names, positions, rows[:, 0], rows[:, 1])
-
-
-def declared_frames(path: Path | str) -> int:
-    """Return the frame count in a TRC header, 0 if it is not stated; errors are those of `read_trc`."""
-    where = str(path)
-    return frame_count(_number(_header(lines_of(head_of(path), where, _KIND), where).get("numframes", "")))
+    rate, declared = (_number(header.get(key, "")) for key in ("datarate", "numframes"))
+    return make_take(where, rate, names, positions, rows[:, 0], rows[:, 1], declared)
 
 
 def _header(lines: list[str], where: str) -> dict[str, str]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import FormatError
-from perfanim.core.formats.markers.marker_files import declared_frames, read_take
+from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.markers.marker_take import MarkerTake
 
 TOO_MUCH_FOR_EZC3D = ("bad_parameter_section.c3d",)  # it asks for gigabytes, and half a minute, and gives up
@@ -164,8 +164,7 @@ def test_every_file_is_read_with_its_values_or_refused(shared_dir: Path, folder:
         np.testing.assert_allclose(take.positions_m, expected.positions_m, rtol=0.0, atol=ROUNDED_M, err_msg=name)
         assert take.fps == pytest.approx(expected.fps, rel=1e-6), name
         assert labels_agree(take.names, expected.names), name
-        declared = declared_frames(path)
-        count = f"{take.frames} of {declared}" if take.frames < declared else str(take.frames)
+        count = f"{take.frames} of {take.frames + take.cut_off_frames}" if take.cut_off_frames else str(take.frames)
         lines.append(
             f"| {name} | {count} | {len(take.names)} | {take.fps:.5g} | {expected.unit} "
             f"| {100.0 * take.visible.mean():.1f} % | {expected.source} |"

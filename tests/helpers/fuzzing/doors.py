@@ -15,7 +15,7 @@ from perfanim.core.cli.main import build_parser
 from perfanim.core.cli.main import main as command_line
 from perfanim.core.database.store import check_arrays, open_database
 from perfanim.core.errors import CaptureError, PerfanimError
-from perfanim.core.formats.markers.marker_files import declared_frames, read_take
+from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.amc import amc_motion, parse_amc_values
 from perfanim.core.formats.motion.asf import parse_asf, read_asf
 from perfanim.core.formats.motion.motion_sources import motion_files
@@ -95,7 +95,6 @@ def _file_doors(folder: Path, samples: Samples) -> list[Door]:
         amc_motion(parse_amc_values(read_bytes(path), str(path), skeleton), skeleton, 120.0, "")
 
     def read_markers(path: Path) -> None:
-        declared_frames(path)
         read_take(path)
 
     def unpack(path: Path) -> None:

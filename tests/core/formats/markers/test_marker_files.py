@@ -1,3 +1,4 @@
+import re
 import struct
 import time
 from pathlib import Path
@@ -7,7 +8,7 @@ import pytest
 from perfanim.core.errors import FormatError
 from perfanim.core.formats.markers.c3d import read_c3d
 from perfanim.core.formats.markers.c3d_write import write_c3d
-from perfanim.core.formats.markers.marker_files import declared_frames, read_take, write_take
+from perfanim.core.formats.markers.marker_files import read_take, write_take
 from perfanim.core.formats.unique_names import unique_names
 from perfanim.core.markers.marker_take import MarkerTake
 from small_files import MOTIVE, QUALISYS, TRC
@@ -70,7 +71,8 @@ def test_trc_of_spreadsheets_is_read(tmp_path: Path, text: str, ending: str) -> 
     assert (take.names, take.fps) == (right.names, right.fps)
     np.testing.assert_array_equal(take.positions_m, right.positions_m)
     np.testing.assert_array_equal(take.times_s, right.times_s)
-    assert declared_frames(tmp_path / "b.trc") == 3
+    (tmp_path / "b.trc").write_bytes(re.sub(r"\b3(\W+2\W+cm)", r"13\1", text).encode())
+    assert (take.cut_off_frames, read_take(tmp_path / "b.trc").cut_off_frames) == (0, 10)
 
 
 def test_trc_with_blanks_for_tabs_must_hold_every_value(tmp_path: Path) -> None:
@@ -91,7 +93,7 @@ def test_takes_in_other_encodings_are_read(tmp_path: Path, ending: str, encoding
     right, take = (read_take(tmp_path / f"{name}{ending}") for name in "ab")
     assert take.names == right.names
     np.testing.assert_array_equal(take.positions_m, right.positions_m)
-    assert declared_frames(tmp_path / f"b{ending}") == declared_frames(tmp_path / f"a{ending}")
+    assert take.cut_off_frames == right.cut_off_frames
 
 
 def test_thousands_are_not_taken_for_decimals(tmp_path: Path) -> None:
@@ -104,8 +106,8 @@ def test_takes_that_were_cut_off_say_so(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(
         MOTIVE.replace("Export Frame Rate,60", "Export Frame Rate,60,Total Exported Frames,500")
     )
-    assert declared_frames(tmp_path / "a.csv") == 500
-    assert read_take(tmp_path / "a.csv").notes == ("a.csv was cut off: it holds 2 of 500 frames",)
+    take = read_take(tmp_path / "a.csv")
+    assert (take.cut_off_frames, take.notes) == (498, ("a.csv was cut off: it holds 2 of 500 frames",))
     (tmp_path / "a.trc").write_text(TRC.replace("100\t100\t3\t2", "100\t100\t17263\t2"))
     assert read_take(tmp_path / "a.trc").notes == ("a.trc was cut off: it holds 3 of 17263 frames",)
     (tmp_path / "b.trc").write_text(TRC)
@@ -129,7 +131,7 @@ def test_frame_counts_that_do_not_fit_a_c3d_header(
     struct.pack_into("<HH", data, 6, 1, 0xFFFF)  # first and last frame
     (tmp_path / "a.c3d").write_bytes(data)
     monkeypatch.setattr("perfanim.core.formats.markers.c3d._C3dParser.parameters", lambda _: parameters)
-    assert declared_frames(tmp_path / "a.c3d") == frames
+    assert read_take(tmp_path / "a.c3d").cut_off_frames == max(frames - 6, 0)
 
 
 @pytest.mark.parametrize(
@@ -201,7 +203,9 @@ def test_qualisys_export(tmp_path: Path, more: str, rows: list[str], times_s: li
     np.testing.assert_array_equal(take.visible, [[True, False], [True, False], [True, True]])
     np.testing.assert_allclose(take.positions_m[:, 0], [[0.1, 0.2, -0.3], [0.11, 0.2, 0.0], [0.12, 0.2, 0.0]])
     np.testing.assert_allclose(take.times_s, times_s)
-    assert declared_frames(tmp_path / "a.tsv") == 3
+    assert take.cut_off_frames == 0
+    (tmp_path / "a.tsv").write_text(QUALISYS.replace("NO_OF_FRAMES\t3", "NO_OF_FRAMES\t4") + more + "\n".join(rows))
+    assert read_take(tmp_path / "a.tsv").cut_off_frames == 1
 
 
 def _c3d(order: str, processor: int, real: bool) -> bytes:
