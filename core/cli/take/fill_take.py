@@ -57,9 +57,8 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     take = rename_labels(read, load_names(args.names)) if args.names is not None else read
     subject, take = _subject_and_take(args, take, database, progress)
     turn = TURNS[axis_up(take, subject.marker_set)]
-    take, faults = turned(take, turn), ()
-    if not args.trust_labels:
-        take, faults = correct_labels(take, subject)
+    upright = turned(take, turn)
+    take, faults = (upright, ()) if args.trust_labels else correct_labels(upright, subject)
     filled, solved = fill_take(take, subject, database, args.filter, progress)
     filled = turned(filled, turn.T)  # the file keeps its axes
     new = filled.visible & ~take.visible
