@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from osc_frames import message
+from osc_frames import frame_packet, message
 from perfanim.core.body.motion import sliced
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.cli.main import build_parser, main
@@ -16,9 +16,13 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file.pose_codec import TimedPose
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole_take import write_whole_take
-from perfanim.core.formats.vmc.vmc_packets import read_packet
+from perfanim.core.formats.vmc.humanoid import bone_poses
+from perfanim.core.formats.vmc.vmc_packets import BONE, read_packet
 from perfanim.core.formats.vmc.vmc_udp import Receiver, Sender
 from perfanim.core.markers.marker_take import load_take
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message import OscMessage
 from trackers_sent import tracker_packet
 
 
@@ -117,6 +121,21 @@ def test_one_of_two_programs_is_recorded_and_the_other_named(tmp_path):
     assert (facts["frames"], facts["packets"]) == (5, 5)
     assert facts["warnings"][0].startswith(f"left out: 127.0.0.1:{other[0]} sent to the same port")
     assert load_take(tmp_path / "waist.take.npz").positions_m[:, 0, 1] == pytest.approx(1.0)
+
+
+def test_a_bad_message_in_every_bundle_costs_its_bone_alone(tmp_path, truth):
+    def send(port):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+            for row in range(4):
+                builder = OscBundleBuilder(IMMEDIATELY)
+                builder.add_content(OscMessage(message(BONE, "Chest", *np.zeros(4))))
+                builder.add_content(OscBundle(frame_packet(row / 30.0, poses.names, *frames[row])))
+                link.sendto(builder.build().dgram, ("127.0.0.1", port))
+
+    poses = bone_poses(sliced(truth, 0, 4))
+    frames = list(zip(poses.positions_m, poses.rotations, strict=True))
+    facts = run(["--out", tmp_path / "a.bvh", "--seconds", "0.01"], send)
+    assert (facts["frames"], facts["packets"], facts["malformed"]) == (4, 4, 4)
 
 
 def test_the_newer_protocol_is_heard_where_it_is_asked_for(tmp_path, truth):

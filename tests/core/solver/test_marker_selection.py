@@ -67,6 +67,19 @@ def test_markers_are_chosen_with_whatever_torso_there_is(suited, truth, database
     assert len(set(choice.names)) == 9
 
 
+def test_a_suit_with_few_torso_markers_is_solved_with_nine(truth, database_file, tmp_path, capsys):
+    worn = load_marker_set("helen-hayes")
+    kept = [each.name for each in worn.markers if each.joint != "head" and each.name not in ("C7", "V.Sacral")]
+    write_take(simulate_markers(sliced(truth, 0, 10), worn.subset(kept))[0], tmp_path / "part.csv")
+    save_subject(Subject("walker", truth.skeleton, worn), tmp_path / "walker.toml")
+    line = ["solve", tmp_path / "part.csv", "--subject", tmp_path / "walker.toml", "--database", database_file]
+    line = [*line, "--use", 9, "--method", "nearest", "--causal", "--out", tmp_path / "a.bvh", "--json"]
+    assert main([*map(str, line)]) == 0
+    used = json.loads(capsys.readouterr().out)["used"]
+    assert len(used) == 9 and set(used) < set(kept)
+    assert sum(each.torso for each in worn.subset(used).markers) >= 3
+
+
 def test_a_suit_is_solved_with_few_markers(suited, truth, database_file, tmp_path, capsys):
     """Those that are left out tell how far off the body is: further than the used ones, and told in full."""
     take, _ = simulate_markers(sliced(truth, 0, 20), suited.marker_set, noise_mm=1e3 * NOISE_M)

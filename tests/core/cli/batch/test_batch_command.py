@@ -73,6 +73,17 @@ def test_good_takes_alone_exit_with_0(folder, tmp_path, capsys):
     assert (json.loads(printed.out)["finished_before"], printed.err) == (1, "")
 
 
+def test_results_below_the_takes_are_no_takes(folder, tmp_path, capsys):
+    (tmp_path / "takes").mkdir()
+    shutil.copyfile(folder / "walk.trc", tmp_path / "takes" / "walk.trc")
+    given = ["--database", str(folder / "all.pfdb"), "--subject", str(folder / "walker.toml"), "--also", "angles.csv"]
+    line = ["batch", str(tmp_path / "takes"), *given, "--out", str(tmp_path / "takes" / "solved"), "--json"]
+    for finished_before in (0, 1):
+        assert main([*line, "--method", "nearest", "--jobs", "1"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert ([row["name"] for row in told["takes"]], told["finished_before"]) == (["walk"], finished_before)
+
+
 def test_takes_with_z_up_stand(folder, tmp_path, capsys):
     """As `perfanim solve` brings them in; Motive's prefix of the performer's name does not matter either."""
     walk = read_take(folder / "walk.trc")

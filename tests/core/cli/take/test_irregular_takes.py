@@ -15,12 +15,13 @@ from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.prop import load_prop
-from perfanim.core.markers.subject import Subject
+from perfanim.core.markers.subject import Subject, save_subject
 
 from tests.helpers.irregular_takes import (
     HAND_MARKER,
     SKELETON,
     SUIT,
+    Series,
     hands_at,
     hands_m,
     markers_at,
@@ -104,6 +105,29 @@ def test_a_marker_file_keeps_its_time_in_every_format(seed, tmp_path, capsys):
         told = run(capsys, "take", "export", tmp_path / "in.csv", "--out", tmp_path / f"a.{ending}")
         check_duration(series, told["frames"], told["fps"])
         check_markers(series, read_take(tmp_path / f"a.{ending}"))
+
+
+TIMES = {
+    "webcams": random_series(1),
+    "360 Hz to 1 ms": Series(np.arange(60) / 360.0, np.round(np.arange(60) / 360.0, 3), 360.0),
+    "60 Hz to 0.1 ms": Series(np.arange(60) / 60.0, np.round(np.arange(60) / 60.0, 4), 60.0),
+}
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_an_imported_take_is_told_exported_and_solved_in_its_time(kind, tmp_path, capsys, database_file):
+    series = TIMES[kind]
+    write_table(series, tmp_path / "in.csv")
+    save_subject(Subject("waver", SKELETON, SUIT), tmp_path / "waver.toml")
+    body = ("--subject", tmp_path / "waver.toml", "--database", database_file, "--method", "nearest")
+    run(capsys, "take", "import", tmp_path / "in.csv", *body, "--out", tmp_path)
+    told = run(capsys, "take", "info", tmp_path / "in.perftake")
+    assert kind == "webcams" or told["fps"] == series.stated_fps
+    for line in (("take", "export"), ("solve",)):
+        facts = run(capsys, *line, tmp_path / "in.perftake", "--out", tmp_path / "a.bvh")
+        motion = read_motion(tmp_path / "a.bvh")
+        assert facts["fps"] == told["fps"] == pytest.approx(motion.fps, rel=1e-4)
+        check_duration(series, motion.frames, told["fps"])
 
 
 def test_a_batch_reports_and_writes_the_true_durations(tmp_path, capsys, database_file):
