@@ -154,9 +154,15 @@ def _first_places(
     costs, offsets_m = _costs(local_m, skeleton)
     costs[:, is_open] = np.inf
     free = ~(costs.min(axis=1) < _S.explained)
-    for limb in limbs:
-        laid = np.where(free[:, None], points_m, np.nan)
-        _lay(limb, skeleton, laid, positions_m[:, limb.first], costs, offsets_m)
+    points_m = np.where(free[:, None], points_m, np.nan)
+    while limbs:
+        found = [_directed(limb, skeleton, points_m, positions_m[:, limb.first], costs) for limb in limbs]
+        most = int(np.argmax([gain for gain, _ in found]))
+        gain, pair = found[most]
+        if gain <= _S.unexplained:  # a limb that points at two markers always explains these
+            break
+        limb = limbs.pop(most)
+        _lay(limb, skeleton, points_m, positions_m[:, limb.first], pair, costs, offsets_m)
     return _chosen(costs, offsets_m, skeleton, unknown)
 
 
@@ -184,26 +190,48 @@ def _costs(local_m: Array, skeleton: Skeleton) -> tuple[Array, Array]:
     return costs, offsets_m
 
 
-def _lay(limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, costs: Array, offsets_m: Array) -> None:
-    """Fit a limb with its first joint at `root_m` (F, 3); write costs (U, J) and positions (U, J, 3) of its markers."""
-    joints = (limb.first, limb.second, limb.end)
-    first_m, second_m = (float(np.linalg.norm(skeleton.offsets_m[joint])) for joint in joints[1:])
-    lengths_m = np.array([first_m, second_m, _S.hand_m])
+def _lengths_m(limb: _Limb, skeleton: Skeleton) -> Array:
+    lengths_m = np.linalg.norm(skeleton.offsets_m[[limb.second, limb.end]], axis=1)
+    return np.append(lengths_m, _S.hand_m)
+
+
+def _directed(
+    limb: _Limb, skeleton: Skeleton, points_m: Array, root_m: Array, costs: Array
+) -> tuple[float, tuple[int, int]]:
+    """Return the two markers at which a limb points to explain most, and by how much it lowers the costs.
+
+    Args:
+        root_m: First joint of the limb (F, 3).
+        costs: Costs (U, J) of the markers on the bones found before.
+    """
+    lengths_m = _lengths_m(limb, skeleton)
     from_root_m = median_of_known(np.linalg.norm(points_m - root_m[:, None], axis=-1))
     near = np.flatnonzero(from_root_m < lengths_m.sum() + _S.farthest_m)
-    bends = near[np.abs(from_root_m[near] / first_m - 1.0) < _S.size_share]
+    bends = near[np.abs(from_root_m[near] / lengths_m[0] - 1.0) < _S.size_share]
     others = np.fmin(costs[near].min(axis=1), _S.unexplained)
-    best, least = None, np.inf
+    most, best = 0.0, (0, 0)
     few = slice(None, None, _S.every)
     for bend, end in product(bends, near):
         course_m = _course(root_m[few], points_m[few, bend], points_m[few, end], lengths_m)
         own, _ = _course_costs(points_m[few][:, near], course_m, lengths_m)
-        cost = float(np.fmin(own.min(axis=1), others).sum())
-        if bend != end and cost < least:
-            best, least = (bend, end), cost
-    if best is None:
-        return
-    course_m = _course(root_m, points_m[:, best[0]], points_m[:, best[1]], lengths_m)
+        gain = float(others.sum() - np.fmin(own.min(axis=1), others).sum())
+        if bend != end and gain > most:
+            most, best = gain, (bend, end)
+    return most, best
+
+
+def _lay(
+    limb: _Limb,
+    skeleton: Skeleton,
+    points_m: Array,
+    root_m: Array,
+    directed: tuple[int, int],
+    costs: Array,
+    offsets_m: Array,
+) -> None:
+    """Point a limb at two markers; write costs (U, J) and positions (U, J, 3) of the markers on its bones."""
+    lengths_m, joints = _lengths_m(limb, skeleton), (limb.first, limb.second, limb.end)
+    course_m = _course(root_m, points_m[:, directed[0]], points_m[:, directed[1]], lengths_m)
     costs[:, joints], middle_m = _course_costs(points_m, course_m, lengths_m)
     for part, joint in enumerate(joints):
         direction = skeleton.tips_m[joint] / max(float(np.linalg.norm(skeleton.tips_m[joint])), 1e-9)
@@ -252,7 +280,6 @@ def _kept_places(
 
 def _chosen(costs: Array, offsets_m: Array, skeleton: Skeleton, unknown: list[str]) -> tuple[Marker, ...]:
     """Return the markers on the bones with the least cost, NaN for an unknown one."""
-    costs = np.where(np.isnan(costs), np.inf, costs)
     joints: IntArray = costs.argmin(axis=1)
     return tuple(
         Marker(name, skeleton.names[joint], tuple(offsets_m[row, joint].tolist()), placed=True)
