@@ -33,6 +33,7 @@ from ..session.steady_motion import motion_of
 from ..session.verdict import Reason, ReasonKind
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import METHODS, SolveSettings
+from ..subjects.contradicted_bones import contradicted_bones
 from ..subjects.marker_placement import place_markers
 from ..subjects.refine_body import refine_body
 from ..subjects.refinement_text import worthwhile
@@ -196,9 +197,11 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     known = [marker.name for marker in used.markers if marker.name in shown and not marker.placed]
     inferred = [limb for limb in open_limbs(used, known) if limb not in lacking]
     findings = []
+    if text := contradicted_bones(solved.poses_of(), replace(subject, marker_set=used)):
+        findings.append(Reason(ReasonKind.LIMB, text))
     if lacking:
         guessed = "it is guessed" if len(lacking) == 1 else "they are guessed"
-        findings = [Reason(ReasonKind.LIMB, f"no marker holds {_listed(lacking)}: {guessed}")]
+        findings.append(Reason(ReasonKind.LIMB, f"no marker holds {_listed(lacking)}: {guessed}"))
     if inferred:
         text = f"only markers placed by the motion hold {_listed(inferred)}: check the labels"
         findings.append(Reason(ReasonKind.LIMB, text))

@@ -23,7 +23,7 @@ class TextSettings:
 
 
 SETTINGS = TextSettings()
-_WORDS = {
+PART_WORDS = {
     "hips": ("hips", "wider", "narrower"),
     "trunk": ("trunk", "longer", "shorter"),
     "thighs": ("thighs", "longer", "shorter"),
@@ -60,7 +60,7 @@ def describe_changes(before: Subject, found: Refinement) -> list[str]:
     evidence is small: the body fits, and changing a right body would make it worse.
     """
     whole = _bone("whole body", "larger", "smaller", found.whole, found.whole_sigma)
-    parts = [_bone(*_WORDS[part], size, found.size_sigmas[part]) for part, size in found.sizes.items()]
+    parts = [_bone(*PART_WORDS[part], size, found.size_sigmas[part]) for part, size in found.sizes.items()]
     markers = _markers(before, found)
     is_sure = any(change.is_sure for change in (whole, *parts, *markers))
     if not is_sure or found.evidence < SETTINGS.least_evidence:
