@@ -40,7 +40,7 @@ from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
 from .calibration import fit_subject
-from .take_reading import choose_worn, fit_take
+from .take_reading import fit_take, labelled_by
 
 Facts = dict[str, Any]
 
@@ -123,9 +123,10 @@ def solve(
     if database is None:
         raise DatabaseError("names no motion database", where=take.name, advice="give one with the take")
     if subject is None:
-        worn = choose_worn(AUTO, take)
+        opened = _opened(database, SessionCache())
+        take, worn = labelled_by(AUTO, take, opened, progress=progress)
         request = replace(request, place_markers=True)
-        return solve_unmeasured(fit_take(take, worn, "auto"), AUTO, database, request, progress)
+        return solve_unmeasured(fit_take(take, worn, "auto"), AUTO, opened, request, progress)
     return solve_markers(fit_take(take, subject.marker_set, "auto"), subject, database, request, progress)
 
 
@@ -197,6 +198,9 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     known = [marker.name for marker in used.markers if marker.name in shown and not marker.placed]
     inferred = [limb for limb in open_limbs(used, known) if limb not in lacking]
     findings = []
+    if take.is_guessed:
+        text = "which marker is which was recognised by the motion, but not clearly: check the names"
+        findings.append(Reason(ReasonKind.LABELS, text))
     if text := contradicted_bones(solved.poses_of(), replace(subject, marker_set=used)):
         findings.append(Reason(ReasonKind.LIMB, text))
     if lacking:

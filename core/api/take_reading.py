@@ -15,6 +15,7 @@ from ..markers.marker_set import MarkerSet, load_marker_set
 from ..markers.marker_take import MarkerTake
 from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
+from ..subjects.label_distances import contradiction
 from ..subjects.suit_recognition import recognise_suit
 from ..system.progress import Progress, no_progress
 
@@ -63,7 +64,9 @@ def labelled_by(
     where: str = "",
     progress: Progress = no_progress,
 ) -> tuple[MarkerTake, MarkerSet]:
-    """Return a take and the marker set that is worn; for "auto", unknown labels are replaced by the motion's evidence.
+    """Return a take and the marker set that is worn; for "auto", labels that say nothing are replaced by the motion's.
+
+    Labels that no set knows say nothing, nor do those of a set between which there are distances that no body has.
 
     Args:
         marker_set: As for `load_take`.
@@ -71,19 +74,22 @@ def labelled_by(
         database: Motion that shows which trajectory is which marker; None to refuse unknown labels.
 
     Raises:
-        TakeError: The labels are those of no set, and the motion does not show the markers.
+        TakeError: The labels say nothing, and the motion does not show the markers.
     """
-    try:
+    if marker_set != AUTO or database is None or take.single is not None or is_unnamed(take):
         return take, choose_worn(marker_set, take, where)
-    except TakeError:
-        if marker_set != AUTO or database is None or take.single is not None:
-            raise
-    worn, names = recognise_suit(replace(take, name=where or take.name), database, progress)
+    try:
+        worn = choose_worn(marker_set, take, where)
+        if contradiction(take, worn, database) < 1.0:
+            return take, worn
+        why = f"its labels are wrong: no body has such distances between the markers of {worn.name}"
+    except TakeError as error:
+        why = error.what
+    suit = recognise_suit(replace(take, name=where or take.name), database, why, progress)
     shown = int(take.visible.any(axis=0).sum())
-    note = (
-        f"no marker set knows the labels; {len(names)} of {shown} markers were recognised by their motion: {worn.name}"
-    )
-    return replace(rename_labels(take, names), notes=(*take.notes, note)), worn
+    found = f"{len(suit.names)} of {shown} markers were recognised by their motion: {suit.marker_set.name}"
+    named = rename_labels(take, suit.names)
+    return replace(named, notes=(*take.notes, f"{why}; {found}"), is_guessed=not suit.is_clear), suit.marker_set
 
 
 def read_labelled(path: Path | str, names: Names | None) -> MarkerTake:

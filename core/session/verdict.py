@@ -51,6 +51,7 @@ class ReasonKind(Enum):
     SIZE = auto()
     UPRIGHT = auto()
     FLOOR = auto()
+    LABELS = auto()  # which marker is which was guessed
     LIMB = auto()  # a limb is away from its markers
     DURATION = auto()
     STRETCH = auto()  # part of the take is doubtful

@@ -27,7 +27,6 @@ from ..geometry.gated_assignment import assign
 from ..geometry.rigid_transform import kabsch
 from ..labelling.template_labelling import Similarity, similarity
 from ..labelling.up_axis import TURNS
-from ..markers.label_matching import join_names
 from ..markers.marker_set import FEWEST_TORSO, MarkerSet, PointKind, load_marker_set, marker_set_names
 from ..markers.marker_take import MarkerTake
 from ..markers.source_noise import noise_of
@@ -75,6 +74,7 @@ class RecognitionSettings:
     turned_rad: float = 2.0  # difference of headings from which one assignment is another's mirror image
     clearer: float = 1.25  # factor by which the mirror image must explain the trajectories worse
     recognised: float = 0.6  # smallest share of recognised markers, of the set or of the trajectories
+    clear_m: float = 0.055  # RMS distance of all markers from those of a usual body, up to which the names are clear
     residual_m: float = 0.03  # largest median distance of the recognised markers from the body
 
 
@@ -109,21 +109,33 @@ class _Guess(NamedTuple):
     residual_m: float = np.nan
 
 
-def recognise_suit(
-    take: MarkerTake, database: Database, progress: Progress = no_progress
-) -> tuple[MarkerSet, dict[str, str]]:
-    """Return the shipped marker set that a take's trajectories look like, and the marker of each recognised label.
+class RecognisedSuit(NamedTuple):
+    """Marker set that was recognised.
+
+    Args:
+        names: The marker of each recognised label.
+        is_clear: The usual body explains the markers so well that no other names would.
+    """
+
+    marker_set: MarkerSet
+    names: dict[str, str]
+    is_clear: bool
+
+
+def recognise_suit(take: MarkerTake, database: Database, why: str, progress: Progress = no_progress) -> RecognisedSuit:
+    """Return the shipped marker set that a take's trajectories look like.
 
     Args:
         take: Take under any labels, in any axes.
         database: Database with motion like the take's.
+        why: What is wrong with its labels, for messages.
 
     Raises:
         TakeError: The trajectories look like no suit, or left and right cannot be told apart.
     """
     shown = np.flatnonzero(take.visible.any(axis=0))
     if len(shown) < _S.fewest or take.single is not None:
-        raise _refusal(take, f"{len(shown)} trajectories are too few to show a body")
+        raise _refusal(take, why, f"{len(shown)} trajectories are too few to show a body")
     points_m, turns, shifts_m, shape_m = _laid_over(take.positions_m[:, shown])
     compared = evenly(len(points_m), _S.compared)
     points_m, turns, shifts_m = points_m[compared], turns[compared], shifts_m[compared]
@@ -139,17 +151,13 @@ def recognise_suit(
         with contextlib.suppress(TakeError):  # too few of the torso
             solved.append(_solve(points_m, guess, database))
     if not solved:
-        raise _refusal(take, _NO_SUIT)
-    return _decided(take, solved, [take.names[i] for i in shown])
+        raise _refusal(take, why, _NO_SUIT)
+    return _decided(take, why, solved, [take.names[i] for i in shown])
 
 
-def _refusal(take: MarkerTake, what: str) -> TakeError:
+def _refusal(take: MarkerTake, why: str, what: str) -> TakeError:
     advice = "choose the marker set that was worn, or give a file of names: which label is which marker"
-    return TakeError(
-        f"its markers ({join_names(take.names)}) do not match any shipped marker set, and {what}",
-        where=take.name,
-        advice=advice,
-    )
+    return TakeError(f"{why}, and {what}", where=take.name, advice=advice)
 
 
 def _laid_over(positions_m: Array) -> tuple[Array, Array, Array, Array]:
@@ -360,15 +368,14 @@ def _poses(part: MarkerTake, labels: IntArray, subject: Subject, database: Datab
     return solved_poses(named, worn_in(named, subject), database)
 
 
-def _decided(take: MarkerTake, solved: list[_Guess], shown: list[str]) -> tuple[MarkerSet, dict[str, str]]:
-    """Return set and marker of each recognised label by the best guess; raise TakeError if it is not clear."""
+def _decided(take: MarkerTake, why: str, solved: list[_Guess], shown: list[str]) -> RecognisedSuit:
+    """Return the best guess; raise TakeError if it is no suit, or its mirror image is as good."""
     best = min(solved, key=lambda guess: guess.cost)
     known = int(np.sum(best.labels >= 0))
     if known < _S.recognised * min(len(best.marker_set), len(shown)) or not best.residual_m < _S.residual_m:
-        raise _refusal(take, _NO_SUIT)
+        raise _refusal(take, why, _NO_SUIT)
     if any(_is_turned(guess, best) and guess.cost < _S.clearer * best.cost for guess in solved):
-        raise _refusal(take, "their motion does not tell left from right")
+        raise _refusal(take, why, "their motion does not tell left from right")
     names = best.marker_set.names
-    return best.marker_set, {
-        label: names[marker] for label, marker in zip(shown, best.labels.tolist(), strict=True) if marker >= 0
-    }
+    of_labels = {label: names[k] for label, k in zip(shown, best.labels.tolist(), strict=True) if k >= 0}
+    return RecognisedSuit(best.marker_set, of_labels, best.cost < _S.clear_m**2 * known)

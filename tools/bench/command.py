@@ -42,6 +42,10 @@ _BENCHES = {
         "folder of c3d/ and trc/",
         ("frames", "only-takes"),
     ),
+    "unknown-labels": _Bench(
+        "suits whose labels are drawn by chance, recognised by their motion: labels, bones, marker distances, verdict",
+        options=("suits", "seed", "frames", "only-takes"),
+    ),
     "label-faults": _Bench(
         "faults of labels put into takes at random places: found, limbs when solved, false alarms", options=("seed",)
     ),

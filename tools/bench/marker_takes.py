@@ -87,7 +87,7 @@ def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int |
         row |= {"frames": read.frames, "markers": int(read.visible.any(axis=0).sum())}
         worn = choose_worn(AUTO, read, str(path))
         row["set"] = worn.name
-        take = fit_take(_middle(read, frames), worn, "auto")
+        take = fit_take(middle(read, frames), worn, "auto")
         solved = solve(take, None, open_database(database))
     except PerfanimError as error:
         return row | {"refusal": str(error).replace(str(folder), "")}
@@ -129,7 +129,7 @@ def _joints_mm(solved: SolvedTake, take: MarkerTake) -> float | str:
     return round(1e3 * float(np.nanmedian(np.linalg.norm(apart, axis=-1))), 1)
 
 
-def _middle(take: MarkerTake, frames: int | None) -> MarkerTake:
+def middle(take: MarkerTake, frames: int | None) -> MarkerTake:
     """Return at most this many frames from the middle of a take."""
     if frames is None or take.frames <= frames:
         return take

@@ -110,6 +110,34 @@ SUITS = {
     "gait": "trc/BTKData/TRCSamples/Gait.trc",
     "ballet": "trc/BTKData/TRCSamples/MOTEK/ballet_reduced.trc",
 }
+# suits whose labels are drawn by chance: settings of recognition were chosen on the first ones; a file, or a trial in a
+# marker set
+_DEVELOPMENT, _TEST = "development", "test"
+UNKNOWN_SUITS: dict[str, tuple[str, str | tuple[str, str]]] = {
+    "walk, veer left (16_11)": (_DEVELOPMENT, ("16_11", "cmu-41")),
+    "walk (35_01)": (_DEVELOPMENT, ("35_01", "plug-in-gait")),
+    "leap (49_04)": (_DEVELOPMENT, ("49_04", "helen-hayes")),
+    "walk to run (127_04)": (_DEVELOPMENT, ("127_04", "optitrack-baseline")),
+    "Gait.trc": (_DEVELOPMENT, SUITS["gait"]),
+    "kick.c3d": (_DEVELOPMENT, SUITS["kick"]),
+    "ballet_reduced.trc": (_DEVELOPMENT, SUITS["ballet"]),
+    "MACsample.c3d": (_DEVELOPMENT, "c3d/BTKData/c3d.org/sample06/MACsample.c3d"),
+    "hop (131_04)": (_TEST, ("131_04", "cmu-41")),
+    "walk (91_04)": (_TEST, ("91_04", "plug-in-gait")),
+    "basketball signals (29_02)": (_TEST, ("29_02", "helen-hayes")),
+    "forwards, backwards, sideways (09_12)": (_TEST, ("09_12", "optitrack-baseline")),
+    "uneven terrain (03_01)": (_TEST, ("03_01", "davis")),
+    "running.c3d": (_TEST, SUITS["running"]),
+    "shd01.c3d": (_TEST, "c3d/BTKData/others/shd01.c3d"),
+    "type-2a.c3d": (_TEST, "c3d/BTKData/c3d.org/sample10/type-2a.c3d"),
+    "FP_Type1.c3d": (_TEST, "c3d/ezc3d-testFiles/FP_Type1.c3d"),
+    "BTS.c3d": (_TEST, "c3d/ezc3d-testFiles/BTS.c3d"),
+    "561xxa01_anonym.C3D": (_TEST, "c3d/BTKData/others/561xxa01_anonym.C3D"),
+    "dynamic.C3D": (_TEST, "c3d/BTKData/c3d.org/sample28/dynamic.C3D"),
+    "T.trc": (_TEST, "trc/BTKData/TRCSamples/MOTEK/T.trc"),
+    "init100.trc": (_TEST, "trc/opensim-core/Applications/Scale/tests/resources/init100.trc"),
+    "subject01_static.trc": (_TEST, "trc/opensim-core/Applications/Scale/tests/resources/subject01_static.trc"),
+}
 # people whom no database of these takes holds, each seen as the points of a markerless tool; the settings of keypoints
 # were chosen on 07_01, 14_02, 14_08, 49_04, 49_10, 13_30, 91_47 and 135_05
 KEYPOINT_TAKES = (

@@ -71,6 +71,12 @@ def test_an_open_limb_is_told_and_lowers_the_confidence(take, walker, database):
     assert sum(limb.left_out for limb in rows.values()) == 6
 
 
+def test_a_motion_whose_markers_were_guessed_is_not_called_good(take, walker, database):
+    told = perfanim.solve(replace(take, is_guessed=True), walker, database, QUICK).verdict
+    assert [reason.kind for reason in told.reasons] == [ReasonKind.LABELS]
+    assert "check the names" in told.text
+
+
 def test_a_limb_that_a_choice_of_markers_leaves_open_is_told(take, walker, database):
     chosen = tuple(name for name in SUIT.names if name not in ARM)
     solved = perfanim.solve(take, walker, database, replace(QUICK, markers=chosen))

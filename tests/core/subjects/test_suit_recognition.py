@@ -37,6 +37,16 @@ def test_unknown_labels_become_those_of_the_suit_that_moves_like_them(unknown, d
     assert any("31 of 32 markers were recognised" in note for note in named.notes)
 
 
+def test_labels_of_a_suit_that_are_exchanged_among_themselves_are_told_and_found_by_the_motion(unknown, database):
+    take, true = unknown
+    names = np.random.default_rng(3).permutation(list(true.values()))
+    named, worn = labelled_by(AUTO, replace(take, names=(*names, "floor")), database)
+    assert worn.name == SUIT.name
+    assert named.names == (*true.values(), "floor")
+    assert not named.is_guessed
+    assert any("no body has such distances" in note for note in named.notes)
+
+
 def test_trajectories_that_are_no_body_are_refused(unknown, database):
     take = unknown[0]
     steps = np.random.default_rng(1).normal(0.0, 0.02, take.positions_m.shape)
