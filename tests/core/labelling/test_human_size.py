@@ -34,3 +34,15 @@ def test_torso_and_hands_tell_no_height(truth):
     whole = load_marker_set("boxing")
     marker_set = whole.subset([marker.name for marker in whole.markers if not marker.joint.endswith("foot")])
     assert likely_height_m(recorded(truth, 1.5, marker_set), marker_set) == DEFAULT_HEIGHT_M
+
+
+def test_distances_that_contradict_each_other_tell_no_height(truth):
+    """A hand that has the elbow's label, in a take without legs."""
+    whole = load_marker_set("plug-in-gait")
+    arms = ("LELB", "RELB", "LWRA", "LWRB", "RWRA", "RWRB")
+    worn = whole.subset([each.name for each in whole.markers if each.torso or each.name in arms])
+    take = recorded(truth, DEFAULT_HEIGHT_M, worn)
+    assert likely_height_m(take, worn) == pytest.approx(DEFAULT_HEIGHT_M, rel=0.06)
+    wrist = [take.names.index(name) for name in ("RWRA", "RWRB")]
+    take.positions_m[:, take.names.index("RELB")] = take.positions_m[:, wrist].mean(axis=1) - [0.0, 0.08, 0.0]
+    assert likely_height_m(take, worn) == DEFAULT_HEIGHT_M
