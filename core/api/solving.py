@@ -33,14 +33,14 @@ from ..session.steady_motion import motion_of
 from ..session.verdict import Reason, ReasonKind
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import METHODS, SolveSettings
-from ..subjects.contradicted_bones import contradicted_bones
+from ..subjects.contradictions import contradicted_bones, contradicted_places, moved_markers
 from ..subjects.marker_placement import place_markers
 from ..subjects.refine_body import refine_body
 from ..subjects.refinement_text import worthwhile
 from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
 from .calibration import fit_subject
-from .take_reading import fit_take, labelled_by
+from .take_reading import choose_worn, fit_take, labelled_by
 
 Facts = dict[str, Any]
 
@@ -143,7 +143,17 @@ def solve_unmeasured(
     opened = _opened(database, cache)
     subject = fit_subject(take, opened, marker_set, progress=lambda share, text: progress(0.5 * share, text))
     solved = solve_markers(take, subject, opened, request, progress, cache)
-    return replace(solved, report=solved.report | {"residual_mm": 1e3 * subject.residual_m})
+    moved_m = moved_markers(subject, choose_worn(marker_set, take))
+    text = contradicted_places(moved_m)
+    return replace(
+        solved,
+        findings=(*solved.findings, *([Reason(ReasonKind.LIMB, text)] if text else [])),
+        report=solved.report
+        | {
+            "residual_mm": 1e3 * subject.residual_m,
+            "moved_mm": {name: 1e3 * moved for name, moved in moved_m.items()},
+        },
+    )
 
 
 def solve_markers(

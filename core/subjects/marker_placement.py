@@ -44,13 +44,14 @@ class PlacementSettings:
     unexplained: float = 6.0  # cost, in the choice between fits of a limb, of a marker that is on no bone
     largest_spread_m: float = 0.05  # largest spread of a marker that is on a bone
     farthest_m: float = 0.2  # largest distance of a worn marker from its bone
-    usual_m: float = 0.08  # largest distance of a placed marker from a marker of the set that it may be
+    usual_m: float = 0.08  # largest distance of a placed marker from where it may be: the set's, or the other side's
     size_share: float = 0.4  # largest relative difference between a bone and the skeleton's
     every: int = 2  # step between the frames to which a limb is fitted
     hand_m: float = 0.15  # length of hand or foot beyond wrist or ankle
 
 
 _S = PlacementSettings()
+_MIRROR = np.array([-1.0, 1.0, 1.0])
 _LOOSE = ("fingers", "thumb")  # joints whose poses few markers determine
 
 
@@ -104,21 +105,36 @@ def _wearing(subject: Subject, places: tuple[Marker, ...]) -> Subject:
 
 
 def with_usual_offsets(subject: Subject, names: Sequence[str]) -> Subject:
-    """Return the subject with each placed marker where its set has a marker nearby that is not among the take's names.
+    """Return the subject with its placed markers where a set has them: left and right alike, at usual places nearby.
 
     The motion shows where a marker is along a bone, but hardly how thick the flesh below it is.
+
+    Args:
+        names: Names in the take; markers of the set that it lacks are where placed ones may be.
     """
-    markers = subject.marker_set.markers
-    rest_m = subject.marker_set.positions_on(subject.skeleton, rot.identity((len(subject.skeleton),)))
-    placed = [i for i, marker in enumerate(markers) if marker.placed]
+    markers, skeleton = subject.marker_set.markers, subject.skeleton
+    rest = rot.identity((len(skeleton),))
+    rest_m = subject.marker_set.positions_on(skeleton, rest)
+    placed = np.array([i for i, marker in enumerate(markers) if marker.placed], dtype=np.int64)
     missing = [i for i, marker in enumerate(markers) if not marker.placed and marker.name not in names]
-    apart_m = np.linalg.norm(rest_m[placed][:, None] - rest_m[missing], axis=-1)
-    usual = {placed[i]: markers[missing[j]] for i, j in zip(*assign(apart_m / _S.usual_m), strict=True)}
-    moved = (
-        replace(marker, joint=usual[i].joint, offset_m=usual[i].offset_m) if i in usual else marker
-        for i, marker in enumerate(markers)
-    )
+    left, right = placed[rest_m[placed, 0] > 0.0], placed[rest_m[placed, 0] < 0.0]
+    pairs = [side[of] for side, of in zip((left, right), _nearest(rest_m[left] * _MIRROR, rest_m[right]), strict=True)]
+    middle_m = 0.5 * (rest_m[pairs[0]] + rest_m[pairs[1]] * _MIRROR)
+    rest_m[pairs[0]], rest_m[pairs[1]] = middle_m, middle_m * _MIRROR
+    joints_m = forward_kinematics(skeleton, rest, np.zeros(3))[0]
+    moved = list(markers)
+    for i in placed.tolist():
+        offset_m = rest_m[i] - joints_m[skeleton.index(markers[i].joint)]
+        moved[i] = replace(markers[i], offset_m=tuple(offset_m.tolist()))
+    for i, usual in zip(*_nearest(rest_m[placed], rest_m[missing]), strict=True):
+        at = markers[missing[usual]]
+        moved[placed[i]] = replace(markers[placed[i]], joint=at.joint, offset_m=at.offset_m)
     return replace(subject, marker_set=replace(subject.marker_set, markers=tuple(moved)))
+
+
+def _nearest(points_m: Array, others_m: Array) -> tuple[IntArray, IntArray]:
+    """Return the pairs of points (N, 3) and others (M, 3) that are near each other, one to one."""
+    return assign(np.linalg.norm(points_m[:, None] - others_m, axis=-1) / _S.usual_m)
 
 
 def solved_poses(part: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Array]:

@@ -15,7 +15,6 @@ from perfanim.core.formats.markers.marker_files import READABLE
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array, Image, evenly
 from perfanim.core.markers.label_matching import AUTO, normalise_label
-from perfanim.core.markers.marker_set import MarkerSet
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.session.solved_take import SolvedTake
 from perfanim.core.subjects.from_motion import frames_of
@@ -56,8 +55,8 @@ def marker_takes(run: Run, frames: int | None = None, only_takes: list[str] | No
 
     Returns:
         rows (take, frames, markers, set, known, placed, left_out, residual_mm, joints_mm from the centres that the file
-        has itself, moved_mm of the known marker farthest from its usual place, millimetres of each limb, verdict, or
-        refusal in its place), outputs.
+        has itself, moved_mm of the known marker farthest from its usual place if that is over 35, millimetres of
+        each limb, verdict, or refusal in its place), outputs.
 
     Raises:
         FormatError: The folder contains no marker takes.
@@ -96,21 +95,9 @@ def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int |
     row |= {limb.limb: round(1e3 * limb.distance_m, 1) for limb in limbs if limb.markers}
     picture = pictures / f"{name.replace('/', '_')}.png"
     cv2.imencode(".png", _picture(solved))[1].tofile(str(picture))
-    row["joints_mm"], row["moved_mm"] = _joints_mm(solved, take), _moved_mm(solved, worn)
+    row["joints_mm"] = _joints_mm(solved, take)
+    row["moved_mm"] = next((f"{name} {mm:.0f}" for name, mm in solved.report["moved_mm"].items()), "")
     return row | {"residual_mm": round(solved.report["residual_mm"], 1), "verdict": solved.verdict.text}
-
-
-def _moved_mm(solved: SolvedTake, usual: MarkerSet) -> str:
-    """Return the known marker that was found farthest from its usual place, and how far."""
-    assert solved.setup is not None  # noqa: S101 - it was solved here
-    found = {marker.name: marker.offset_m for marker in solved.setup.performers[0].marker_set.markers}
-    moved_m = {
-        marker.name: float(np.linalg.norm(np.subtract(at, marker.offset_m)))
-        for marker in usual.markers
-        if marker.offset_m is not None and (at := found.get(marker.name)) is not None
-    }
-    farthest = max(moved_m, key=moved_m.__getitem__)
-    return f"{farthest} {1e3 * moved_m[farthest]:.0f}"
 
 
 def _joints_mm(solved: SolvedTake, take: MarkerTake) -> float | str:

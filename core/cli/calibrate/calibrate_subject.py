@@ -21,8 +21,9 @@ from ...markers.marker_set import MarkerSet
 from ...markers.marker_take import MarkerTake
 from ...markers.subject import Subject, load_subject, save_subject
 from ...session.limb_coverage import coverage_text, open_limbs
+from ...subjects.contradictions import moved_markers
 from ...subjects.from_motion import frames_of
-from ...subjects.pose_calibration import LIMITS, SubjectCalibration
+from ...subjects.pose_calibration import SubjectCalibration
 from ...subjects.refine_body import Refinement, refine_body
 from ...subjects.refinement_text import worthwhile
 from ...system.progress import Progress
@@ -151,15 +152,9 @@ def _from_motion(
 def worn_facts(take: MarkerTake, usual: MarkerSet, subject: Subject) -> dict[str, Any]:
     """Return how many of a take's markers are known, and which known ones are far from their usual positions."""
     shown = [name for name, visible in zip(take.names, take.visible.T, strict=True) if visible.any()]
-    places = dict(zip(subject.marker_set.names, subject.marker_set.offsets_m, strict=True))
-    moved_m = {
-        marker.name: float(np.linalg.norm(places[marker.name] - marker.offset_m))
-        for marker in usual.markers
-        if marker.offset_m is not None
-    }
     return {
         "coverage": coverage_text(subject.marker_set, shown, open_limbs(subject.marker_set, shown)),
-        "moved_mm": {name: round(1e3 * off, 1) for name, off in moved_m.items() if off > LIMITS.odd_marker_m},
+        "moved_mm": {name: round(1e3 * off, 1) for name, off in moved_markers(subject, usual).items()},
     }
 
 

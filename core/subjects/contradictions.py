@@ -1,17 +1,18 @@
-"""Whether the markers of a solved take contradict the bones of a skeleton that was given."""
+"""What the markers of a solved take contradict: the bones of a skeleton that was given, the places of a marker set."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..body.scene_pose import PerformerPose
 from ..geometry.arrays import evenly
-from ..markers.marker_set import PointKind
+from ..markers.marker_set import MarkerSet, PointKind
 from ..markers.source_noise import noise_of
 from ..markers.subject import Subject
 from .body_change import PARTS, part_lengths_m
 from .from_motion import body_of_poses
+from .pose_calibration import LIMITS
 from .refinement_text import PART_WORDS
 
 
@@ -21,6 +22,9 @@ class ContradictionSettings:
 
     frames: int = 60  # number of frames, spread over the take
     share: float = 0.1  # relative change of a part's bones; right skeletons with usual marker places show up to 0.055
+    moved_m: float = (
+        0.15  # distance from the usual place that no worn marker has: up to 0.08 in sound takes, wands 0.12
+    )
 
 
 _S = ContradictionSettings()
@@ -49,3 +53,30 @@ def contradicted_bones(poses: Sequence[PerformerPose], subject: Subject) -> str:
     name, more, less = PART_WORDS[tuple(PARTS)[most]]
     change = f"{name} at least {100.0 * abs(shares[most]):.0f} % {more if shares[most] > 0.0 else less}"
     return f"the skeleton contradicts the markers: {change} in the take"
+
+
+def moved_markers(subject: Subject, usual: MarkerSet) -> dict[str, float]:
+    """Return how far (m) known markers are from where their set puts them, the farthest first; near ones are left out.
+
+    A marker of a thigh may be anywhere along it, so movement along a bone does not count.
+    """
+    skeleton, places = subject.skeleton, {marker.name: marker for marker in usual.markers}
+    moved = {}
+    for marker in subject.marker_set.markers:
+        at = places.get(marker.name)
+        if marker.placed or at is None or at.joint != marker.joint or at.offset_m is None or marker.offset_m is None:
+            continue
+        tip_m = skeleton.tips_m[skeleton.index(marker.joint)]
+        length_m = float(np.linalg.norm(tip_m))
+        way = tip_m / max(length_m, 1e-9)
+        change_m = np.subtract(marker.offset_m, at.offset_m)
+        along_m, usual_m = float(way @ np.asarray(marker.offset_m)), float(way @ np.asarray(at.offset_m))
+        beyond_m = along_m - np.clip(along_m, min(0.0, usual_m), max(length_m, usual_m))
+        moved[marker.name] = float(np.linalg.norm(change_m - (along_m - usual_m - beyond_m) * way))
+    return {name: m for name, m in sorted(moved.items(), key=lambda row: -row[1]) if m >= LIMITS.odd_marker_m}
+
+
+def contradicted_places(moved_m: Mapping[str, float]) -> str:
+    """Return in words which of the `moved_markers` cannot be where the take shows them, or ""."""
+    far = [f"{name} is {1e3 * m:.0f} mm" for name, m in moved_m.items() if m > _S.moved_m]
+    return f"{', '.join(far)} away from its place on the body: check the label" if far else ""
