@@ -12,6 +12,7 @@ class NoteKind(Enum):
 
     SOURCE = auto()  # message from a camera, or from another source of marker frames
     HIDDEN = auto()  # markers or a prop are hidden
+    JUMPED = auto()  # markers moved as no body can, and are not used yet
     UNCERTAIN = auto()  # a part of the body has a large expected error
     UNFAMILIAR = auto()
     HELD = auto()
@@ -25,6 +26,7 @@ _SENTENCES = {
     NoteKind.WAITING: "waiting for the markers of the torso",
     NoteKind.REFUSED: "a frame with an impossible time was left out",
 }
+_JUMPED = " jumped, left out"
 _KINDS = {sentence: kind for kind, sentence in _SENTENCES.items()}
 
 
@@ -52,6 +54,11 @@ class PoseNote:
         return cls(NoteKind.HIDDEN, ", ".join(names) + " hidden")
 
     @classmethod
+    def jumped(cls, names: Iterable[str]) -> "PoseNote":
+        """Return the note that the markers with these names are left out because they jumped."""
+        return cls(NoteKind.JUMPED, ", ".join(names) + _JUMPED)
+
+    @classmethod
     def uncertain(cls, part: str, reason: str) -> "PoseNote":
         """Return the note that a part of the body is uncertain."""
         return cls(NoteKind.UNCERTAIN, f"{part} uncertain: {reason}", part)
@@ -62,6 +69,8 @@ class PoseNote:
         part, uncertain, _ = text.partition(" uncertain: ")
         if uncertain and part in PARTS:
             return cls(NoteKind.UNCERTAIN, text, part)
+        if text.endswith(_JUMPED):
+            return cls(NoteKind.JUMPED, text)
         return cls(_KINDS.get(text, NoteKind.HIDDEN if text.endswith(" hidden") else NoteKind.SOURCE), text)
 
 

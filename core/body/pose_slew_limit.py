@@ -23,6 +23,7 @@ _GATHERED_FRAMES = 5  # compared with this many earlier frames
 _GAINS_RAD = _GATHERED_RAD * np.arange(_GATHERED_FRAMES, -1, -1)[:, None]
 _LEVER_M = 0.32  # a joint's rotation is limited to the movement of a marker below it, divided by this lever
 _FASTEST_M = 0.15  # largest movement of a marker per frame; faster ones do not count
+_NEW_FRAMES = 8  # poses of a body just found that are shown as solved: the first may be wrong, and is no authority
 _FADING = 0.8  # factor per frame for the last movement of a hidden marker
 _PAUSE_S = 0.25  # time without a pose after which the limit restarts
 _CUT_M = 0.15  # distance per frame from all recent positions that makes a marker part of a cut
@@ -80,10 +81,13 @@ class PoseSlewLimit:
             self._seen, self._changed = seen, np.zeros(len(points_m), dtype=np.bool_)
             self._turns = deque[Array](maxlen=1 + _GATHERED_FRAMES)
             self._shown, self._trail = rotations, deque[tuple[float, Array]]()
+            self._new = _NEW_FRAMES
         else:
             self._changed, changed = seen != self._seen, self._changed
             self._seen = seen
-            self._shown = self._limited(frames, rotations, in_root_m, self._changed | changed, held, doubtful)
+            limited = self._limited(frames, rotations, in_root_m, self._changed | changed, held, doubtful)
+            self._shown = limited if self._new == 0 else rotations
+            self._new = max(self._new - 1, 0)
         self._time_s, self._raw, self._in_root_m = time_s, rotations, in_root_m
         self._seen_s[seen] = time_s
         self._trail.append((time_s, points_m))

@@ -110,19 +110,34 @@ class MultipleModelFilter:
         """
         sigmas = np.maximum(noise, self._least)
         located = np.isfinite(points[:, 0])
-        innovations = np.where(located[:, None], points, 0.0)[:, None] - self._states[:, :, 0]
-        variances = self._covariances[..., 0, 0] + (sigmas * sigmas)[:, None]
-        squares = np.add.reduce(innovations * innovations, axis=-1)
-        unlikely = squares / variances
-        far = (squares > self._squared_jump) & (unlikely > self._kind.jump_sigmas**2)
-        known = self.followed & ~np.logical_and.reduce(far, axis=1)
-        known &= located
+        innovations, variances, squares, unlikely = self._innovations(points, sigmas)
+        known = self.followed & located & ~self._far(squares, unlikely)
         # slices are faster than masks
         self._update(slice(None) if known.all() else known, innovations, variances, unlikely)
         if (new := located & ~known).any():
             self._start(new, points, sigmas)
         self._seen_s[located] = self._time_s
         return known
+
+    def log_likelihoods(self, points: Array, noise: Array) -> Array:
+        """Return the log densities (N,) of measurements, per unit of volume; NaN for points without a measurement."""
+        _, variances, _, unlikely = self._innovations(points, np.maximum(noise, self._least))
+        logs = np.log(np.maximum(self._weights, 1e-300)) - 1.5 * np.log(2.0 * np.pi * variances) - 0.5 * unlikely
+        most = np.maximum.reduce(logs, axis=1)
+        found = most + np.log(np.add.reduce(np.exp(logs - most[:, None]), axis=1))
+        return np.where(np.isfinite(points[:, 0]), found, np.nan)
+
+    def _innovations(self, points: Array, sigmas: Array) -> tuple[Array, Array, Array, Array]:
+        """Return innovations (N, K, 3), their variances (N, K), squared lengths, and these by variance."""
+        located = np.isfinite(points[:, :1])
+        innovations = np.where(located, points, 0.0)[:, None] - self._states[:, :, 0]
+        variances = self._covariances[..., 0, 0] + (sigmas * sigmas)[:, None]
+        squares = np.add.reduce(innovations * innovations, axis=-1)
+        return innovations, variances, squares, squares / variances
+
+    def _far(self, squares: Array, unlikely: Array) -> Mask:
+        far = (squares > self._squared_jump) & (unlikely > self._kind.jump_sigmas**2)
+        return np.asarray(np.logical_and.reduce(far, axis=1))
 
     def means(self) -> tuple[Array, Array]:
         """Return positions (N, 3) and the standard deviations (N,) of their coordinates."""

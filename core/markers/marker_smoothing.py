@@ -2,13 +2,15 @@
 
 Lasting errors, like those of keypoints, remain in the positions and count in their deviations. Each marker passes a
 multiple-model filter for a body that stands, moves or strikes (`MultipleModelFilter`). Exact markers are unchanged. A
-marker that is hidden for a moment is extrapolated, with a growing standard deviation.
+marker that is hidden for a moment is extrapolated, with a growing standard deviation. Live, markers that jump are
+doubted (`JumpGate`).
 """
 
 import numpy as np
 
 from ..geometry.arrays import Array, Mask
 from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
+from .jump_gate import JumpGate
 from .marker_noise import MarkerNoise, marker_noise
 from .source_noise import SourceNoise
 
@@ -36,18 +38,26 @@ class MarkerSmoother:
     def __init__(self, markers: int, source: SourceNoise) -> None:
         self._noise, self._source = MarkerNoise(), source
         self._follower = MultipleModelFilter((_MODELS, markers))
+        self._gate = JumpGate(markers)
 
-    def step(self, time_s: float, points_m: Array) -> tuple[Array, Array]:
-        """Return smoothed markers (M, 3) and the standard deviations (M,) of their coordinates, metres.
+    def step(self, time_s: float, points_m: Array, carried_m: Array | None = None) -> tuple[Array, Array, Mask]:
+        """Return smoothed markers (M, 3), the standard deviations (M,) of their coordinates, metres, and doubted ones.
 
         Args:
             points_m: Markers (M, 3), NaN where hidden; these are only extrapolated for a moment.
+            carried_m: Torso markers (M, 3) where the body carries them, NaN where unknown. If given, markers that have
+                jumped are treated as hidden; the last mask (M,) marks them (see `JumpGate`).
         """
         self._follower.predict(time_s)
         noise_m = np.minimum(self._noise.step(time_s, points_m), self._source.most_fast_m)
+        doubted = np.zeros(len(points_m), dtype=bool)
+        if carried_m is not None:
+            most_m = np.where(noise_m > 0.0, noise_m, self._source.most_fast_m)
+            doubted = self._gate.step(points_m, most_m, self._follower, carried_m)
+            points_m = np.where(doubted[:, None], np.nan, points_m)
         goes_on = _observe(self._follower, points_m, np.where(noise_m > 0.0, noise_m, _UNKNOWN_SIGMA_M))
         smoothed, deviations = _known(points_m, *self._follower.means(), goes_on)
-        return smoothed, np.hypot(deviations, self._source.lasting_m)
+        return smoothed, np.hypot(deviations, self._source.lasting_m), doubted
 
 
 def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tuple[Array, Array]:

@@ -23,6 +23,7 @@ class FilterSettings:
         0.0
     )
     feet: Annotated[str, About("mode of `FootLock`")] = "off"
+    immediate: Annotated[bool, About("a capture shows poses as solved, not two frames later and calmer")] = False
 
     @staticmethod
     def of_table(table: Table) -> "FilterSettings":
@@ -58,9 +59,14 @@ class PoseFilter:
             performer.set_settings(settings)
         self._settings = settings
 
+    @property
+    def is_immediate(self) -> bool:
+        """Whether poses are to be shown as soon as they are solved (see `pose_taps`)."""
+        return self._settings.immediate
+
     def step(self, pose: ScenePose) -> ScenePose:
         """Return the next pose filtered; the same object if all filters are off."""
-        if self._settings == FilterSettings():
+        if (self._settings.smoothing_s, self._settings.feet) == (0.0, "off"):
             return pose
         performers = tuple(
             performer.step(body) for performer, body in zip(self._performers, pose.performers, strict=True)

@@ -1,6 +1,7 @@
 """Session of one subject: turns marker frames into poses, live or from takes."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
 from ..body.scene_pose import PerformerPose
 from ..database.store import Database
-from ..geometry.arrays import Array
+from ..geometry.arrays import Array, Mask
 from ..geometry.camera import CameraRig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_smoothing import MarkerSmoother
@@ -24,18 +25,23 @@ from ..solver.subject_model import SubjectModel
 from .frame_labelling import BodyExamples, FrameLabeller, is_labelled, rest_markers
 from .hypothesis_tracking import HypothesisTracker
 from .part_errors import PartErrors, doubtful_joints
-from .pose_noise_filter import PoseNoiseFilter
 from .tracking_quality import TrackingQuality, assess_fit, tracking_of
 
+_FASTEST_M_S = 10.0  # speed that no torso reaches
 _WORSE_M = 0.004  # RMS distance by which alternative labels may fit the body worse than the current ones
 
 
-class Session:
-    """Labels and solves the frames of one subject; single-camera markers need `rig`.
+class _Tracked(NamedTuple):
+    """A labelled and solved frame."""
 
-    Args:
-        smooth: Remove the jitter that marker noise leaves in poses; disable it to fit bones to the poses.
-    """
+    observation: Observation  # markers that are believed
+    known_m: Array  # (M, 3) positions of these as solved: smoothed, and extrapolated while hidden for a moment
+    doubted: Mask  # (M,) markers that jumped
+    solution: Solution | None
+
+
+class Session:
+    """Labels and solves the frames of one subject; single-camera markers need `rig`."""
 
     def __init__(
         self,
@@ -43,9 +49,8 @@ class Session:
         database: Database,
         rig: CameraRig | None = None,
         settings: SolveSettings | None = None,
-        smooth: bool = True,
     ) -> None:
-        self.subject, self._smooth = subject, smooth
+        self.subject = subject
         self.settings = settings or SolveSettings()
         self.rig = rig
         cameras = rig.cameras if rig else ()
@@ -64,16 +69,16 @@ class Session:
     def reset(self) -> None:
         """Forget the motion so far."""
         self._last: PerformerPose | None = None
+        self._marker_velocities: Array | None = None  # (M, 3), m/s
         self._times = FrameTimes()
         self._slew_limit = PoseSlewLimit(self._model.skeleton, self._model.joints, self._model.offsets_m)
-        self._pose_noise = PoseNoiseFilter()
         self.restart()
 
     def step(self, frame: MarkerFrame, check_labels: bool = True) -> PerformerPose:
         """Return the next frame's pose; for a frame with an impossible time, the last pose again.
 
         Args:
-            check_labels: Compare the labels of a tracked body with alternatives.
+            check_labels: Compare found labels of a tracked body with alternatives, and doubt given ones that jump.
         """
         if not self._times.admit(frame.time_s):
             return self._last_pose(frame, self._last.time_s if self._last else 0.0, NoteKind.REFUSED)
@@ -82,15 +87,18 @@ class Session:
         frame = usable_frame(frame, len(self.subject.marker_set), len(self.rig or ()))
         before = self._state
         if self._hypotheses is None or is_labelled(frame):
-            observation, solution = self._track(frame)
+            tracked = self._track(frame, doubts=check_labels and is_labelled(frame))
         else:
-            observation, solution = self._track_hypotheses(frame, self._hypotheses)
+            tracked = self._track_hypotheses(frame, self._hypotheses)
+        observation, solution = tracked.observation, tracked.solution
         if solution:
-            pose = self._solved_pose(frame, observation, solution)
+            pose = self._solved_pose(frame, tracked, solution)
         else:
             pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, observation)
         elapsed_s = self._elapsed_s(frame.time_s)
         self._last = pose
+        if before.markers_m is not None and self._state.markers_m is not None and elapsed_s > 0.0:
+            self._marker_velocities = (self._state.markers_m - before.markers_m) / elapsed_s
         if self._quality.is_lost(pose):
             self.restart()
         elif check_labels and solution and not is_labelled(frame):
@@ -116,6 +124,7 @@ class Session:
     def _forget(self) -> None:
         """Forget the pose, so that the next frame is solved like the first."""
         self._state = self.solver.initial_state
+        self._marker_velocities = None
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
         if self._hypotheses is not None:
@@ -124,15 +133,26 @@ class Session:
     def _elapsed_s(self, time_s: float) -> float:
         return time_s - self._last.time_s if self._last else 0.0
 
-    def _track(self, frame: MarkerFrame) -> tuple[Observation, Solution | None]:
+    def _track(self, frame: MarkerFrame, doubts: bool) -> _Tracked:
         """Label and solve a frame starting from the last pose."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
-        smoothed = observation.smoothed(*self._smoother.step(frame.time_s, observation.points_m))
+        points_m, noise_m, doubted = self._smoother.step(
+            frame.time_s, observation.points_m, self._carried_m(frame.time_s) if doubts else None
+        )
+        smoothed, observation = observation.smoothed(points_m, noise_m), observation.without(doubted)
         # at most one expensive search per frame
         solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, smoothed, solution)
-        return observation, solution
+        return _Tracked(observation, smoothed.points_m, doubted, solution)
+
+    def _carried_m(self, time_s: float) -> Array:
+        """Return the torso's markers (M, 3) where the last two poses carry them, NaN for others and if unknown."""
+        carried_m, torso = np.full((len(self.subject.marker_set), 3), np.nan), self._model.torso
+        if self._state.markers_m is not None and self._marker_velocities is not None:
+            slow = torso & (np.linalg.norm(self._marker_velocities, axis=1) < _FASTEST_M_S)  # faster: after a cut
+            carried_m[slow] = (self._state.markers_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
+        return carried_m
 
     def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
         """Return the re-initialised pose if it is much nearer to the database.
@@ -187,29 +207,34 @@ class Session:
         self.labeller.follow_alternative(alternative)
         self._state = state
 
-    def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> tuple[Observation, Solution | None]:
+    def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> _Tracked:
         """Label and solve a frame of one camera with the best of several hypotheses."""
         best = tracker.step(frame, self._last.confidence if self._last else 0.0)
+        nothing = np.full((len(self.subject.marker_set), 3), np.nan)
+        undoubted = np.zeros(len(nothing), dtype=bool)
         if best is None:
-            return Observation.of_points(np.full((len(self.subject.marker_set), 3), np.nan)), None
+            return _Tracked(Observation.of_points(nothing), nothing, undoubted, None)
         self._state = best.state
-        return best.observation, best.solution
+        return _Tracked(best.observation, nothing, undoubted, best.solution)
 
-    def _solved_pose(self, frame: MarkerFrame, observation: Observation, solution: Solution) -> PerformerPose:
+    def _solved_pose(self, frame: MarkerFrame, tracked: _Tracked, solution: Solution) -> PerformerPose:
+        observation = tracked.observation
         # with one camera, distances from the rays count
         shown = observation.back_projected(solution.markers_m) if self._has_one_camera else observation
         fit = assess_fit(shown, solution, self._quality.settings)
-        hidden = [text for text, seen in zip(self.subject.marker_set.texts, fit.located, strict=True) if not seen]
-        notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if hidden else [])]
+        texts = np.array(self.subject.marker_set.texts)
+        hidden, jumped = texts[~fit.located & ~tracked.doubted], texts[tracked.doubted]
+        notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]
+        notes += [PoseNote.jumped(jumped)] if len(jumped) else []
         notes += [PoseNote.of(NoteKind.UNFAMILIAR)] if solution.nearest_m > self._quality.settings.familiar_m else []
         held = fit.rms_m > self._quality.settings.wrong_m
         notes += [PoseNote.of(NoteKind.HELD)] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
         errors_deg = self._part_errors.expected_deg(solution)
         doubtful, known, root_m = doubtful_joints(errors_deg), is_labelled(frame), solution.root.position_m
-        rotations = self._slew_limit.step(frame.time_s, rotations, root_m, shown.points_m, held, known, doubtful)
-        if self._smooth:
-            rotations, root_m = self._pose_noise.step(frame.time_s, rotations, root_m)
+        # a marker that is hidden for a moment is still known, so it neither disappears nor returns
+        points_m = shown.points_m if self._has_one_camera else tracked.known_m
+        rotations = self._slew_limit.step(frame.time_s, rotations, root_m, points_m, held, known, doubtful)
         is_confident = self._has_one_camera or known
         pose = PerformerPose(
             number=frame.number,

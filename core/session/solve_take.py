@@ -20,6 +20,7 @@ from ..solver.settings import SolveSettings
 from ..system.progress import Progress
 from .capture_setup import CaptureSetup, SessionMaker
 from .multi_target_session import MultiTargetSession
+from .pose_taps import calm_poses
 from .recorded_frames import relabel
 from .session import Session
 from .solved_take import SolvedTake
@@ -105,9 +106,10 @@ def solve_recorded(
 def _solve_whole(
     frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Progress, causal: bool
 ) -> SolvedTake:
-    """Return the poses of all frames, in both directions unless `causal`."""
+    """Return the poses of all frames, in both directions unless `causal`: then as a capture shows them."""
     if causal:
-        return solve_frames(frames, session, activity, progress, causal)
+        live = solve_frames(frames, session, activity, progress, causal)
+        return replace(live, poses=tuple(calm_poses(live.poses)))
     solved = solve_frames(frames, session, activity, lambda share, text: progress(_LABELS_SHARE * share, text))
 
     def later(share: float) -> None:

@@ -24,6 +24,7 @@ from ..geometry.rig_file import save_rig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject, save_subject
+from ..session.pose_taps import calm_performer
 from ..session.session import Session
 from ..session.steady_motion import motion_of
 from ..solver.settings import SolveSettings
@@ -163,7 +164,7 @@ def _solve(
         seconds.append(time.perf_counter() - start)
         if i % 30 == 0:
             progress(0.5 + 0.2 * i / len(recording.frames), "solving")
-    return poses, np.array(seconds)
+    return calm_performer(poses), np.array(seconds)
 
 
 def _write(

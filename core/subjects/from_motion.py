@@ -132,7 +132,7 @@ def frames_of(take: MarkerTake, frames: slice | IntArray) -> MarkerTake:
 
 def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Mask]:
     """Return joint rotations (F, J, 4) and a mask of well solved frames."""
-    session = Session(subject, database, smooth=False)
+    session = Session(subject, database)
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
     # the median, because single markers may be far from their usual offsets, which are still unknown
     large_m = SETTINGS.large_m + SETTINGS.large_sigmas * noise_of(subject.marker_set.points).lasting_m

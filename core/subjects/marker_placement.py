@@ -139,7 +139,7 @@ def _nearest(points_m: Array, others_m: Array) -> tuple[IntArray, IntArray]:
 
 def solved_poses(part: MarkerTake, subject: Subject, database: Database) -> tuple[Array, Array]:
     """Return joint rotations (F, J, 4) and root positions (F, 3); each frame is solved separately."""
-    session = Session(subject, database, smooth=False)
+    session = Session(subject, database)
     poses = []
     for frame in take_frames(part, subject.marker_set):
         session.reset()

@@ -103,7 +103,7 @@ def _with_targets(chosen: SourceRequest, settings: Any, partners: int) -> Source
 
 def shape(settings: Any) -> FilterSettings:
     """Return the settings of the pose filter."""
-    return FilterSettings(settings.smoothing_ms / 1000.0, settings.feet)
+    return FilterSettings(settings.smoothing_ms / 1000.0, settings.feet, settings.immediate)
 
 
 def cameras(settings: Any) -> CamerasRequest:

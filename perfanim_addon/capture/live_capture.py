@@ -7,6 +7,7 @@ import bpy
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
+from ...core.session.pose_taps import calm_poses
 from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists
@@ -202,6 +203,8 @@ class LiveCapture:
 
     def _write(self, context: bpy.types.Context) -> str:
         driver, all_poses = self._driver, self.run.poses if self.run else []
+        if settings(context).immediate:  # shown as solved, but recorded calm, as in the take
+            all_poses = calm_poses(all_poses)
         parts = [RecordedPart(recording.recorded(all_poses), recording.start_frame) for recording in self.recordings]
         parts = [part for part in parts if part.poses]
         if driver is not None:

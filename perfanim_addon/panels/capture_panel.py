@@ -87,7 +87,7 @@ class PERFANIM_PT_capture_settings(SidebarPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         chosen = settings(context)
         column = property_column(self.layout)
-        draw_props(column, chosen, "smoothing_ms", "feet")
+        draw_props(column, chosen, "immediate", "smoothing_ms", "feet")
         _draw_flags(column, chosen, "overlay", [name for name, *_ in OVERLAYS])
         column = column.column()
         column.enabled = running_capture() is None

@@ -296,6 +296,12 @@ class PERFANIM_PG_settings(bpy.types.PropertyGroup):
         soft_max=600,
         subtype="TIME_ABSOLUTE",
     )
+    immediate: switch(
+        "Immediate",
+        "Show each pose as soon as it is solved. Otherwise it is shown two frames later and calmed by the poses around "
+        "it. Recordings are always calmed",
+        update=_retune,
+    )
     smoothing_ms: number(
         "Smoothing (ms)",
         "Removes jitter. Adds up to this much delay; less during fast motion. 0 turns it off. The take "

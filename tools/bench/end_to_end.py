@@ -18,6 +18,7 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
+from perfanim.core.session.pose_taps import calm_performer
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.session.steady_motion import motion_of
@@ -129,7 +130,7 @@ def _solved(
 
     def from_video(frames: list[MarkerFrame], subject: Subject, cameras: CameraRig) -> Motion:
         session = Session(subject, database, cameras, WITHOUT_PRIOR)
-        return motion_of([session.step(frame) for frame in frames], subject, "video", source.fps)
+        return motion_of(calm_performer([session.step(frame) for frame in frames]), subject, "video", source.fps)
 
     left = CameraRig(rig.cameras[:1])
     seen_by_one = Subject("true", skeleton, one_camera.subject.marker_set)

@@ -18,6 +18,7 @@ from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
 from perfanim.core.session.multi_target_session import MultiTargetSession
+from perfanim.core.session.pose_taps import calm_poses
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_frames, solve_take
 from perfanim.core.session.solved_take import SolvedTake
@@ -83,7 +84,8 @@ def solve_both_ways(take: MarkerTake, subject: Subject, database: Database, sett
     session = MultiTargetSession([Session(subject, database, None, settings)])
     live = solve_frames(list(take_frames(take, subject.marker_set)), session, "", no_progress, causal=True)
     offline = session.solve_two_ways(live.poses, lambda share: None)
-    columns = {LIVE: live.poses_of(), OFFLINE: [pose.performers[0] for pose in offline]}
+    calm = calm_poses(live.poses)
+    columns = {LIVE: [pose.performers[0] for pose in calm], OFFLINE: [pose.performers[0] for pose in offline]}
     return {way: Way(motion_of(poses, subject, take.name, take.fps), poses) for way, poses in columns.items()}
 
 

@@ -2,16 +2,18 @@
 
 import time
 from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...body.scene_pose import PerformerPose
+from ...body.scene_pose import PerformerPose, ScenePose
 from ...errors import CaptureError, PerfanimError
 from ...formats.take_file.pose_codec import TimedPose, pack_solved
 from ...formats.take_file.take_writer import TakeWriter
 from ...geometry.arrays import Image
 from ...markers.marker_frame import MarkerFrame
+from ...session.pose_taps import DelayedPoses
 from ..channel import Channel
 from ..client import WorkerClient
 from ..protocol import Message, MessageKind
@@ -54,6 +56,9 @@ class CaptureLoop:
         self._report = CameraReport(channel)
         self._frames: deque[tuple[float, MarkerFrame]] = deque()  # recorded but not solved yet
         self._pose: PerformerPose | None = None  # the last pose
+        self._delayed = DelayedPoses()
+        self._held: deque[TimedPose] = deque()  # solved but not calmed yet
+        self._solved = 0  # number of frames
         self._stop_asked_s = 0.0
         self._error: PerfanimError | None = None
 
@@ -68,11 +73,12 @@ class CaptureLoop:
                 self._output.drop()
             if self._output.is_ready:
                 if self._output.send():
-                    self._client.acknowledge(self._channel.frames)
+                    self._client.acknowledge(self._solved)
             elif self._frames:
                 self._solve(*self._frames.popleft())
             else:
                 self._client.wait(WORKER.idle_s)
+        self._end()
         self._channel.progress_s = None
         if self._error is not None:
             raise self._error
@@ -141,9 +147,30 @@ class CaptureLoop:
         self._pose = pose.performers[0]
         solved = TimedPose(pose, stamp_s, time.perf_counter() - started_s, len(self._frames))
         self._channel.slowness.add(solved.solve_s, time.thread_time() - processor_s)
+        self._solved += 1
+        self._held.append(solved)
+        self._report.update(frame)
+        calm = self._delayed.step(pose)
+        if self._output.is_immediate:
+            self._output.put(solved, None)
+        if calm is not None:
+            self._keep(calm)
+        if not self._output.is_ready:  # the first poses wait for later ones
+            self._client.acknowledge(self._solved)
+
+    def _end(self) -> None:
+        """Keep and send the last poses, which no later ones calm."""
+        for pose in self._delayed.rest():
+            self._keep(pose)
+            while self._output.is_ready and not self._channel.disconnected.is_set():
+                self._output.send()
+
+    def _keep(self, pose: ScenePose) -> None:
+        """Write the oldest pose that was held to the take, calmed, and send it unless it was sent as solved."""
+        calm = replace(self._held.popleft(), pose=pose)
         record = None
         if self._take is not None:
-            record = pack_solved(solved)
+            record = pack_solved(calm)
             self._take.add_pose(record)
-        self._report.update(frame)
-        self._output.put(solved, record)
+        if not self._output.is_immediate:
+            self._output.put(calm, record)

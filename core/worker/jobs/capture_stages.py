@@ -95,6 +95,11 @@ class PoseOutput:
         self._ready: bytes | None = None  # packed in advance, to be sent when the previous one is acknowledged
 
     @property
+    def is_immediate(self) -> bool:
+        """Whether poses are shown as soon as they are solved."""
+        return self._filter.is_immediate
+
+    @property
     def is_ready(self) -> bool:
         """Whether a pose is ready to be sent."""
         return self._ready is not None

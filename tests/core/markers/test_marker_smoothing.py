@@ -112,7 +112,7 @@ def test_hidden_markers_are_dropped_after_a_cut():
 def test_long_steps_and_empty_frames():
     smoother = MarkerSmoother(2, EXACT)
     for time_s in (1e6, 1e6 + 0.01, 1e9):
-        found, deviations = smoother.step(time_s, np.array([[1.0, 2.0, 3.0], [np.nan] * 3]))
+        found, deviations, _ = smoother.step(time_s, np.array([[1.0, 2.0, 3.0], [np.nan] * 3]))
         np.testing.assert_allclose(found[0], [1.0, 2.0, 3.0], atol=1e-6)
         assert np.all(np.isnan(found[1]))
         assert np.all(np.isfinite(deviations))

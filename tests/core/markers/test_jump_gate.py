@@ -1,0 +1,67 @@
+"""Doubt about markers that jump, in the smoother of live markers."""
+
+import numpy as np
+import pytest
+from perfanim.core.markers.marker_set import PointKind
+from perfanim.core.markers.marker_smoothing import MarkerSmoother
+from perfanim.core.markers.source_noise import noise_of
+
+FPS, MARKERS = 60.0, 5
+WALK_M = 1.2 / FPS * np.arange(90)[:, None, None] * np.array([1.0, 0.0, 0.0])
+UNKNOWN = np.full((MARKERS, 3), np.nan)
+
+
+def walking(noise_m: float = 0.001) -> np.ndarray:
+    """Markers (F, M, 3) of a body that walks, a metre apart."""
+    apart = np.arange(MARKERS)[:, None] * np.array([0.0, 1.0, 0.0])
+    return apart + WALK_M + np.random.default_rng(1).normal(0.0, noise_m, (90, MARKERS, 3))
+
+
+def passed(points: np.ndarray, carried_m: np.ndarray = UNKNOWN) -> tuple[np.ndarray, np.ndarray]:
+    """Return smoothed markers (F, M, 3) and the doubted ones (F, M)."""
+    smoother = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS))
+    frames = [smoother.step(number / FPS, row, carried_m) for number, row in enumerate(points)]
+    return np.array([frame[0] for frame in frames]), np.array([frame[2] for frame in frames])
+
+
+@pytest.mark.parametrize("away_m", [0.05, 0.17])
+def test_a_wild_point_of_one_frame_moves_nothing(away_m: float) -> None:
+    points = walking()
+    points[40, 2] += [0.0, 0.0, away_m]
+    found, doubted = passed(points)
+    assert np.argwhere(doubted).tolist() == [[40, 2]]
+    assert np.linalg.norm(found[38:44] - walking()[38:44], axis=-1).max() < 0.01
+
+
+def test_a_jump_that_lasts_is_believed_in_the_next_frame() -> None:
+    points = walking()
+    points[40:, 2] += [0.0, 0.0, 0.2]
+    found, doubted = passed(points)
+    assert np.argwhere(doubted).tolist() == [[40, 2]]
+    assert np.linalg.norm(found[41:, 2] - points[41:, 2], axis=-1).max() < 0.01
+
+
+def test_a_cut_is_believed_at_once() -> None:
+    points = walking()
+    points[40:] += [0.5, 0.0, 0.0]
+    found, doubted = passed(points)
+    assert not doubted.any()
+    assert np.linalg.norm(found[40:] - points[40:], axis=-1).max() < 0.02
+
+
+def test_noise_is_not_doubted() -> None:
+    assert not passed(walking(0.003))[1].any()
+
+
+def test_torso_marker_is_doubted_where_the_body_cannot_carry_it() -> None:
+    """A marker without a motion of its own, because it was hidden for long, returns 15 cm off."""
+    points = walking()
+    points[20:60, 2] = np.nan
+    points[60, 2] += [0.0, 0.0, 0.15]
+    carried = UNKNOWN.copy()
+    carried[2] = walking(0.0)[60, 2]
+    assert not passed(points)[1].any()
+    smoother = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS))
+    for number in range(60):
+        smoother.step(number / FPS, points[number], UNKNOWN)
+    assert smoother.step(60 / FPS, points[60], carried)[2].tolist() == [False, False, True, False, False]
