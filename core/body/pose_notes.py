@@ -13,6 +13,7 @@ class NoteKind(Enum):
     SOURCE = auto()  # message from a camera, or from another source of marker frames
     HIDDEN = auto()  # markers or a prop are hidden
     JUMPED = auto()  # markers moved as no body can, and are not used yet
+    EXCHANGED = auto()  # markers had each other's labels, which were put back
     UNCERTAIN = auto()  # a part of the body has a large expected error
     UNFAMILIAR = auto()
     HELD = auto()
@@ -26,7 +27,8 @@ _SENTENCES = {
     NoteKind.WAITING: "waiting for the markers of the torso",
     NoteKind.REFUSED: "a frame with an impossible time was left out",
 }
-_JUMPED = " jumped, left out"
+_JUMPED, _EXCHANGED = " jumped, left out", " exchanged, put back"
+_ENDINGS = {" hidden": NoteKind.HIDDEN, _JUMPED: NoteKind.JUMPED, _EXCHANGED: NoteKind.EXCHANGED}
 _KINDS = {sentence: kind for kind, sentence in _SENTENCES.items()}
 
 
@@ -59,6 +61,11 @@ class PoseNote:
         return cls(NoteKind.JUMPED, ", ".join(names) + _JUMPED)
 
     @classmethod
+    def exchanged(cls, names: Iterable[str]) -> "PoseNote":
+        """Return the note that the exchanged labels of the markers with these names were put back."""
+        return cls(NoteKind.EXCHANGED, ", ".join(names) + _EXCHANGED)
+
+    @classmethod
     def uncertain(cls, part: str, reason: str) -> "PoseNote":
         """Return the note that a part of the body is uncertain."""
         return cls(NoteKind.UNCERTAIN, f"{part} uncertain: {reason}", part)
@@ -69,9 +76,8 @@ class PoseNote:
         part, uncertain, _ = text.partition(" uncertain: ")
         if uncertain and part in PARTS:
             return cls(NoteKind.UNCERTAIN, text, part)
-        if text.endswith(_JUMPED):
-            return cls(NoteKind.JUMPED, text)
-        return cls(_KINDS.get(text, NoteKind.HIDDEN if text.endswith(" hidden") else NoteKind.SOURCE), text)
+        ending = next((kind for ending, kind in _ENDINGS.items() if text.endswith(ending)), NoteKind.SOURCE)
+        return cls(_KINDS.get(text, ending), text)
 
 
 def source_notes(texts: Iterable[str]) -> tuple[PoseNote, ...]:

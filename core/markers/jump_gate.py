@@ -1,13 +1,16 @@
-"""Doubt about markers that jump: a single wild point moves nothing, and a jump that lasts is believed.
+"""Doubt about labelled markers that jump: a single wild point moves nothing, and exchanged labels are put back.
 
 What a marker may do in a frame follows from its own motion. A position that this motion makes less likely than a wild
 point is treated as hidden for one frame. If the marker is still elsewhere in the next one, it is believed: its label or
 its place on the body has changed, or it has moved faster than its motion promised. When most markers jump, this is
-another shot or another person, which is believed at once.
+another shot or another person, which is believed at once. Markers that jump to where others are expected have exchanged
+labels; these are put back, for half a second at most: labels that stay are believed.
 """
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +27,7 @@ class JumpSettings:
     torso_m: float = 0.015  # standard deviation of a torso marker about where the body carries it, per coordinate
     near_m: float = 0.02  # distance from the expected position within which nothing is wild
     settled: int = 3  # positions after which a marker's own motion counts
+    exchanged: int = 30  # frames after which exchanged labels are believed
     cut: float = 0.5  # share of the located markers that jump in a cut
 
 
@@ -31,15 +35,24 @@ _S = JumpSettings()
 _WILD = math.log(_S.share / (4.0 / 3.0 * math.pi * _S.reach_m**3))  # log density of wild points, per m^3
 
 
+class Gated(NamedTuple):
+    """Markers of one frame after the gate."""
+
+    points_m: Array  # (M, 3) with exchanged labels put back, NaN where hidden or doubted
+    doubted: Mask  # (M,)
+    exchanged: Mask  # (M,) markers whose labels were put back
+
+
 class JumpGate:
     """Doubts the jumps of one body's markers, frame by frame."""
 
     def __init__(self, markers: int) -> None:
         self._doubted = np.zeros(markers, dtype=bool)
-        self._ages = np.zeros(markers, dtype=np.int64)  # positions of each marker's present motion
+        # number of successive positions of each marker's present motion, and of frames with exchanged labels
+        self._ages, self._exchanges = np.zeros((2, markers), dtype=np.int64)
 
-    def step(self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, carried_m: Array) -> Mask:
-        """Return a mask (M,) of the markers that are doubted in the next frame.
+    def step(self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, carried_m: Array) -> Gated:
+        """Return the markers of the next frame that are believed.
 
         Args:
             points_m: Markers (M, 3), NaN where hidden.
@@ -47,21 +60,49 @@ class JumpGate:
             follower: Filter that has predicted them for this frame; it forgets markers whose jump is believed.
             carried_m: Torso markers (M, 3) where the body carries them, NaN where unknown.
         """
-        away_m = np.linalg.norm(points_m - follower.means()[0], axis=1)
         self._ages[~follower.followed] = 0
         is_settled = self._ages >= _S.settled
-        jumped = follower.followed & (away_m > _S.near_m)
-        if jumped.any():
-            jumped &= follower.log_likelihoods(points_m, noise_m) < _WILD
-        off_m = np.linalg.norm(points_m - carried_m, axis=1)
+        jumped = self._jumped(points_m, noise_m, follower)
+        exchanged = np.zeros_like(jumped)
+        if np.count_nonzero(jumped & is_settled) > 1:
+            points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped & is_settled)
+            jumped &= ~exchanged
         variances = _S.torso_m**2 + noise_m**2
-        is_carried_off = -1.5 * np.log(2.0 * np.pi * variances) - 0.5 * off_m**2 / variances < _WILD
+        squares = np.sum((points_m - carried_m) ** 2, axis=1)
+        is_carried_off = -1.5 * np.log(2.0 * np.pi * variances) - 0.5 * squares / variances < _WILD
         jumped |= is_carried_off
-        is_cut = np.count_nonzero(jumped) > _S.cut * np.count_nonzero(np.isfinite(away_m))
+        is_cut = np.count_nonzero(jumped) > _S.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
         doubted = jumped & ~self._doubted & (is_settled | is_carried_off) & (not is_cut)
         begins = np.full_like(jumped, is_cut) | (jumped & ~doubted)
         follower.forget(begins)
         self._ages[begins] = 0
-        self._ages += np.isfinite(away_m) & ~doubted
+        self._ages += np.isfinite(points_m[:, 0]) & ~doubted
         self._doubted = doubted
-        return doubted
+        self._exchanges = np.where(exchanged, self._exchanges + 1, np.where(doubted, self._exchanges, 0))
+        return Gated(np.where(doubted[:, None], np.nan, points_m), doubted, exchanged)
+
+    def _jumped(self, points_m: Array, noise_m: Array, follower: MultipleModelFilter) -> Mask:
+        """Return a mask (M,) of the markers that are where their own motion does not take them."""
+        away_m = np.linalg.norm(points_m - follower.means()[0], axis=1)
+        jumped = follower.followed & (away_m > _S.near_m)
+        if jumped.any():
+            jumped &= follower.log_likelihoods(points_m, noise_m) < _WILD
+        return np.asarray(jumped)
+
+    def _put_back(
+        self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, jumped: Mask
+    ) -> tuple[Array, Mask]:
+        """Return the points with the labels put back that jumped markers (M,) have exchanged, and which these are."""
+        markers = np.flatnonzero(jumped & (self._exchanges < _S.exchanged)).tolist()
+        logs = np.full((len(jumped), len(jumped)), -np.inf)  # log densities of the point of a column at a marker
+        for other in markers:
+            moved = np.broadcast_to(points_m[other], points_m.shape)
+            logs[:, other] = follower.log_likelihoods(moved, noise_m)
+        pairs = [(logs[one, other] + logs[other, one], one, other) for one, other in combinations(markers, 2)]
+        put_back, exchanged = points_m.copy(), np.zeros_like(jumped)
+        for _, one, other in sorted(pairs, reverse=True):
+            fit = min(logs[one, other], logs[other, one]) > _WILD
+            if fit and not (exchanged[one] or exchanged[other]):
+                put_back[[one, other]] = points_m[[other, one]]
+                exchanged[[one, other]] = True
+        return put_back, exchanged

@@ -6,11 +6,13 @@ marker that is hidden for a moment is extrapolated, with a growing standard devi
 doubted (`JumpGate`).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..geometry.arrays import Array, Mask
 from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
-from .jump_gate import JumpGate
+from .jump_gate import Gated, JumpGate
 from .marker_noise import MarkerNoise, marker_noise
 from .source_noise import SourceNoise
 
@@ -27,6 +29,14 @@ _UNKNOWN_SIGMA_M = 1e-3  # noise assumed in the first frames
 _SUDDEN, _KNOWN_M = 1.75, 0.09
 
 
+class SmoothedMarkers(NamedTuple):
+    """Markers of one frame."""
+
+    points_m: Array  # (M, 3) smoothed, NaN where unknown
+    deviations_m: Array  # (M,) standard deviations of their coordinates
+    believed: Gated  # measured ones
+
+
 class MarkerSmoother:
     """Smooths the markers of one body, frame by frame.
 
@@ -40,24 +50,24 @@ class MarkerSmoother:
         self._follower = MultipleModelFilter((_MODELS, markers))
         self._gate = JumpGate(markers)
 
-    def step(self, time_s: float, points_m: Array, carried_m: Array | None = None) -> tuple[Array, Array, Mask]:
-        """Return smoothed markers (M, 3), the standard deviations (M,) of their coordinates, metres, and doubted ones.
+    def step(self, time_s: float, points_m: Array, carried_m: Array | None = None) -> SmoothedMarkers:
+        """Return the markers of the next frame.
 
         Args:
             points_m: Markers (M, 3), NaN where hidden; these are only extrapolated for a moment.
-            carried_m: Torso markers (M, 3) where the body carries them, NaN where unknown. If given, markers that have
-                jumped are treated as hidden; the last mask (M,) marks them (see `JumpGate`).
+            carried_m: Torso markers (M, 3) where the body carries them, NaN where unknown. If given, markers pass a
+                `JumpGate`; without it, all are believed.
         """
         self._follower.predict(time_s)
         noise_m = np.minimum(self._noise.step(time_s, points_m), self._source.most_fast_m)
-        doubted = np.zeros(len(points_m), dtype=bool)
+        nothing = np.zeros(len(points_m), dtype=bool)
+        believed = Gated(points_m, nothing, nothing)
         if carried_m is not None:
             most_m = np.where(noise_m > 0.0, noise_m, self._source.most_fast_m)
-            doubted = self._gate.step(points_m, most_m, self._follower, carried_m)
-            points_m = np.where(doubted[:, None], np.nan, points_m)
-        goes_on = _observe(self._follower, points_m, np.where(noise_m > 0.0, noise_m, _UNKNOWN_SIGMA_M))
-        smoothed, deviations = _known(points_m, *self._follower.means(), goes_on)
-        return smoothed, np.hypot(deviations, self._source.lasting_m), doubted
+            believed = self._gate.step(points_m, most_m, self._follower, carried_m)
+        goes_on = _observe(self._follower, believed.points_m, np.where(noise_m > 0.0, noise_m, _UNKNOWN_SIGMA_M))
+        smoothed_m, deviations_m = _known(believed.points_m, *self._follower.means(), goes_on)
+        return SmoothedMarkers(smoothed_m, np.hypot(deviations_m, self._source.lasting_m), believed)
 
 
 def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tuple[Array, Array]:

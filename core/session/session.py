@@ -37,6 +37,7 @@ class _Tracked(NamedTuple):
     observation: Observation  # markers that are believed
     known_m: Array  # (M, 3) positions of these as solved: smoothed, and extrapolated while hidden for a moment
     doubted: Mask  # (M,) markers that jumped
+    exchanged: Mask  # (M,) markers whose labels were exchanged, and are put back
     solution: Solution | None
 
 
@@ -136,15 +137,15 @@ class Session:
     def _track(self, frame: MarkerFrame, doubts: bool) -> _Tracked:
         """Label and solve a frame starting from the last pose."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
-        points_m, noise_m, doubted = self._smoother.step(
-            frame.time_s, observation.points_m, self._carried_m(frame.time_s) if doubts else None
-        )
-        smoothed, observation = observation.smoothed(points_m, noise_m), observation.without(doubted)
+        carried_m = self._carried_m(frame.time_s) if doubts else None
+        found = self._smoother.step(frame.time_s, observation.points_m, carried_m)
+        smoothed = observation.smoothed(found.points_m, found.deviations_m)
+        observation = replace(observation, points_m=found.believed.points_m)
         # at most one expensive search per frame
         solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
         if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
             solution = self._escape_local_minimum(frame.time_s, smoothed, solution)
-        return _Tracked(observation, smoothed.points_m, doubted, solution)
+        return _Tracked(observation, smoothed.points_m, found.believed.doubted, found.believed.exchanged, solution)
 
     def _carried_m(self, time_s: float) -> Array:
         """Return the torso's markers (M, 3) where the last two poses carry them, NaN for others and if unknown."""
@@ -211,11 +212,11 @@ class Session:
         """Label and solve a frame of one camera with the best of several hypotheses."""
         best = tracker.step(frame, self._last.confidence if self._last else 0.0)
         nothing = np.full((len(self.subject.marker_set), 3), np.nan)
-        undoubted = np.zeros(len(nothing), dtype=bool)
+        none = np.zeros(len(nothing), dtype=bool)
         if best is None:
-            return _Tracked(Observation.of_points(nothing), nothing, undoubted, None)
+            return _Tracked(Observation.of_points(nothing), nothing, none, none, None)
         self._state = best.state
-        return _Tracked(best.observation, nothing, undoubted, best.solution)
+        return _Tracked(best.observation, nothing, none, none, best.solution)
 
     def _solved_pose(self, frame: MarkerFrame, tracked: _Tracked, solution: Solution) -> PerformerPose:
         observation = tracked.observation
@@ -226,6 +227,7 @@ class Session:
         hidden, jumped = texts[~fit.located & ~tracked.doubted], texts[tracked.doubted]
         notes = [*source_notes(frame.notes), *([PoseNote.hidden(hidden)] if len(hidden) else [])]
         notes += [PoseNote.jumped(jumped)] if len(jumped) else []
+        notes += [PoseNote.exchanged(texts[tracked.exchanged])] if tracked.exchanged.any() else []
         notes += [PoseNote.of(NoteKind.UNFAMILIAR)] if solution.nearest_m > self._quality.settings.familiar_m else []
         held = fit.rms_m > self._quality.settings.wrong_m
         notes += [PoseNote.of(NoteKind.HELD)] if held else []

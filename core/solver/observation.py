@@ -30,10 +30,6 @@ class Observation:
         points_m = np.where(self.single[:, None], np.nan, points_m)
         return Observation(points_m, self.cameras, self.image_points, self.rig, noise_m)
 
-    def without(self, markers: Mask) -> "Observation":
-        """Return the observation without the positions of some markers (M,)."""
-        return replace(self, points_m=np.where(markers[:, None], np.nan, self.points_m)) if markers.any() else self
-
     def back_projected(self, markers_m: Array) -> "Observation":
         """Return the observation with single-camera markers on their rays, as close as possible to markers (M, 3).
 

@@ -10,6 +10,7 @@ from perfanim.core.body.pose_notes import NoteKind, PoseNote, source_notes
         *(PoseNote.of(kind) for kind in (NoteKind.UNFAMILIAR, NoteKind.HELD, NoteKind.WAITING, NoteKind.REFUSED)),
         PoseNote.hidden(["left hand", "left foot"]),
         PoseNote.jumped(["left hand"]),
+        PoseNote.exchanged(["left foot", "right foot"]),
         PoseNote.uncertain("left arm", "its marker is hidden"),
         *source_notes(["the left camera froze", "this is uncertain: really"]),
     ],

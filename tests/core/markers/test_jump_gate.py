@@ -21,7 +21,7 @@ def passed(points: np.ndarray, carried_m: np.ndarray = UNKNOWN) -> tuple[np.ndar
     """Return smoothed markers (F, M, 3) and the doubted ones (F, M)."""
     smoother = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS))
     frames = [smoother.step(number / FPS, row, carried_m) for number, row in enumerate(points)]
-    return np.array([frame[0] for frame in frames]), np.array([frame[2] for frame in frames])
+    return np.array([frame.points_m for frame in frames]), np.array([frame.believed.doubted for frame in frames])
 
 
 @pytest.mark.parametrize("away_m", [0.05, 0.17])
@@ -64,4 +64,29 @@ def test_torso_marker_is_doubted_where_the_body_cannot_carry_it() -> None:
     smoother = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS))
     for number in range(60):
         smoother.step(number / FPS, points[number], UNKNOWN)
-    assert smoother.step(60 / FPS, points[60], carried)[2].tolist() == [False, False, True, False, False]
+    assert smoother.step(60 / FPS, points[60], carried).believed.doubted.tolist() == [False, False, True, False, False]
+
+
+@pytest.mark.parametrize("frames", [1, 15])
+def test_exchanged_labels_are_put_back(frames: int) -> None:
+    points = walking()
+    points[40 : 40 + frames, [1, 3]] = points[40 : 40 + frames, [3, 1]]
+    found, doubted = passed(points)
+    assert not doubted.any()
+    assert np.linalg.norm(found - walking(), axis=-1).max() < 0.01
+
+
+def test_labels_that_stay_exchanged_are_believed() -> None:
+    """The first ones may have been wrong."""
+    points = walking()
+    points[30:, [1, 3]] = points[30:, [3, 1]]
+    found, _ = passed(points)
+    assert np.linalg.norm(found[62:] - points[62:], axis=-1).max() < 0.01
+
+
+def test_sides_are_put_back_and_a_performer_elsewhere_is_not() -> None:
+    points = walking()
+    points[40:50] = points[40:50][:, [3, 4, 2, 0, 1]]
+    found, doubted = passed(points)
+    assert not doubted.any()
+    assert np.linalg.norm(found - walking(), axis=-1).max() < 0.01
