@@ -27,6 +27,8 @@ MEASURES = (
 _WAITED = "waited_s"  # time until the first live pose
 _RATIOS = ("deg_per_joint", "mpjpe_mm", "bone_direction_deg", "main_bone_direction_deg", "jitter_ratio", "of_clean")
 _FARTHER, _PIXELS = 2.0, 0.2  # for one-camera views: factor on the studio's distance, noise of a centre, px
+_WILD_M = 0.05, 0.17  # distances of wild points
+_GAP_FRAMES, _GAP_SHARES = (1, 2, 3, 5), (0.8, 0.1, 0.05, 0.05)  # lengths of gaps of markers that flicker
 _HIDDEN, _HIDDEN_S = "LHAN", (1.0, 1.5)  # the marker that is hidden, and when
 
 
@@ -35,6 +37,8 @@ def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[
     if disturbance.fps:
         truth = resampled(truth, disturbance.fps)
     take, _ = simulate_markers(truth, true_subject(truth), disturbance.noise_mm, disturbance.dropout, seed)
+    if disturbance.flicker or disturbance.wild:
+        take = _flickering(take, disturbance, np.random.default_rng(seed))
     if disturbance.rays:
         whole, _ = simulate_markers(truth, true_subject(truth))
         return replace(take, single=_by_one_camera(take, whole, seed)), truth
@@ -44,6 +48,19 @@ def disturbed_take(disturbance: Disturbance, truth: Motion, seed: int) -> tuple[
         positions[first:last, take.names.index(_HIDDEN)] = np.nan
         take = replace(take, positions_m=positions)
     return take, truth
+
+
+def _flickering(take: MarkerTake, disturbance: Disturbance, generator: np.random.Generator) -> MarkerTake:
+    """Return the take with short gaps, four of five a single frame long, and wild points."""
+    positions, shape = take.positions_m.copy(), take.positions_m.shape[:2]
+    ways = generator.normal(size=(*shape, 3))
+    ways *= generator.uniform(*_WILD_M, (*shape, 1)) / np.linalg.norm(ways, axis=-1, keepdims=True)
+    wild = generator.random(shape) < disturbance.wild
+    positions[wild] += ways[wild]
+    mean = float(np.dot(_GAP_FRAMES, _GAP_SHARES))
+    for first, marker in np.argwhere(generator.random(shape) < disturbance.flicker / mean):
+        positions[first : first + generator.choice(_GAP_FRAMES, p=_GAP_SHARES), marker] = np.nan
+    return replace(take, positions_m=positions)
 
 
 def _by_one_camera(take: MarkerTake, whole: MarkerTake, seed: int) -> SingleViews:
@@ -92,7 +109,7 @@ def solve_disturbed(
     expected: dict[tuple[str, str], list[Expected]] = {}
     for disturbance in disturbances:
         found: dict[str, list[dict[str, Any]]] = {LIVE: [], OFFLINE: []}
-        for seed in seeds if disturbance.noise_mm or disturbance.dropout else seeds[:1]:
+        for seed in seeds if disturbance.is_random else seeds[:1]:
             take, moved = disturbed_take(disturbance, truth, seed)
             ways = solve_both_ways(take, subject, database, settings)
             clean = clean or ways

@@ -210,8 +210,15 @@ class Disturbance:
     noise_mm: float = 0.0  # standard deviation of each coordinate
     dropout: float = 0.0  # share of marker positions that are missing
     hides: bool = False  # also hide one hand's marker for half a second
+    flicker: float = 0.0  # share of marker positions that are missing, mostly for single frames
+    wild: float = 0.0  # share of marker positions that are 50 to 170 mm off, for single frames
     rays: bool = False  # show each missing marker to one of two cameras
     fps: float = 0.0  # frame rate; 0 keeps the take's
+
+    @property
+    def is_random(self) -> bool:
+        """Whether it differs from seed to seed."""
+        return any((self.noise_mm, self.dropout, self.flicker, self.wild))
 
 
 CLEAN = Disturbance("clean")
@@ -220,6 +227,7 @@ QUICK_DISTURBANCES = (
     Disturbance("3 mm", noise_mm=3.0),
     Disturbance("30 % lost, a hand for 0.5 s", dropout=0.3, hides=True),
     Disturbance("30 % by one camera", dropout=0.3, rays=True),
+    Disturbance("flicker and wild points", flicker=0.15, wild=0.08),
 )
 DISTURBANCES = (
     CLEAN,

@@ -40,6 +40,7 @@ from perfanim.core.cli.main import main
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import DatabaseError, FormatError, SettingsError
 from perfanim.core.formats.motion.bvh import write_bvh
+from perfanim.core.geometry.arrays import runs
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.pose_solver import PoseSolver
@@ -202,6 +203,21 @@ def test_a_hand_is_hidden_for_half_a_second(embedded_motion):
     missing = np.isnan(take.positions_m[:, :, 0])
     assert np.flatnonzero(missing[:, take.names.index("LHAN")]).tolist() == list(range(30, 45))
     assert missing.sum() == 15
+
+
+def test_flickering_markers_have_short_gaps_and_wild_points(embedded_motion):
+    truth = sliced(embedded_motion["walking-02-energetic"], 0, 240)
+    (clean, _), (take, _) = (
+        disturbed_take(Disturbance("", flicker=f, wild=w), truth, 1) for f, w in ((0, 0), (0.15, 0.08))
+    )
+    missing = np.isnan(take.positions_m[..., 0])
+    assert 0.1 < missing.mean() < 0.2
+    lengths = [stop - start for column in missing.T for start, stop in runs(column)]
+    assert np.mean(np.array(lengths) == 1) > 0.6
+    away_m = np.linalg.norm(take.positions_m - clean.positions_m, axis=-1)[~missing]
+    assert 0.05 < np.mean(away_m > 0.0) < 0.11
+    assert away_m[away_m > 0.0].min() >= 0.05
+    assert away_m.max() <= 0.17
 
 
 def test_the_default_settings_take_a_prior_that_has_not_seen_the_person(tmp_path, database):
