@@ -6,7 +6,6 @@ point, the more weight it gets. So a still point is held still, and a fast one d
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -40,7 +39,7 @@ _MOVEMENT, _JERKS = _movements()
 
 @dataclass(frozen=True)
 class MotionModels:
-    """How points of one kind move; lengths are in the points' unit."""
+    """How points move; lengths are in the points' unit."""
 
     changes: tuple[float, ...]  # third differences at 60 Hz that the models expect
     least_sigma: float  # smallest standard deviation of a measured coordinate
@@ -53,27 +52,16 @@ class MotionModels:
 
 
 class MultipleModelFilter:
-    """Filter for points in space.
+    """Filter for N points in space."""
 
-    Args:
-        kinds: Models and number of points for each kind; all kinds have the same number of models and the same times.
-    """
-
-    def __init__(self, *kinds: tuple[MotionModels, int]) -> None:
-        repeats = [count for _, count in kinds]
-
-        def of_points(values: list[Any]) -> Array:
-            return np.repeat(np.array(values), repeats, axis=0)
-
-        self._kind = kinds[0][0]
-        # spectral densities of the jerk's white noise, unit^2 / s^5
-        self._densities = np.square(of_points([kind.changes for kind, _ in kinds])) * 60.0**5
-        self._least = of_points([kind.least_sigma for kind, _ in kinds])
-        self._squared_jump = np.square(of_points([kind.jump for kind, _ in kinds]))[:, None]
-        self._first = np.square(of_points([(kind.first_speed, kind.first_acceleration) for kind, _ in kinds]))
-        points, models = self._densities.shape
+    def __init__(self, kind: MotionModels, points: int) -> None:
+        self._kind = kind
+        self._densities = (
+            np.square(kind.changes) * 60.0**5
+        )  # spectral densities (K,) of the jerk's white noise, unit^2 / s^5
         self._seen_s = np.full(points, -np.inf)
         self._time_s = 0.0
+        models = len(self._densities)
         self._weights = np.full((points, models), 1.0 / models)
         self._hold(np.zeros((points, models, 18)))
 
@@ -108,7 +96,7 @@ class MultipleModelFilter:
         Returns:
             Mask (N,) of the points that were not re-initialised.
         """
-        sigmas = np.maximum(noise, self._least)
+        sigmas = np.maximum(noise, self._kind.least_sigma)
         located = np.isfinite(points[:, 0])
         innovations, variances, squares, unlikely = self._innovations(points, sigmas)
         known = self.followed & located & ~self._far(squares, unlikely)
@@ -121,7 +109,7 @@ class MultipleModelFilter:
 
     def log_likelihoods(self, points: Array, noise: Array) -> Array:
         """Return the log densities (N,) of measurements, per unit of volume; NaN for points without a measurement."""
-        _, variances, _, unlikely = self._innovations(points, np.maximum(noise, self._least))
+        _, variances, _, unlikely = self._innovations(points, np.maximum(noise, self._kind.least_sigma))
         logs = np.log(np.maximum(self._weights, 1e-300)) - 1.5 * np.log(2.0 * np.pi * variances) - 0.5 * unlikely
         most = np.maximum.reduce(logs, axis=1)
         found = most + np.log(np.add.reduce(np.exp(logs - most[:, None]), axis=1))
@@ -136,7 +124,7 @@ class MultipleModelFilter:
         return innovations, variances, squares, squares / variances
 
     def _far(self, squares: Array, unlikely: Array) -> Mask:
-        far = (squares > self._squared_jump) & (unlikely > self._kind.jump_sigmas**2)
+        far = (squares > self._kind.jump**2) & (unlikely > self._kind.jump_sigmas**2)
         return np.asarray(np.logical_and.reduce(far, axis=1))
 
     def means(self) -> tuple[Array, Array]:
@@ -186,6 +174,6 @@ class MultipleModelFilter:
         self._states[new, :, 0] = points[new, None]
         self._covariances[new] = 0.0
         self._covariances[new, :, 0, 0] = np.square(sigmas[new])[:, None]
-        self._covariances[new, :, 1, 1] = self._first[new, :1]
-        self._covariances[new, :, 2, 2] = self._first[new, 1:]
+        self._covariances[new, :, 1, 1] = self._kind.first_speed**2
+        self._covariances[new, :, 2, 2] = self._kind.first_acceleration**2
         self._weights[new] = 1.0 / self._weights.shape[1]

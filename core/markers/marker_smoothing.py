@@ -47,7 +47,7 @@ class MarkerSmoother:
 
     def __init__(self, markers: int, source: SourceNoise) -> None:
         self._noise, self._source = MarkerNoise(), source
-        self._follower = MultipleModelFilter((_MODELS, markers))
+        self._follower = MultipleModelFilter(_MODELS, markers)
         self._gate = JumpGate(markers)
 
     def step(self, time_s: float, points_m: Array, carried_m: Array | None = None) -> SmoothedMarkers:
@@ -82,7 +82,7 @@ def smooth_markers(times_s: Array, points_m: Array, source: SourceNoise) -> tupl
     """
     noise_m = np.minimum(marker_noise(times_s, points_m), source.most_fast_m)
     smoothed, deviations = np.full(points_m.shape, np.nan), np.full(points_m.shape[:2], np.inf)
-    forwards, backwards = (MultipleModelFilter((_MODELS, points_m.shape[1])) for _ in range(2))
+    forwards, backwards = (MultipleModelFilter(_MODELS, points_m.shape[1]) for _ in range(2))
     for index, time_s in enumerate(times_s):
         forwards.predict(time_s)
         known = _observe(forwards, points_m[index], noise_m) | np.isfinite(points_m[index, :, 0])
