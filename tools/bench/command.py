@@ -43,7 +43,7 @@ _BENCHES = {
         ("frames", "only-takes"),
     ),
     "unknown-labels": _Bench(
-        "suits whose labels are drawn by chance, recognised by their motion: labels, bones, marker distances, verdict",
+        "suits whose labels, or those of the arms, are drawn by chance: labels, bones, wrists, distances, verdict",
         options=("suits", "seed", "frames", "only-takes"),
     ),
     "label-faults": _Bench(

@@ -8,9 +8,11 @@ import numpy as np
 from perfanim.core.api.solving import SolveRequest, solve_unmeasured
 from perfanim.core.api.take_reading import fit_take, labelled_by, read_labelled
 from perfanim.core.body.motion import Motion
+from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import open_database
 from perfanim.core.errors import PerfanimError
+from perfanim.core.geometry.arrays import Array
 from perfanim.core.markers.exchanged_throughout import places_standing
 from perfanim.core.markers.label_matching import AUTO, LabelMatch, match_best_set
 from perfanim.core.markers.marker_set import load_marker_set
@@ -25,6 +27,8 @@ from .scenarios import UNKNOWN_SUITS, Take
 _FRAMES = 480  # largest number of frames that are solved
 _WORN_M = 0.015  # standard deviation of markers from their usual places in simulated suits
 _NOISE_MM, _DROPOUT = 1.0, 0.02
+_ARM = ("humerus", "radius", "wrist", "hand", "fingers", "thumb")
+_COLUMNS = ("found", "right", "wrong", "unnamed", "more", "bones_mm", "wrists_mm", "ratio")
 _SAME_M = 0.05  # largest distance between the usual places of the same marker in two sets
 
 
@@ -35,7 +39,9 @@ def unknown_labels(
     frames: int = _FRAMES,
     only_takes: list[str] | None = None,
 ) -> dict[str, Any]:
-    """Rename all labels of suits, or exchange all among themselves; solve, and compare with the solution by true names.
+    """Rename all labels of suits, exchange all among themselves, or rename those of the arms; solve, and compare.
+
+    The solution by true names is the comparison.
 
     Args:
         suits: Folder that contains c3d/ and trc/; by default `data`.
@@ -44,9 +50,10 @@ def unknown_labels(
         only_takes: Strings, one of which a take's name must contain; by default all takes are solved.
 
     Returns:
-        rows (take, use: "development" if settings were chosen on it; labels: "unknown" or "exchanged"; set; found set;
-        of the markers that the set knows: right, wrong, unnamed; more: markers that it does not know and that got a
-        name; bones_mm: largest difference of a bone's length; ratio of the markers' distances; outcome: good, told or
+        rows (take, use: "development" if settings were chosen on it; labels: "unknown", "exchanged" or "arms"; set;
+        found set; of the markers that the set knows: right, wrong, unnamed; more: markers that it does not know and
+        that got a name; bones_mm: largest difference of a bone's length; wrists_mm: median distance of the wrist that
+        is farther off from its place by true names; ratio of the markers' distances; outcome: good, told or
         refused; sentence: warning about the labels, and verdict or refusal; by_names: verdict by true names), outputs.
     """
     jobs: dict[str, tuple[Any, ...]] = {}
@@ -63,16 +70,19 @@ def unknown_labels(
 def _rows(
     title: str, use: str, source: Path | Motion, worn: str, database: Path, seed: int, frames: int
 ) -> list[dict[str, Any]]:
-    """Return a row for unknown and one for exchanged labels of a take, in another process."""
+    """Return a row for each kind of drawn labels of a take, in another process."""
     take = middle(read_labelled(source, None) if isinstance(source, Path) else _simulated(source, worn, seed), frames)
     match = match_best_set(take.names, title)
     true = match.rename(take)
     by_names = _solved(true, database)
     generator = np.random.default_rng(seed)
     rows = []
-    for labels in ("unknown", "exchanged"):
+    arms = {marker.name for marker in match.marker_set.markers if marker.joint[1:] in _ARM} & set(true.names)
+    for labels in ("unknown", "exchanged", "arms") if arms else ("unknown", "exchanged"):
         order = generator.permutation(len(true.names))
         names = true.names if labels == "exchanged" else tuple(f"Q{i:03d}" for i in range(len(order)))
+        if labels == "arms":
+            names = tuple(names[i] if true.names[at] in arms else true.names[at] for i, at in enumerate(order))
         drawn = replace(true, names=names, positions_m=true.positions_m[:, order])
         row = {"take": title, "use": use, "labels": labels, "set": match.marker_set.name}
         rows.append(row | _compared(by_names, _solved(drawn, database), match, [true.names[i] for i in order]))
@@ -108,7 +118,7 @@ def _compared(
     Args:
         true: The true name of each label of the drawn take.
     """
-    row: dict[str, Any] = dict.fromkeys(("found", "right", "wrong", "unnamed", "more", "bones_mm", "ratio"), "")
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "")
     row |= {"outcome": "refused", "sentence": drawn}
     row["by_names"] = by_names if isinstance(by_names, str) else by_names[1].verdict.text
     if isinstance(drawn, str):
@@ -121,9 +131,19 @@ def _compared(
         return row
     expected = by_names[1]
     bones_m = [np.linalg.norm(each.motion.skeleton.tips_m, axis=1) for each in (expected, solved)]
+    wrists_m = [_wrists_m(each.motion) for each in (expected, solved)]
+    row["wrists_mm"] = round(
+        1e3 * float(np.median(np.linalg.norm(wrists_m[0] - wrists_m[1], axis=-1), axis=0).max()), 1
+    )
     distances = [each.summary()["marker_rms_mm"] for each in (expected, solved)]
     row["bones_mm"] = round(1e3 * float(np.abs(bones_m[0] - bones_m[1]).max()), 1)
     return row | {"ratio": round(distances[1] / distances[0], 2)}
+
+
+def _wrists_m(motion: Motion) -> Array:
+    """Return the wrists (F, 2, 3): the joints of the hands, because those called wrist twist the forearms."""
+    wrists = [motion.skeleton.index(side + "hand") for side in "lr"]
+    return forward_kinematics(motion.skeleton, motion.rotations, motion.root_positions_m)[0][:, wrists]
 
 
 def _counts(match: LabelMatch, found: str, names: tuple[str, ...], true: list[str]) -> dict[str, int]:
