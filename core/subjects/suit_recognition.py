@@ -114,7 +114,8 @@ class RecognisedSuit(NamedTuple):
 
     Args:
         names: The marker of each recognised label.
-        is_clear: The usual body explains the markers so well that no other names would.
+        is_clear: The usual body explains the markers so well that no other names would, and none is left without a name
+            while a name is left.
     """
 
     marker_set: MarkerSet
@@ -378,4 +379,5 @@ def _decided(take: MarkerTake, why: str, solved: list[_Guess], shown: list[str])
         raise _refusal(take, why, "their motion does not tell left from right")
     names = best.marker_set.names
     of_labels = {label: names[k] for label, k in zip(shown, best.labels.tolist(), strict=True) if k >= 0}
-    return RecognisedSuit(best.marker_set, of_labels, best.cost < _S.clear_m**2 * known)
+    is_clear = best.cost < _S.clear_m**2 * known and known == min(len(best.marker_set), len(shown))
+    return RecognisedSuit(best.marker_set, of_labels, is_clear)
