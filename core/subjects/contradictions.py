@@ -10,8 +10,8 @@ from ..geometry.arrays import evenly
 from ..markers.marker_set import MarkerSet, PointKind
 from ..markers.source_noise import noise_of
 from ..markers.subject import Subject
-from .body_change import PARTS, part_lengths_m
-from .from_motion import body_of_poses
+from .body_change import PARTS, SIGMAS, part_lengths_m
+from .from_motion import body_of_poses, well_solved
 from .pose_calibration import LIMITS
 from .refinement_text import PART_WORDS
 
@@ -22,12 +22,16 @@ class ContradictionSettings:
 
     frames: int = 60  # number of frames, spread over the take
     share: float = 0.1  # relative change of a part's bones; right skeletons with usual marker places show up to 0.055
+    sigmas: float = (
+        3.0  # largest change, in usual deviations of people: more comes of wrong labels, and is told as such
+    )
     moved_m: float = (
         0.15  # distance from the usual place that no worn marker has: up to 0.08 in sound takes, wands 0.12
     )
 
 
 _S = ContradictionSettings()
+_LONG = ("thighs", "shanks", "arms")  # parts whose lengths few markers tell
 
 
 def contradicted_bones(poses: Sequence[PerformerPose], subject: Subject) -> str:
@@ -39,16 +43,18 @@ def contradicted_bones(poses: Sequence[PerformerPose], subject: Subject) -> str:
         poses: Solved poses, with the markers that were used.
         subject: Performer with these markers.
     """
-    used = [poses[i] for i in evenly(len(poses), _S.frames) if np.isfinite(poses[i].observed_m).any()]
+    used = [poses[i] for i in np.flatnonzero(well_solved(poses, subject))]
+    used = [used[i] for i in evenly(len(used), _S.frames)]
     if not used or subject.marker_set.points is PointKind.KEYPOINTS:  # keypoints are centimetres away from joints
         return ""
     rotations = np.array([pose.rotations for pose in used])
     observed_m = np.array([pose.observed_m for pose in used])
     fitted = body_of_poses(rotations, observed_m, subject, noise_of(subject.marker_set.points))
     before_m, after_m = part_lengths_m(subject.skeleton), part_lengths_m(fitted.skeleton)
-    shares = (after_m - before_m) / np.maximum(before_m, 1e-9)  # hips may have no length
+    shares = (after_m - before_m) / np.maximum(before_m, 1e-9)
+    shares[[part not in _LONG for part in PARTS]] = 0.0
     most = int(np.argmax(np.abs(shares)))
-    if abs(shares[most]) <= _S.share:
+    if not _S.share < abs(shares[most]) < _S.sigmas * np.hypot(SIGMAS.size, SIGMAS.part):
         return ""
     name, more, less = PART_WORDS[tuple(PARTS)[most]]
     change = f"{name} at least {100.0 * abs(shares[most]):.0f} % {more if shares[most] > 0.0 else less}"

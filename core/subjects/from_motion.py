@@ -7,6 +7,7 @@ contains similar motion.
 """
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -134,10 +135,14 @@ def _poses(take: MarkerTake, subject: Subject, database: Database) -> tuple[Arra
     """Return joint rotations (F, J, 4) and a mask of well solved frames."""
     session = Session(subject, database)
     poses = [session.step(frame) for frame in take_frames(take, subject.marker_set)]
+    return np.array([pose.rotations for pose in poses]), well_solved(poses, subject)
+
+
+def well_solved(poses: Sequence[PerformerPose], subject: Subject) -> Mask:
+    """Return a mask (F,) of poses that lie close enough to their markers to tell something about the body."""
     # the median, because single markers may be far from their usual offsets, which are still unknown
     large_m = SETTINGS.large_m + SETTINGS.large_sigmas * noise_of(subject.marker_set.points).lasting_m
-    good = np.array([_median_m(pose) < large_m and pose.confidence > 0.0 for pose in poses])
-    return np.array([pose.rotations for pose in poses]), good
+    return np.array([_median_m(pose) < large_m and pose.confidence > 0.0 for pose in poses], dtype=bool)
 
 
 def body_of_poses(rotations: Array, observed: Array, start: Subject, source: SourceNoise) -> Subject:
