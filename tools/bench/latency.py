@@ -83,7 +83,7 @@ class Notes:
 def latency(
     run: Run, seconds: float = 20.0, tick_ms: float | None = None, fps: float = 60.0, database: Path | None = None
 ) -> dict[str, Any]:
-    """Run all processes and measure.
+    """Run all processes and measure, with poses shown immediately: calmed ones are two frames later.
 
     Args:
         seconds: Duration of the capture that is measured.
@@ -99,6 +99,7 @@ def latency(
         "cameras": {"source": {**_SOURCE, "fps": fps}, "rig": rig_tables(default_rig()), "threshold": None},
         "performers": [subject_tables(open_simulated(_SOURCE).subject)],
         "database": str(database or run.embedded().path),
+        "shape": {"immediate": True},
     }
     with tempfile.TemporaryDirectory(prefix="latency-bench-") as folder:
         os.environ[_NOTES] = folder

@@ -24,6 +24,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_take import MarkerTake, save_take
+from perfanim.core.session.pose_taps import calm_poses
 from perfanim.core.session.session import Session
 from perfanim.core.solver.settings import SolveSettings
 
@@ -43,13 +44,16 @@ def recorded(tmp_path_factory, true_markers, subject, database, stage_rig, recor
     session = Session(subject, database, stage_rig, SolveSettings.of_table(setup.settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(writer_module, "SETTINGS", WriterSettings(write_every_s=3600.0))  # this plays the thread
+        solved = []
         writer = TakeWriter(folder / "walk.perftake", setup, TakeNotes("Walk 1", character="Xbot"))
         for number in (n for n in range(len(true_markers)) if n not in LOST):
             frame = record(true_markers[number], number, cameras=True, fps=FPS, hidden=((5, 0),) if number > 40 else ())
             writer.add_frame(pack_stamped(float(number), frame))
-            writer.add_pose(pack_solved(TimedPose(ScenePose((session.step(frame),)), float(number))))
+            solved.append(TimedPose(ScenePose((session.step(frame),)), float(number)))
             if number % 3 == 0:
                 writer._collect()
+        for pose, calm in zip(solved, calm_poses([each.pose for each in solved]), strict=True):
+            writer.add_pose(pack_solved(replace(pose, pose=calm)))
         writer.close()
     save_rig(stage_rig, folder / "rig.toml")
     return folder / "walk.perftake"
