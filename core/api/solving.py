@@ -180,6 +180,7 @@ def solve_markers(
         subject = place_markers(take, subject, opened, progress)
     subject, changes = _refined(take, subject, opened, request, progress)
     worn, choice = _choose_worn(take, subject, opened, request)
+    take = replace(take, is_trusted=request.trust_labels)
     solved = solve_take(take, worn, opened, settings, progress, cache.session, request.causal)
     check_file(opened)
     if choice:

@@ -2,7 +2,7 @@
 
 What a marker may do in a frame follows from its own motion. A position that this motion makes less likely than a wild
 point is treated as hidden for one frame. If the marker is still elsewhere in the next one, it is believed: its label or
-its place on the body has changed, or it has moved faster than its motion promised. When most markers jump, this is
+its place on the body has changed, or it has moved faster than its motion promised. When many markers jump, this is
 another shot or another person, which is believed at once. Markers that jump to where others are expected have exchanged
 labels; these are put back, for half a second at most: labels that stay are believed.
 """
@@ -24,15 +24,23 @@ class JumpSettings:
 
     share: float = 0.02  # share of wild points among all
     reach_m: float = 0.3  # distance within which wild points lie
-    torso_m: float = 0.015  # standard deviation of a torso marker about where the body carries it, per coordinate
+    torso_m_s2: float = 54.0  # acceleration of the torso: its markers are so far from where the body carries them
     near_m: float = 0.02  # distance from the expected position within which nothing is wild
+    jerk_m_s3: float = 4320.0  # the same for long steps between frames: a change of acceleration that people reach
     settled: int = 3  # positions after which a marker's own motion counts
     exchanged: int = 30  # frames after which exchanged labels are believed
-    cut: float = 0.5  # share of the located markers that jump in a cut
+    cut: float = 1.0 / 3.0  # more than this share of the located markers jumps in a cut
 
 
 _S = JumpSettings()
 _WILD = math.log(_S.share / (4.0 / 3.0 * math.pi * _S.reach_m**3))  # log density of wild points, per m^3
+
+
+class Carried(NamedTuple):
+    """What the body so far says about the markers of the next frame."""
+
+    torso_m: Array  # (M, 3) where it carries torso markers, NaN for others and where unknown
+    fits: bool = True  # whether it fits its markers: otherwise their labels may have been wrong
 
 
 class Gated(NamedTuple):
@@ -51,24 +59,27 @@ class JumpGate:
         # number of successive positions of each marker's present motion, and of frames with exchanged labels
         self._ages, self._exchanges = np.zeros((2, markers), dtype=np.int64)
 
-    def step(self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, carried_m: Array) -> Gated:
+    def step(
+        self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, carried: Carried, elapsed_s: float
+    ) -> Gated:
         """Return the markers of the next frame that are believed.
 
         Args:
             points_m: Markers (M, 3), NaN where hidden.
             noise_m: Standard deviations (M,) of their coordinates.
             follower: Filter that has predicted them for this frame; it forgets markers whose jump is believed.
-            carried_m: Torso markers (M, 3) where the body carries them, NaN where unknown.
+            carried: What the body so far says.
+            elapsed_s: Time since the last frame.
         """
         self._ages[~follower.followed] = 0
         is_settled = self._ages >= _S.settled
-        jumped = self._jumped(points_m, noise_m, follower)
+        jumped = self._jumped(points_m, noise_m, follower, max(_S.near_m, _S.jerk_m_s3 * elapsed_s**3))
         exchanged = np.zeros_like(jumped)
-        if np.count_nonzero(jumped & is_settled) > 1:
+        if carried.fits and np.count_nonzero(jumped & is_settled) > 1:
             points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped & is_settled)
             jumped &= ~exchanged
-        variances = _S.torso_m**2 + noise_m**2
-        squares = np.sum((points_m - carried_m) ** 2, axis=1)
+        variances = (_S.torso_m_s2 * elapsed_s**2) ** 2 + noise_m**2
+        squares = np.sum((points_m - carried.torso_m) ** 2, axis=1)
         is_carried_off = -1.5 * np.log(2.0 * np.pi * variances) - 0.5 * squares / variances < _WILD
         jumped |= is_carried_off
         is_cut = np.count_nonzero(jumped) > _S.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
@@ -81,10 +92,10 @@ class JumpGate:
         self._exchanges = np.where(exchanged, self._exchanges + 1, np.where(doubted, self._exchanges, 0))
         return Gated(np.where(doubted[:, None], np.nan, points_m), doubted, exchanged)
 
-    def _jumped(self, points_m: Array, noise_m: Array, follower: MultipleModelFilter) -> Mask:
+    def _jumped(self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, near_m: float) -> Mask:
         """Return a mask (M,) of the markers that are where their own motion does not take them."""
         away_m = np.linalg.norm(points_m - follower.means()[0], axis=1)
-        jumped = follower.followed & (away_m > _S.near_m)
+        jumped = follower.followed & (away_m > near_m)
         if jumped.any():
             jumped &= follower.log_likelihoods(points_m, noise_m) < _WILD
         return np.asarray(jumped)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..geometry.arrays import Array, Mask
 from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
-from .jump_gate import Gated, JumpGate
+from .jump_gate import Carried, Gated, JumpGate
 from .marker_noise import MarkerNoise, marker_noise
 from .source_noise import SourceNoise
 
@@ -49,22 +49,23 @@ class MarkerSmoother:
         self._noise, self._source = MarkerNoise(), source
         self._follower = MultipleModelFilter(_MODELS, markers)
         self._gate = JumpGate(markers)
+        self._time_s = 0.0
 
-    def step(self, time_s: float, points_m: Array, carried_m: Array | None = None) -> SmoothedMarkers:
+    def step(self, time_s: float, points_m: Array, carried: Carried | None = None) -> SmoothedMarkers:
         """Return the markers of the next frame.
 
         Args:
             points_m: Markers (M, 3), NaN where hidden; these are only extrapolated for a moment.
-            carried_m: Torso markers (M, 3) where the body carries them, NaN where unknown. If given, markers pass a
-                `JumpGate`; without it, all are believed.
+            carried: What the body so far says. If given, markers pass a `JumpGate`; without it, all are believed.
         """
+        elapsed_s, self._time_s = time_s - self._time_s, time_s
         self._follower.predict(time_s)
         noise_m = np.minimum(self._noise.step(time_s, points_m), self._source.most_fast_m)
         nothing = np.zeros(len(points_m), dtype=bool)
         believed = Gated(points_m, nothing, nothing)
-        if carried_m is not None:
+        if carried is not None:
             most_m = np.where(noise_m > 0.0, noise_m, self._source.most_fast_m)
-            believed = self._gate.step(points_m, most_m, self._follower, carried_m)
+            believed = self._gate.step(points_m, most_m, self._follower, carried, elapsed_s)
         goes_on = _observe(self._follower, believed.points_m, np.where(noise_m > 0.0, noise_m, _UNKNOWN_SIGMA_M))
         smoothed_m, deviations_m = _known(believed.points_m, *self._follower.means(), goes_on)
         return SmoothedMarkers(smoothed_m, np.hypot(deviations_m, self._source.lasting_m), believed)

@@ -50,6 +50,7 @@ class MarkerTake:
     single: SingleViews | None = None  # markers that single cameras saw, if known
     notes: tuple[str, ...] = ()  # messages from the reader
     is_guessed: bool = False  # its names were recognised by the motion, and not all of them clearly
+    is_trusted: bool = False  # its labels are to be used as they are, even where they contradict the motion
     is_upright: bool = False  # y is known to point up; files keep their own axes until they are imported
     cut_off_frames: int = 0  # frames that the file's header declares but the file lacks
 

@@ -8,10 +8,11 @@ import numpy as np
 from ..body.calibration_poses import t_pose
 from ..body.pose_notes import NoteKind, PoseNote, source_notes
 from ..body.pose_slew_limit import PoseSlewLimit
-from ..body.scene_pose import PerformerPose
+from ..body.scene_pose import DOUBTFUL, PerformerPose
 from ..database.store import Database
 from ..geometry.arrays import Array, Mask
 from ..geometry.camera import CameraRig
+from ..markers.jump_gate import Carried
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_smoothing import MarkerSmoother
 from ..markers.source_noise import noise_of
@@ -137,8 +138,8 @@ class Session:
     def _track(self, frame: MarkerFrame, doubts: bool) -> _Tracked:
         """Label and solve a frame starting from the last pose."""
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
-        carried_m = self._carried_m(frame.time_s) if doubts else None
-        found = self._smoother.step(frame.time_s, observation.points_m, carried_m)
+        carried = self._carried(frame.time_s) if doubts else None
+        found = self._smoother.step(frame.time_s, observation.points_m, carried)
         smoothed = observation.smoothed(found.points_m, found.deviations_m)
         observation = replace(observation, points_m=found.believed.points_m)
         # at most one expensive search per frame
@@ -147,13 +148,13 @@ class Session:
             solution = self._escape_local_minimum(frame.time_s, smoothed, solution)
         return _Tracked(observation, smoothed.points_m, found.believed.doubted, found.believed.exchanged, solution)
 
-    def _carried_m(self, time_s: float) -> Array:
-        """Return the torso's markers (M, 3) where the last two poses carry them, NaN for others and if unknown."""
+    def _carried(self, time_s: float) -> Carried:
+        """Return what the last two poses say about the markers at a time."""
         carried_m, torso = np.full((len(self.subject.marker_set), 3), np.nan), self._model.torso
         if self._state.markers_m is not None and self._marker_velocities is not None:
             slow = torso & (np.linalg.norm(self._marker_velocities, axis=1) < _FASTEST_M_S)  # faster: after a cut
             carried_m[slow] = (self._state.markers_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
-        return carried_m
+        return Carried(carried_m, self._last is not None and self._last.confidence >= DOUBTFUL)
 
     def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
         """Return the re-initialised pose if it is much nearer to the database.

@@ -47,7 +47,8 @@ def solve_take(
     """
     setup = CaptureSetup(take.single.rig if take.single else None, (subject,), (), database, settings)
     frames = list(take_frames(take, subject.marker_set))
-    solved = _solve_whole(frames, setup.make_session(sessions), f"solving {take.name}", progress, causal)
+    session = setup.make_session(sessions)
+    solved = _solve_whole(frames, session, f"solving {take.name}", progress, causal, not take.is_trusted)
     clock = pose_clock(solved.poses, take.name, take.fps)
     motion = steady_motion(solved.poses_of(), subject, take.name, clock)
     return replace(solved, motions=(motion,), clock=clock, setup=setup, frames=[(0.0, frame) for frame in frames])
@@ -104,13 +105,22 @@ def solve_recorded(
 
 
 def _solve_whole(
-    frames: Sequence[MarkerFrame], session: MultiTargetSession, activity: str, progress: Progress, causal: bool
+    frames: Sequence[MarkerFrame],
+    session: MultiTargetSession,
+    activity: str,
+    progress: Progress,
+    causal: bool,
+    check_labels: bool = True,
 ) -> SolvedTake:
     """Return the poses of all frames, in both directions unless `causal`: then as a capture shows them."""
     if causal:
-        live = solve_frames(frames, session, activity, progress, causal)
+        live = solve_frames(frames, session, activity, progress, causal, check_labels)
         return replace(live, poses=tuple(calm_poses(live.poses)))
-    solved = solve_frames(frames, session, activity, lambda share, text: progress(_LABELS_SHARE * share, text))
+
+    def first(share: float, text: str) -> None:
+        progress(_LABELS_SHARE * share, text)
+
+    solved = solve_frames(frames, session, activity, first, check_labels=check_labels)
 
     def later(share: float) -> None:
         progress(_LABELS_SHARE + (1.0 - _LABELS_SHARE) * share, f"{activity} in both directions")
@@ -124,8 +134,9 @@ def solve_frames(
     activity: str,
     progress: Progress,
     causal: bool = False,
+    check_labels: bool = True,
 ) -> SolvedTake:
-    """Return the poses of frames, without motions.
+    """Return the poses of frames, without motions; see `Session.step` about `check_labels`.
 
     Labels that the session finds or replaces also apply before that moment, as long as they explain the markers better;
     if `causal`, they apply from that moment only, as live.
@@ -136,7 +147,7 @@ def solve_frames(
         if i % _REPORT_EVERY == 0:
             progress(_LIVE_SHARE * i / len(frames), activity)
         start, before = time.perf_counter(), session.labellings
-        poses.append(session.step(frame))
+        poses.append(session.step(frame, check_labels))
         seconds.append(time.perf_counter() - start)
         if session.labellings != before:
             begun.append(i + 1)

@@ -66,7 +66,8 @@ def imported(part: Any, folder: Path, name: str) -> tuple[str, Path]:
 def check_walk(hero: Any) -> None:
     """It walks upright, several steps, on its feet."""
     frames = key_times(curves_of(hero))
-    assert len(frames) == LAST - FIRST
+    assert len(frames) >= LAST - FIRST  # lost frames are interpolated
+    assert np.ptp(np.diff(frames)) < 1e-3
     hips, feet = [], []
     for frame in frames[::5]:
         bpy.context.scene.frame_set(round(frame))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from perfanim.core.markers.jump_gate import Carried
 from perfanim.core.markers.marker_set import PointKind
 from perfanim.core.markers.marker_smoothing import MarkerSmoother
 from perfanim.core.markers.source_noise import noise_of
@@ -20,7 +21,7 @@ def walking(noise_m: float = 0.001) -> np.ndarray:
 def passed(points: np.ndarray, carried_m: np.ndarray = UNKNOWN) -> tuple[np.ndarray, np.ndarray]:
     """Return smoothed markers (F, M, 3) and the doubted ones (F, M)."""
     smoother = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS))
-    frames = [smoother.step(number / FPS, row, carried_m) for number, row in enumerate(points)]
+    frames = [smoother.step(number / FPS, row, Carried(carried_m)) for number, row in enumerate(points)]
     return np.array([frame.points_m for frame in frames]), np.array([frame.believed.doubted for frame in frames])
 
 
@@ -63,8 +64,14 @@ def test_torso_marker_is_doubted_where_the_body_cannot_carry_it() -> None:
     assert not passed(points)[1].any()
     smoother = MarkerSmoother(MARKERS, noise_of(PointKind.MARKERS))
     for number in range(60):
-        smoother.step(number / FPS, points[number], UNKNOWN)
-    assert smoother.step(60 / FPS, points[60], carried).believed.doubted.tolist() == [False, False, True, False, False]
+        smoother.step(number / FPS, points[number], Carried(UNKNOWN))
+    assert smoother.step(60 / FPS, points[60], Carried(carried)).believed.doubted.tolist() == [
+        False,
+        False,
+        True,
+        False,
+        False,
+    ]
 
 
 @pytest.mark.parametrize("frames", [1, 15])
