@@ -40,10 +40,9 @@ def test_both_directions_are_better_than_live(live, recorded, truth):
     for unit, share in (
         ("mpjpe_mm", 1.0),
         ("root_rotation_deg", 0.95),
-        ("jitter_ratio", 1.1),
-        ("foot_skate_cm_s", 1.0),
+        ("jitter_ratio", 0.8),
+        ("foot_skate_cm_s", 0.8),
     ):
-        print(unit, before[unit], after[unit])
         assert after[unit] < share * before[unit]
 
 
