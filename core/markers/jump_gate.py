@@ -2,7 +2,7 @@
 
 What a marker may do in a frame follows from its own motion. A position that this motion makes less likely than a wild
 point is treated as hidden for one frame. If the marker is still elsewhere in the next one, it is believed: its label or
-its place on the body has changed, or it has moved faster than its motion promised. When many markers jump, this is
+its place on the body has changed, or it has moved faster than its motion promised. When most markers jump, this is
 another shot or another person, which is believed at once. Markers that jump to where others are expected have exchanged
 labels; these are put back, for half a second at most: labels that stay are believed.
 """
@@ -29,7 +29,7 @@ class JumpSettings:
     jerk_m_s3: float = 4320.0  # the same for long steps between frames: a change of acceleration that people reach
     settled: int = 3  # positions after which a marker's own motion counts
     exchanged: int = 30  # frames after which exchanged labels are believed
-    cut: float = 1.0 / 3.0  # more than this share of the located markers jumps in a cut
+    cut: float = 0.5  # more than this share of the located markers leaves its motion in a cut
 
 
 _S = JumpSettings()
@@ -73,16 +73,20 @@ class JumpGate:
         """
         self._ages[~follower.followed] = 0
         is_settled = self._ages >= _S.settled
-        jumped = self._jumped(points_m, noise_m, follower, max(_S.near_m, _S.jerk_m_s3 * elapsed_s**3))
+        away_m = np.linalg.norm(points_m - follower.means()[0], axis=1)
+        left = follower.followed & (away_m > _S.near_m)
+        if left.any():
+            left &= follower.log_likelihoods(points_m, noise_m) < _WILD
+        jumped = left & (away_m > _S.jerk_m_s3 * elapsed_s**3)
         exchanged = np.zeros_like(jumped)
         if carried.fits and np.count_nonzero(jumped & is_settled) > 1:
             points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped & is_settled)
-            jumped &= ~exchanged
+            jumped, left = jumped & ~exchanged, left & ~exchanged
         variances = (_S.torso_m_s2 * elapsed_s**2) ** 2 + noise_m**2
         squares = np.sum((points_m - carried.torso_m) ** 2, axis=1)
         is_carried_off = -1.5 * np.log(2.0 * np.pi * variances) - 0.5 * squares / variances < _WILD
         jumped |= is_carried_off
-        is_cut = np.count_nonzero(jumped) > _S.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
+        is_cut = np.count_nonzero(jumped | left) > _S.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
         doubted = jumped & ~self._doubted & (is_settled | is_carried_off) & (not is_cut)
         begins = np.full_like(jumped, is_cut) | (jumped & ~doubted)
         follower.forget(begins)
@@ -91,14 +95,6 @@ class JumpGate:
         self._doubted = doubted
         self._exchanges = np.where(exchanged, self._exchanges + 1, np.where(doubted, self._exchanges, 0))
         return Gated(np.where(doubted[:, None], np.nan, points_m), doubted, exchanged)
-
-    def _jumped(self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, near_m: float) -> Mask:
-        """Return a mask (M,) of the markers that are where their own motion does not take them."""
-        away_m = np.linalg.norm(points_m - follower.means()[0], axis=1)
-        jumped = follower.followed & (away_m > near_m)
-        if jumped.any():
-            jumped &= follower.log_likelihoods(points_m, noise_m) < _WILD
-        return np.asarray(jumped)
 
     def _put_back(
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, jumped: Mask
