@@ -171,8 +171,7 @@ def solve_markers(
     """
     cache = cache or SessionCache()
     opened, settings = _opened(database, cache), SolveSettings(method=request.method or "best")
-    checked = not (request.trust_labels or is_unnamed(take))
-    take, faults = correct_labels(take, subject) if checked else (take, ())
+    take, faults = (take, ()) if request.trust_labels or is_unnamed(take) else correct_labels(take, subject)
     corrected = tuple(fault.stretch(take) for fault in faults)
     if request.smooth_hz is not None:
         take = smooth_take(take, request.smooth_hz)
@@ -193,11 +192,9 @@ def solve_markers(
         "cut_off_frames": take.cut_off_frames,
         "warnings": [*_label_differences(take, subject), *take.notes, *told(corrected), *_told_times(solved)],
     }
-    solved = replace(solved, corrected=corrected)
-    report |= changes | choice
-    if is_unnamed(take):
-        return _finished(solved, request, None, report)
-    solved, report["coverage"] = _with_coverage(solved, take, subject, worn.marker_set)
+    solved, report = replace(solved, corrected=corrected), report | changes | choice
+    if not is_unnamed(take):
+        solved, report["coverage"] = _with_coverage(solved, take, subject, worn.marker_set)
     return _finished(solved, request, None, report)
 
 
@@ -208,10 +205,8 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
     lacking = open_limbs(subject.marker_set, [name for name in shown if name in used.names])
     known = [marker.name for marker in used.markers if marker.name in shown and not marker.placed]
     inferred = [limb for limb in open_limbs(used, known) if limb not in lacking]
-    findings = []
-    if take.is_guessed:
-        text = "which marker is which was recognised by the motion, but not clearly: check the names"
-        findings.append(Reason(ReasonKind.LABELS, text))
+    text = "which marker is which was recognised by the motion, but not clearly: check the names"
+    findings = [Reason(ReasonKind.LABELS, text)] if take.is_guessed else []
     if text := contradicted_bones(solved.poses_of(), replace(subject, marker_set=used)):
         findings.append(Reason(ReasonKind.LIMB, text))
     if lacking:
@@ -225,8 +220,8 @@ def _with_coverage(solved: SolvedTake, take: MarkerTake, subject: Subject, used:
         replace(pose, performers=tuple(replace(each, confidence=share * each.confidence) for each in pose.performers))
         for pose in solved.poses
     )
-    unused_m = take.positions_m[:, unused]
-    solved = replace(solved, poses=poses, findings=(*solved.findings, *findings), unused_m=unused_m)
+    all_findings, unused_m = (*solved.findings, *findings), take.positions_m[:, unused]
+    solved = replace(solved, poses=poses, findings=all_findings, unused_m=unused_m)
     return solved, coverage_text(used, shown, lacking)
 
 
