@@ -11,6 +11,7 @@ import pytest
 from clicked import run_job
 from heroes import save_hero
 from perfanim.core.cli.main import main
+from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.system.assets import MOTION
 from played import curves_of, key_times
 
@@ -63,10 +64,12 @@ def imported(part: Any, folder: Path, name: str) -> tuple[str, Path]:
     return text, take.path
 
 
-def check_walk(hero: Any) -> None:
+def check_walk(hero: Any, path: Path) -> None:
     """It walks upright, several steps, on its feet."""
     frames = key_times(curves_of(hero))
-    assert len(frames) >= LAST - FIRST  # lost frames are interpolated
+    times_s = [solved.pose.time_s for solved in read_take_file(path).poses]
+    assert len(times_s) == LAST - FIRST
+    assert len(frames) == round(30 * (times_s[-1] - times_s[0])) + 1  # lost frames are interpolated
     assert np.ptp(np.diff(frames)) < 1e-3
     hips, feet = [], []
     for frame in frames[::5]:
@@ -89,7 +92,7 @@ def test_trajectories_of_the_pictures_are_put_on_a_character(part: Any, tracked:
     assert len(warnings) == 1 and "frames come unevenly" in warnings[0]
     assert bpy.ops.perfanim.play_take(path=str(path)) == {"FINISHED"}
     assert chosen.armature.name == "Hero"
-    check_walk(chosen.armature)
+    check_walk(chosen.armature, path)
 
 
 def test_what_the_cameras_saw_is_solved_for_the_chosen_performer(part: Any, tracked: Path, chosen: Any) -> None:
@@ -100,4 +103,4 @@ def test_what_the_cameras_saw_is_solved_for_the_chosen_performer(part: Any, trac
     given = {"path": str(path), "method": "best", "database": "CHOSEN", "performer": "CHOSEN", "cameras": "RECORDED"}
     said = run_job(part, operator, SimpleNamespace(**given, put_on=True))
     assert said.startswith(f"{LAST - FIRST} frames in ")
-    check_walk(chosen.armature)
+    check_walk(chosen.armature, part("take_library").listed()[0].path)
