@@ -19,9 +19,37 @@ class NoteKind(Enum):
     HELD = auto()
     WAITING = auto()
     REFUSED = auto()
+    # Why the solver started over, each on the first pose after it.
+    TIMES_JUMPED = auto()
+    TORSO_LOST = auto()
+    MISFIT = auto()
+    # Why a pose was solved without the motion before it.
+    CUT = auto()
+    NEARER_EXAMPLE = auto()
+    OTHER_MOTION = auto()
+    FAR_FROM_EXAMPLES = auto()
+    # Labels that the session found.
+    LABELLED = auto()
+    LABELLED_MORE = auto()
+    RELABELLED = auto()
+    PRIOR_LED = auto()  # the learned prior had more weight than the examples
 
 
-_SENTENCES = {
+# Decisions of the solver, which are no problems: kept with a take's poses, and listed on request.
+_DECISIONS = {
+    NoteKind.TIMES_JUMPED: "started over: the times of the frames jumped",
+    NoteKind.TORSO_LOST: "started over: the torso was hidden for too long",
+    NoteKind.MISFIT: "started over: the markers did not fit the body for too long",
+    NoteKind.CUT: "solved without history: all markers jumped, as after a cut",
+    NoteKind.NEARER_EXAMPLE: "solved without history: another example is much nearer",
+    NoteKind.OTHER_MOTION: "solved without history: other recorded motion explains the last markers better",
+    NoteKind.FAR_FROM_EXAMPLES: "solved without history: the pose was far from every example",
+    NoteKind.LABELLED: "labels found without history",
+    NoteKind.LABELLED_MORE: "more markers labelled",
+    NoteKind.RELABELLED: "labels changed: others explain the markers better",
+    NoteKind.PRIOR_LED: "the learned prior counted more than the examples",
+}
+_SENTENCES = _DECISIONS | {
     NoteKind.UNFAMILIAR: "this motion is unlike the database",
     NoteKind.HELD: "held: the markers do not fit the body",
     NoteKind.WAITING: "waiting for the markers of the torso",
@@ -29,7 +57,9 @@ _SENTENCES = {
 }
 _JUMPED, _EXCHANGED = " jumped, left out", " exchanged, put back"
 _ENDINGS = {" hidden": NoteKind.HIDDEN, _JUMPED: NoteKind.JUMPED, _EXCHANGED: NoteKind.EXCHANGED}
-_KINDS = {sentence: kind for kind, sentence in _SENTENCES.items()}
+_ENDINGS |= {sentence: kind for kind, sentence in _SENTENCES.items()}
+# Problems that the solver did something about.
+_ACTED_ON = {NoteKind.JUMPED, NoteKind.EXCHANGED, NoteKind.HELD, NoteKind.WAITING, NoteKind.REFUSED}
 
 
 @dataclass(frozen=True)
@@ -44,6 +74,16 @@ class PoseNote:
     kind: NoteKind
     text: str
     part: str = ""
+
+    @property
+    def is_decision(self) -> bool:
+        """Whether it only tells what the solver decided."""
+        return self.kind in _DECISIONS
+
+    @property
+    def tells_why(self) -> bool:
+        """Whether it tells why the solver went on as it did."""
+        return self.is_decision or self.kind in _ACTED_ON
 
     @classmethod
     def of(cls, kind: NoteKind) -> "PoseNote":
@@ -76,8 +116,8 @@ class PoseNote:
         part, uncertain, _ = text.partition(" uncertain: ")
         if uncertain and part in PARTS:
             return cls(NoteKind.UNCERTAIN, text, part)
-        ending = next((kind for ending, kind in _ENDINGS.items() if text.endswith(ending)), NoteKind.SOURCE)
-        return cls(_KINDS.get(text, ending), text)
+        # notes of further performers begin with their names
+        return cls(next((kind for ending, kind in _ENDINGS.items() if text.endswith(ending)), NoteKind.SOURCE), text)
 
 
 def source_notes(texts: Iterable[str]) -> tuple[PoseNote, ...]:

@@ -11,6 +11,7 @@ from .body_parts import PARTS
 from .pose_notes import PoseNote
 
 DOUBTFUL = 0.3  # confidence below which a pose is probably wrong
+_TOGETHER_S = 0.1  # longest pause between equal notes that are told as one
 _REASON = 0.25  # smallest share of a passage's poses with a note for it to be the reason
 # expected error above which a part is probably wrong; for hands and feet it is always above half of this
 DOUBTFUL_PART_DEG = np.array([40.0 if part.endswith(("hand", "foot")) else 25.0 for part in PARTS])
@@ -139,6 +140,48 @@ class DoubtfulStretch:
     last: int
 
 
+@dataclass(frozen=True)
+class Decision:
+    """What the solver decided, with the reason, in a passage of a take.
+
+    Args:
+        start_s, stop_s: Time since the first pose.
+        kind: Name of the kind of note (`pose_notes.NoteKind`).
+        reason: The note.
+        first, last: Frames, counted from 0, including the last.
+    """
+
+    start_s: float
+    stop_s: float
+    kind: str
+    reason: str
+    first: int
+    last: int
+
+
+def decisions(poses: Sequence[ScenePose]) -> list[Decision]:
+    """Return what the solver decided in successive poses, in the order of time."""
+    open_at: dict[PoseNote, list[int]] = {}  # first and last frame
+    found: list[tuple[int, int, PoseNote]] = []
+    for at, pose in enumerate(poses):
+        for note in pose.notes:
+            if not note.tells_why:
+                continue
+            span = open_at.get(note)
+            if span is not None and pose.time_s - poses[span[1]].time_s <= _TOGETHER_S:
+                span[1] = at
+                continue
+            if span is not None:
+                found.append((span[0], span[1], note))
+            open_at[note] = [at, at]
+    found += [(first, last, note) for note, (first, last) in open_at.items()]
+    begin_s = poses[0].time_s if poses else 0.0
+    return [
+        Decision(poses[first].time_s - begin_s, poses[last].time_s - begin_s, note.kind.name, note.text, first, last)
+        for first, last, note in sorted(found, key=lambda each: each[:2])
+    ]
+
+
 def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
     """Return the doubtful passages of a performer's whole poses, then those of single parts."""
     stretches = _stretches(poses, [pose.doubtful for pose in poses])
@@ -150,7 +193,8 @@ def doubtful_stretches(poses: Sequence[PerformerPose]) -> list[DoubtfulStretch]:
 def _stretches(poses: Sequence[PerformerPose], doubtful: Sequence[bool], part: str = "") -> list[DoubtfulStretch]:
     found = []
     for start, stop in runs(np.array(doubtful, dtype=np.bool_)):
-        notes = Counter(note for pose in poses[start:stop] for note in pose.notes if not part or note.part == part)
+        told = [note for pose in poses[start:stop] for note in pose.notes if not note.is_decision]
+        notes = Counter(note for note in told if not part or note.part == part)
         reason = next((note.text for note, count in notes.most_common(1) if count >= _REASON * (stop - start)), "")
         begin_s, end_s = (poses[at].time_s - poses[0].time_s for at in (start, stop - 1))
         found.append(DoubtfulStretch(begin_s, end_s, reason, part, start, stop - 1))

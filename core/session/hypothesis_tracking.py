@@ -46,6 +46,7 @@ class Hypothesis:
     observation: Observation
     solution: Solution | None
     cost: float = 0.0  # relative to the best hypothesis
+    start_s: float = 0.0  # time at which its labels were found without history
 
 
 class HypothesisTracker:
@@ -93,7 +94,7 @@ class HypothesisTracker:
         solution, state = self._solver.step(state, observation, frame.time_s)
         labeller = SingleViewLabeller(self._camera, self._torso).after(frame.single_points, start.labels, 0.0)
         markers_m = start.markers_m if solution is None else solution.markers_m
-        return Hypothesis(state, labeller, start.labels, markers_m, observation, solution, cost)
+        return Hypothesis(state, labeller, start.labels, markers_m, observation, solution, cost, frame.time_s)
 
     def _continue(self, frame: MarkerFrame, elapsed_s: float) -> None:
         """Continue every hypothesis with all likely labels, and drop hopeless ones."""
@@ -114,7 +115,7 @@ class HypothesisTracker:
                 cost += _UNLABELLED_COST * float(np.sum(labels < 0))
             labeller = last.labeller.after(points, labels, elapsed_s)
             markers_m = last.markers_m if solution is None else solution.markers_m
-            hypotheses.append(Hypothesis(state, labeller, labels, markers_m, observation, solution, cost))
+            hypotheses.append(Hypothesis(state, labeller, labels, markers_m, observation, solution, cost, last.start_s))
         self._hypotheses = _prune(hypotheses)
 
     def _spawn_hypotheses(self, frame: MarkerFrame, confidence: float) -> None:

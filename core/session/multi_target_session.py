@@ -66,14 +66,10 @@ class MultiTargetSession:
 
     def step(self, frame: MarkerFrame, check_labels: bool = True) -> ScenePose:
         """Return the poses of all performers and props; see `Session.step`."""
-        if not self._times.admit(frame.time_s):
-            waiting = [session.step(frame) for session in self._sessions]
-            return ScenePose(tuple(waiting), tuple(tracker.last_pose() for tracker in self._trackers), waiting[0].notes)
-        if self._times.jumped:
-            self._assignment = PerformerAssignment(self._sessions)
-            for session in self._sessions:
-                session.restart()
-        frame = undistort_blobs(self._usable(frame), self.rig.cameras if self.rig else ())
+        usable = self._usable(frame)
+        if usable is None:
+            return self._refused(frame)
+        frame = undistort_blobs(usable, self.rig.cameras if self.rig else ())
         props = []
         for tracker in self._trackers:
             detection = tracker.step(frame)
@@ -84,8 +80,10 @@ class MultiTargetSession:
 
     def step_labelled(self, frame: MarkerFrame, known: ScenePose) -> ScenePose:
         """Return the poses of the next frame, using the labels and props of known poses."""
-        frame = self._usable(frame)
-        shares = [_labelled_share(frame, pose) for pose in known.performers]
+        usable = self._usable(frame)
+        if usable is None:
+            return self._refused(frame)
+        shares = [_labelled_share(usable, pose) for pose in known.performers]
         return self._solve(shares, known.props, check_labels=False)
 
     def solve_two_ways(self, poses: Sequence[ScenePose], progress: Callable[[float], None]) -> list[ScenePose]:
@@ -103,13 +101,24 @@ class MultiTargetSession:
         rows = zip(poses, zip(*columns, strict=True), strict=True)
         return [replace(pose, performers=performers) for pose, performers in rows]
 
-    def _usable(self, frame: MarkerFrame) -> MarkerFrame:
-        labels = max(len(subject.marker_set) for subject in self.subjects)
-        return usable_frame(frame, labels, len(self.rig or ()))
+    def _usable(self, frame: MarkerFrame) -> MarkerFrame | None:
+        """Return a frame without impossible contents, None if its time is impossible; start over if times jumped."""
+        if not self._times.admit(frame.time_s):
+            return None
+        if self._times.jumped:
+            self._assignment = PerformerAssignment(self._sessions)
+            for session in self._sessions:
+                session.restart(NoteKind.TIMES_JUMPED)
+        # labels given by the source belong to the first performer
+        return usable_frame(frame, len(self.subjects[0].marker_set), len(self.rig or ()))
+
+    def _refused(self, frame: MarkerFrame) -> ScenePose:
+        waiting = tuple(session.refuse(frame) for session in self._sessions)
+        return ScenePose(waiting, tuple(tracker.last_pose() for tracker in self._trackers), waiting[0].notes)
 
     def _solve(self, shares: Sequence[MarkerFrame], props: tuple[PropPose, ...], check_labels: bool) -> ScenePose:
         performers = tuple(
-            session.step(share, check_labels) for session, share in zip(self._sessions, shares, strict=True)
+            session.step_usable(share, check_labels) for session, share in zip(self._sessions, shares, strict=True)
         )
         further = [
             replace(note, text=f"{subject.name}: {note.text}")

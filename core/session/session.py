@@ -83,10 +83,17 @@ class Session:
             check_labels: Compare found labels of a tracked body with alternatives, and doubt given ones that jump.
         """
         if not self._times.admit(frame.time_s):
-            return self._last_pose(frame, self._last.time_s if self._last else 0.0, NoteKind.REFUSED)
+            return self.refuse(frame)
         if self._times.jumped:
-            self.restart()
-        frame = usable_frame(frame, len(self.subject.marker_set), len(self.rig or ()))
+            self.restart(NoteKind.TIMES_JUMPED)
+        return self.step_usable(usable_frame(frame, len(self.subject.marker_set), len(self.rig or ())), check_labels)
+
+    def refuse(self, frame: MarkerFrame) -> PerformerPose:
+        """Return the last pose again for a frame with an impossible time."""
+        return self._last_pose(frame, self._last.time_s if self._last else 0.0, NoteKind.REFUSED)
+
+    def step_usable(self, frame: MarkerFrame, check_labels: bool) -> PerformerPose:
+        """Return the pose of the next frame, whose time and contents are known to be possible; see `step`."""
         before = self._state
         if self._hypotheses is None or is_labelled(frame):
             tracked = self._track(frame, doubts=check_labels and is_labelled(frame))
@@ -101,8 +108,8 @@ class Session:
         self._last = pose
         if before.markers_m is not None and self._state.markers_m is not None and elapsed_s > 0.0:
             self._marker_velocities = (self._state.markers_m - before.markers_m) / elapsed_s
-        if self._quality.is_lost(pose):
-            self.restart()
+        if reason := self._quality.reason_lost(pose):
+            self.restart(reason)
         elif check_labels and solution and not is_labelled(frame):
             self._compare_labels(frame, elapsed_s, before, observation, pose, solution)
         return pose
@@ -118,8 +125,9 @@ class Session:
             return None
         return self.labeller.expected(self._state.markers_m, self._elapsed_s(time_s))
 
-    def restart(self) -> None:
-        """Forget labels and pose, so that the next frame is treated like the first."""
+    def restart(self, reason: NoteKind | None = None) -> None:
+        """Forget labels and pose, so that the next frame is treated like the first; its pose tells the reason."""
+        self._decisions = [reason] if reason else []
         self.labeller.reset()
         self._forget()
 
@@ -127,6 +135,7 @@ class Session:
         """Forget the pose, so that the next frame is solved like the first."""
         self._state = self.solver.initial_state
         self._marker_velocities = None
+        self._labelled_s: float | None = None  # when one camera's labels were found
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
         if self._hypotheses is not None:
@@ -137,7 +146,10 @@ class Session:
 
     def _track(self, frame: MarkerFrame, doubts: bool) -> _Tracked:
         """Label and solve a frame starting from the last pose."""
+        labellings = self.labeller.labellings
         observation = self.labeller.label(frame, self._state.markers_m, self._elapsed_s(frame.time_s))
+        if self.labeller.labellings != labellings:
+            self._decisions.append(NoteKind.LABELLED)
         carried = self._carried(frame.time_s) if doubts else None
         found = self._smoother.step(frame.time_s, observation.points_m, carried)
         smoothed = observation.smoothed(found.points_m, found.deviations_m)
@@ -167,7 +179,7 @@ class Session:
         if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
             return solution
         self._state = state
-        return found
+        return replace(found, begun=NoteKind.FAR_FROM_EXAMPLES)
 
     def _compare_labels(
         self,
@@ -207,6 +219,7 @@ class Session:
         if not alternative.adds:
             self._quality.reset()
         self.labeller.follow_alternative(alternative)
+        self._decisions.append(NoteKind.LABELLED_MORE if alternative.adds else NoteKind.RELABELLED)
         self._state = state
 
     def _track_hypotheses(self, frame: MarkerFrame, tracker: HypothesisTracker) -> _Tracked:
@@ -216,6 +229,9 @@ class Session:
         none = np.zeros(len(nothing), dtype=bool)
         if best is None:
             return _Tracked(Observation.of_points(nothing), nothing, none, none, None)
+        if best.start_s != self._labelled_s:
+            self._decisions.append(NoteKind.LABELLED if self._labelled_s is None else NoteKind.RELABELLED)
+            self._labelled_s = best.start_s
         self._state = best.state
         return _Tracked(best.observation, nothing, none, none, best.solution)
 
@@ -230,6 +246,7 @@ class Session:
         notes += [PoseNote.jumped(jumped)] if len(jumped) else []
         notes += [PoseNote.exchanged(texts[tracked.exchanged])] if tracked.exchanged.any() else []
         notes += [PoseNote.of(NoteKind.UNFAMILIAR)] if solution.nearest_m > self._quality.settings.familiar_m else []
+        notes += map(PoseNote.of, self._decided(solution))
         held = fit.rms_m > self._quality.settings.wrong_m
         notes += [PoseNote.of(NoteKind.HELD)] if held else []
         rotations = self._model.rotations(solution.pose, solution.root)
@@ -257,6 +274,12 @@ class Session:
             joint_errors_deg=self._part_errors.expected_joints_deg(solution),
         )
         return replace(pose, notes=(*notes, *self._part_errors.notes(pose)))
+
+    def _decided(self, solution: Solution) -> list[NoteKind]:
+        """Return the decisions since the last pose, and those of a solution."""
+        decisions, self._decisions = self._decisions, []
+        decisions += [solution.begun] if solution.begun else []
+        return [*decisions, *([NoteKind.PRIOR_LED] if solution.prior_led else [])]
 
     def _last_pose(
         self, frame: MarkerFrame, time_s: float, note: NoteKind, observation: Observation | None = None

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..body.pose_notes import NoteKind
 from ..body.scene_pose import PerformerPose
 from ..geometry.arrays import Mask
 from ..markers.source_noise import SourceNoise
@@ -95,15 +96,17 @@ class TrackingQuality:
         self._unseen, self._wrong = _Lapse(), _Lapse()
         self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
 
-    def is_lost(self, pose: PerformerPose) -> bool:
-        """Return whether the torso was hidden or the pose wrong for too long."""
+    def reason_lost(self, pose: PerformerPose) -> NoteKind | None:
+        """Return whether the torso was hidden or the pose wrong for too long; None if neither was."""
         settings, now_s = self.settings, pose.time_s
         seen = np.isfinite(pose.observed_m[:, 0])
         if self._one_camera:
             seen |= pose.single_cameras >= 0
         unseen_s = self._unseen.update(now_s, np.count_nonzero(seen & self._torso) >= settings.torso_markers)
         wrong_s = self._wrong.update(now_s, not pose.marker_rms_m > settings.wrong_m)
-        return unseen_s > settings.lost_for_s or wrong_s > settings.wrong_for_s
+        if unseen_s > settings.lost_for_s:
+            return NoteKind.TORSO_LOST
+        return NoteKind.MISFIT if wrong_s > settings.wrong_for_s else None
 
     def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
         """Return whether it is time to compare the pose with a re-initialised one.

@@ -144,7 +144,7 @@ class BestMethod:
         settings = self._settings if known else self._settings_without_depth
         prior, neighbours = self._prior(problem)
         root, root_sigma = problem.root, (settings.root_sigma_m, settings.root_sigma_rad)
-        learned = None
+        learned, inflation = None, 0.0
         if self._learned:
             learned = state.learned
             if learned is None:
@@ -177,7 +177,7 @@ class BestMethod:
             expectation, self._subject, settings.marker_sigma_m, _FIT_STEPS
         )
         widened = facts.sigmas_rad * (self._widened * (facts.deviation + _LEAST_DEVIATION) ** _WIDENING)
-        return Estimate(pose, root, neighbours, 0, facts.steps, expectation, widened)
+        return Estimate(pose, root, neighbours, 0, facts.steps, expectation, widened, inflation > 1.0)
 
     def _prior(self, problem: FrameProblem) -> tuple[Prior, int]:
         """Return the Gaussian of the pose given the past, and the number of examples."""

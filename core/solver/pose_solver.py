@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..body.pose_notes import NoteKind
 from ..database.store import Database, check_arrays
 from ..errors import DatabaseError
 from ..geometry.arrays import Array
@@ -121,8 +122,8 @@ class PoseSolver:
         else:
             before = state
             solution, state = self._advance(before, observation)
-            if solution is not None and (nearer := self._nearer_if_misled(before, observation, solution)):
-                solution, state = self.reinitialise(before, observation, solution, state, nearer)
+            if solution is not None and (reason := self._reason_to_reinitialise(before, observation, solution)):
+                solution, state = self.reinitialise(before, observation, solution, state, reason)
             elif solution is not None and self._trajectory_check and state.time_s - state.compared_s >= INTERVAL_S:
                 solution, state = self._check_trajectory(self._trajectory_check, before, observation, solution, state)
         observed = state.observed.remember(state.time_s, self._in_space(state, observation).points_m)
@@ -132,7 +133,7 @@ class PoseSolver:
         return solution, replace(state, observed=observed, solved=solved)
 
     def reinitialise(
-        self, state: SolverState, observation: Observation, solution: Solution, after: SolverState, nearer: float
+        self, state: SolverState, observation: Observation, solution: Solution, after: SolverState, reason: NoteKind
     ) -> tuple[Solution, SolverState]:
         """Return the pose solved without history if it is nearer to the database.
 
@@ -140,14 +141,15 @@ class PoseSolver:
             state: State before the frame, with the frame's time.
             solution: Solution with history, returned if it is better.
             after: State after that solution.
-            nearer: Share of its distance below which the pose without history is better.
+            reason: Why. After a cut, the pose without history only has to be no farther away.
         """
         fresh = replace(self.initial_state, root=state.root, time_s=state.time_s, learned=state.learned)
         seen = observation.located
         away_m = max(solution.nearest_m, _rms(solution.markers_m[seen] - observation.points_m[seen]))
+        nearer = 1.0 if reason is NoteKind.CUT else _NEARER
         found, first = self._begin(fresh, observation, True, nearer * away_m)
         if found is not None:
-            return replace(found, reinitialised=True), first
+            return replace(found, reinitialised=True, begun=reason), first
         return replace(solution, reinitialised=True), replace(after, reinitialise_failed_s=state.time_s)
 
     def _check_trajectory(
@@ -169,7 +171,8 @@ class PoseSolver:
         if located is None:
             return solution, replace(state, compared_s=state.time_s, evidence=evidence)
         better, state = self._estimate(fresh, observation, located)
-        return replace(better, reinitialised=True), replace(state, compared_s=state.time_s)
+        begun = replace(better, reinitialised=True, begun=NoteKind.OTHER_MOTION)
+        return begun, replace(state, compared_s=state.time_s)
 
     def _begin(
         self, state: SolverState, observation: Observation, hurried: bool, limit_m: float
@@ -186,21 +189,20 @@ class PoseSolver:
         again, second = (None, after) if hurried else self._advance(after, observation)
         return (again, second) if again is not None else (first, after)
 
-    def _nearer_if_misled(self, state: SolverState, observation: Observation, solution: Solution) -> float:
-        """Return `nearer` for `reinitialise`; 0 if the history is not misleading.
-
-        After a cut, the pose without history only has to be no farther away.
-        """
+    def _reason_to_reinitialise(
+        self, state: SolverState, observation: Observation, solution: Solution
+    ) -> NoteKind | None:
+        """Return why the history may mislead, or None if it does not."""
         waits = state.time_s - state.reinitialise_failed_s < _RETRY_S
         if state.root is None or state.markers_m is None or waits or not self._method.fits_markers:
-            return 0.0  # an example's distance says nothing here
+            return None  # an example's distance says nothing here
         seen = observation.located
         before_m = state.root.to_root_frame(state.markers_m[seen])
         jump_m = _rms(solution.root.to_root_frame(observation.points_m[seen]) - before_m)
         if jump_m > _CUT_M:
-            return 1.0
+            return NoteKind.CUT
         unexplained = _rms(solution.markers_m[seen] - observation.points_m[seen]) > solution.nearest_m
-        return _NEARER if jump_m > _JUMP_M or unexplained else 0.0
+        return NoteKind.NEARER_EXAMPLE if jump_m > _JUMP_M or unexplained else None
 
     def _in_space(self, state: SolverState, observation: Observation) -> Observation:
         return observation.with_torso_in_space(self.subject.torso, state.markers_m)
@@ -218,7 +220,16 @@ class PoseSolver:
         nearest_m = _nearest_distance(self._in_space(state, observation), root, examples)
         sigmas_rad = None if estimate.sigmas_rad is None else estimate.sigmas_rad.reshape(pose.shape)
         size = (estimate.neighbours, estimate.dimensions)
-        solution = Solution(pose, estimate.root, markers, *size, nearest_m, estimate.iterations, sigmas_rad)
+        solution = Solution(
+            pose,
+            estimate.root,
+            markers,
+            *size,
+            nearest_m,
+            estimate.iterations,
+            sigmas_rad,
+            prior_led=estimate.prior_led,
+        )
         return solution, replace(
             state,
             root=estimate.root,

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from ..body.pose_notes import NoteKind
 from ..geometry.arrays import Array, FloatArray, IntArray
 from .gaussian_conditioning import Expectation
 from .lagged_history import LaggedHistory
@@ -31,7 +32,9 @@ class Solution:
     nearest_m: float  # RMS distance of the observed markers from those of the closest example; NaN without markers
     iterations: int  # steps of Levenberg-Marquardt or Gauss-Newton
     sigmas_rad: Array | None = None  # (J - 1, 3) uncalibrated standard deviations; None for methods other than "best"
+    prior_led: bool = False  # the learned prior had more weight than the neighbours
     reinitialised: bool = False  # the pose was also solved without history, which is expensive
+    begun: NoteKind | None = None  # why the pose without history was taken
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class SolverState:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A method's pose (D,), root, size of its model, expectation, and standard deviations (D,)."""
+    """A method's pose (D,), root, size of its model, expectation, and standard deviations (D,); see `Solution`."""
 
     pose: Array
     root: RootPose
@@ -75,3 +78,4 @@ class Estimate:
     iterations: int = 0
     expectation: Expectation | None = None
     sigmas_rad: Array | None = None
+    prior_led: bool = False

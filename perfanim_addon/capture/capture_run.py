@@ -89,8 +89,9 @@ class CaptureRun:
         silent_s = self._clock() - self._last_arrival
         if self.phase is Phase.RUNNING and silent_s > TUNING.freeze_notice_s:
             return f"no images for {silent_s:.1f} s"
-        if self.poses and self.poses[-1].notes:
-            return "; ".join(note.text for note in self.poses[-1].notes)
+        problems = [note.text for note in self.poses[-1].notes if not note.is_decision] if self.poses else []
+        if problems:
+            return "; ".join(problems)
         return self.warnings[-1] if self.warnings else ""
 
     def tick(self) -> ScenePose | None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...body.clock import Clock, ClockFault, clock_of
-from ...body.scene_pose import doubtful_stretches
-from ...errors import PerfanimError
+from ...body.scene_pose import decisions, doubtful_stretches
+from ...errors import PerfanimError, TakeError
 from ...formats.markers.marker_files import READABLE, is_recorded, read_take
 from ...formats.take_file.take_reader import TakeFile, read_take_file
 from ...markers.steady_take import take_clock
@@ -27,19 +27,22 @@ def add_parser(group: Any) -> None:
     about = "facts about a take, and whether it is complete; of several takes the main ones"
     parser = add_command(group, "info", run, about)
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=", ".join(READABLE))
+    why = "tell only what the solver decided and why: each restart, relabelling, marker left out, with its time"
+    parser.add_argument("--why", action="store_true", help=why)
 
 
 def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """Return all facts about one take, or the main facts about each of several."""
     if len(args.takes) == 1:
         progress(0.0, "reading")
-        return _info(args.takes[0])
+        return _why(args.takes[0]) if args.why else _info(args.takes[0])
     known: dict[str, dict[str, Any]] = {}
     failed: list[PerfanimError] = []
     for number, path in enumerate(args.takes):
         progress(number / len(args.takes), f"reading {path}")
         try:
-            known[path] = {name: value for name, value in _info(path).items() if name in _MAIN and value != []}
+            facts = {name: value for name, value in _info(path).items() if name in _MAIN and value != []}
+            known[path] = _why(path) if args.why else facts
         except PerfanimError as error:
             failed.append(error)
     if not known:
@@ -49,6 +52,14 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
 
 def _info(path: str) -> dict[str, Any]:
     return _recorded_info(read_take_file(path)) if is_recorded(path) else _marker_info(path)
+
+
+def _why(path: str) -> dict[str, Any]:
+    take = read_take_file(path) if is_recorded(path) else None
+    if take is None or not take.poses:
+        advice = "solve it, keeping the poses as a recorded take, and ask about that"
+        raise TakeError("has no poses", where=path, advice=advice)
+    return {"decisions": [asdict(each) for each in decisions([solved.pose for solved in take.poses])]}
 
 
 def _recorded_info(take: TakeFile) -> dict[str, Any]:
