@@ -21,6 +21,7 @@ from .limb_coverage import LimbCoverage, limb_coverage, parts_of
 GOOD = "good"
 
 _FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
+_LEGS = ("left leg", "right leg", "left foot", "right foot")
 _LONG_BONES = {"femur": "thigh", "tibia": "shank", "humerus": "upper arm", "radius": "forearm"}
 
 
@@ -134,9 +135,12 @@ def judge(
     limits = _limits_of(subject)
     far = _far_stretches(distances_m, parts, poses, limits.stretch_m)
     doubtful = sorted((*stretches, *far), key=lambda stretch: stretch.start_s)
-    found = [*reasons, *_fit_reasons(poses, distances_m, limbs, limits)]
+    fitted_m = subject.residual_m if subject is not None else 0.0
+    found = [*reasons, *_fit_reasons(poses, distances_m, fitted_m, limbs, limits)]
     found += _size_reasons(motion.skeleton)
-    found += _posture_reasons(motion, has_floor)
+    shown = {limb.limb for limb in limbs}
+    # guessed legs say nothing about the floor
+    found += _posture_reasons(motion, has_floor and (marker_set is None or bool(shown & set(_LEGS))))
     found += _duration_reasons(motion, duration_s)
     found += [Reason(ReasonKind.STRETCH, _stretch_text(stretch)) for stretch in doubtful[:1]]
     return TakeVerdict(tuple(sorted(found, key=lambda reason: reason.kind.value)), limbs, tuple(doubtful))
@@ -194,18 +198,27 @@ def _stretch_text(stretch: DoubtfulStretch) -> str:
 
 
 def _fit_reasons(
-    poses: Sequence[PerformerPose], distances_m: Array, limbs: Sequence[LimbCoverage], limits: _Limits
+    poses: Sequence[PerformerPose],
+    distances_m: Array,
+    fitted_m: float,
+    limbs: Sequence[LimbCoverage],
+    limits: _Limits,
 ) -> list[Reason]:
-    """Return the problems with the fit of the body to the markers."""
+    """Return the problems with the fit of the body to the markers.
+
+    Args:
+        fitted_m: RMS distance of the markers from the body when its bones were measured; 0 if they were not.
+    """
     unsolved = float(np.mean(is_unsolved(poses)))
     if unsolved == 1.0:
         return [Reason(ReasonKind.UNSOLVED, "no frame shows the markers of the torso")]
     if unsolved > _S.unsolved:
         return [Reason(ReasonKind.UNSOLVED, f"{unsolved:.0%} of the frames show too little of the body")]
     known = distances_m[np.isfinite(distances_m)]
-    if len(known) and np.median(known) >= limits.wrong_m:
+    off_m = max(fitted_m, float(np.median(known)) if len(known) else 0.0)
+    if off_m >= limits.wrong_m:
         text = (
-            f"no body fits the markers: the solved ones are {1e3 * np.median(known):.0f} mm off; "
+            f"no body fits the markers: the solved ones are {1e3 * off_m:.0f} mm off; "
             "check their names, the unit and the subject"
         )
         return [Reason(ReasonKind.MARKERS, text)]

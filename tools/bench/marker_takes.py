@@ -6,7 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 from perfanim.core.api.solving import solve
-from perfanim.core.api.take_reading import choose_worn, fit_take, read_labelled
+from perfanim.core.api.take_reading import fit_take, labelled_by, read_labelled
 from perfanim.core.body.body_parts import PART_JOINTS
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.database.store import open_database
@@ -84,10 +84,11 @@ def _row(path: Path, folder: Path, pictures: Path, database: Path, frames: int |
     try:
         read = read_labelled(path, None)
         row |= {"frames": read.frames, "markers": int(read.visible.any(axis=0).sum())}
-        worn = choose_worn(AUTO, read, str(path))
+        motion = open_database(database)
+        named, worn = labelled_by(AUTO, read, motion, str(path))
         row["set"] = worn.name
-        take = fit_take(middle(read, frames), worn, "auto")
-        solved = solve(take, None, open_database(database))
+        take = middle(fit_take(named, worn, "auto"), frames)
+        solved = solve(take, None, motion)
     except PerfanimError as error:
         return row | {"refusal": str(error).replace(str(folder), "")}
     limbs = solved.verdict.limbs
