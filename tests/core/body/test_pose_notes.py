@@ -3,11 +3,15 @@
 import pytest
 from perfanim.core.body.pose_notes import NoteKind, PoseNote, source_notes
 
+NAMING = {NoteKind.SOURCE, NoteKind.HIDDEN, NoteKind.JUMPED, NoteKind.EXCHANGED, NoteKind.UNCERTAIN}
+WITH_ONE_SENTENCE = [kind for kind in NoteKind if kind not in NAMING]
+
 
 @pytest.mark.parametrize(
     "note",
     [
-        *(PoseNote.of(kind) for kind in (NoteKind.UNFAMILIAR, NoteKind.HELD, NoteKind.WAITING, NoteKind.REFUSED)),
+        *map(PoseNote.of, WITH_ONE_SENTENCE),
+        PoseNote(NoteKind.CUT, f"Ben: {PoseNote.of(NoteKind.CUT).text}"),  # a further performer
         PoseNote.hidden(["left hand", "left foot"]),
         PoseNote.jumped(["left hand"]),
         PoseNote.exchanged(["left foot", "right foot"]),

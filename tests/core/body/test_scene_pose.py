@@ -2,8 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 from perfanim.core.body.body_parts import PARTS
-from perfanim.core.body.pose_notes import PoseNote
-from perfanim.core.body.scene_pose import DOUBTFUL, DOUBTFUL_PART_DEG, PerformerPose, doubtful_stretches
+from perfanim.core.body.pose_notes import NoteKind, PoseNote
+from perfanim.core.body.scene_pose import (
+    DOUBTFUL,
+    DOUBTFUL_PART_DEG,
+    PerformerPose,
+    ScenePose,
+    decisions,
+    doubtful_stretches,
+)
 
 NONE = np.empty((0, 3))
 
@@ -66,3 +73,21 @@ def test_a_doubtful_part_has_stretches_of_its_own() -> None:
     assert (whole.part, whole.start_s, whole.stop_s, whole.reason) == ("", 0.3, 0.3, "right hand hidden")
     assert (arm.part, arm.start_s, arm.stop_s) == (part, 0.1, 0.2)
     assert arm.reason == "left arm uncertain: its marker is hidden"
+
+
+def test_decisions_have_kind_reason_and_times() -> None:
+    """What lasts, or pauses for a moment, is told once; problems that nothing was decided about are not told."""
+    cut, led = (PoseNote.of(kind).text for kind in (NoteKind.CUT, NoteKind.PRIOR_LED))
+    rows = [("left hand hidden",), (led,), (led, cut), (), (led, "left hand jumped, left out"), (), (), (), (led,)]
+    poses = [pose(5.0 + 0.04 * number, 0.9, *notes) for number, notes in enumerate(rows)]
+    found = decisions([ScenePose((each,), notes=each.notes) for each in poses])
+    told = [(each.kind, each.first, each.last) for each in found]
+    assert told == [("PRIOR_LED", 1, 4), ("CUT", 2, 2), ("JUMPED", 4, 4), ("PRIOR_LED", 8, 8)]
+    assert found[1].reason == cut
+    np.testing.assert_allclose([found[0].start_s, found[0].stop_s], [0.04, 0.16])
+    assert decisions([]) == []
+
+
+def test_a_decision_is_no_reason_for_doubt() -> None:
+    led = PoseNote.of(NoteKind.PRIOR_LED).text
+    assert [each.reason for each in doubtful_stretches([pose(0.1 * i, 0.1, led) for i in range(5)])] == [""]

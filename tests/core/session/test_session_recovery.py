@@ -7,6 +7,7 @@ import pytest
 from motion_synthesis.performance import performance
 from perfanim.core.body.calibration_poses import t_pose
 from perfanim.core.body.motion import resampled
+from perfanim.core.body.pose_notes import NoteKind
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.labelling.labeller import Labeller
@@ -58,6 +59,8 @@ def test_performer_who_returns_elsewhere_in_another_pose_is_found_at_once(
     rows = rot.rotate(rot.from_rotation_vector([0.0, turn, 0.0]), rows) + np.array([1.5, 0.0, -1.5])
     poses = [session.step(points(record, row, 80 + i, generator)) for i, row in enumerate(rows)]
     right = [labelled_right(pose, row) for pose, row in zip(poses, rows, strict=True)]
+    found = next(pose for pose in poses if pose.confidence > 0.0)
+    assert {NoteKind.TORSO_LOST, NoteKind.LABELLED} <= {note.kind for note in found.notes}
     assert all(right[3:])  # a lost marker is labelled again within three frames
     assert min(pose.confidence for pose in poses[3:]) > 0.1
 
@@ -68,10 +71,12 @@ def test_wrong_initial_labels_are_corrected(subject, database, record, true_mark
     swapped = np.array([1, 0, 3, 2, 5, 4, 7, 6])
     for number in range(4):
         session.step(points(record, true_markers[number], number, generator, swapped))
-    right = []
+    right, kinds = [], set()
     for number in range(4, 34):
         pose = session.step(points(record, true_markers[number], number, generator))
         right.append(labelled_right(pose, true_markers[number]))
+        kinds |= {note.kind for note in pose.notes}
+    assert NoteKind.RELABELLED in kinds
     assert not right[0]
     assert all(right[15:])  # half a second
 

@@ -102,6 +102,23 @@ def test_feet_above_and_below_the_floor():
     assert verdict(posed(place=ROOT + UP * 0.1)).is_good
 
 
+def test_guessed_legs_say_nothing_about_the_floor():
+    above = posed(place=ROOT + 0.5 * UP)
+    off = np.zeros((FRAMES, len(SET), 3))
+    assert kinds(above, off) == [ReasonKind.FLOOR]
+    off[:, [i for i, marker in enumerate(SET.markers) if marker.joint[1:] in ("femur", "tibia", "foot", "toes")]] = (
+        np.nan
+    )
+    assert ReasonKind.FLOOR not in kinds(above, off)
+
+
+def test_a_body_fitted_far_from_its_markers_is_no_body():
+    """Its solved poses may be near the markers all the same, because the joints bend as no joint does."""
+    for residual_m, expected in ((0.03, []), (0.06, [ReasonKind.MARKERS])):
+        assert kinds(posed(), worn=replace(WEARER, residual_m=residual_m)) == expected
+    assert verdict(posed(), worn=replace(WEARER, residual_m=0.06)).is_useless
+
+
 def test_bones_that_nobody_has():
     small = replace(BODY, offsets_m=0.1 * BODY.offsets_m, tips_m=0.1 * BODY.tips_m)
     assert stature_m(BODY) == pytest.approx(1.72)

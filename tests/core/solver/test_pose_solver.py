@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.motion import resampled, sliced
+from perfanim.core.body.pose_notes import NoteKind
 from perfanim.core.body.standard_skeleton import scaled
 from perfanim.core.errors import DatabaseError
 from perfanim.core.geometry import rotations as rot
@@ -258,8 +259,8 @@ def test_methods_without_fit_are_not_reinitialised(model, database, noisy, metho
     assert all(solve(model, database, [Observation.of_points(row) for row in noisy[:20]], method))
 
 
-@pytest.mark.parametrize(("jump_m", "nearer"), [(0.0, []), (0.2, [0.6]), (0.8, [1.0])])
-def test_reinitialised_pose_after_a_cut_must_not_be_farther(model, database, noisy, monkeypatch, jump_m, nearer):
+@pytest.mark.parametrize(("jump_m", "reasons"), [(0.0, []), (0.2, [NoteKind.NEARER_EXAMPLE]), (0.8, [NoteKind.CUT])])
+def test_a_pose_is_reinitialised_after_a_jump_or_cut(model, database, noisy, monkeypatch, jump_m, reasons):
     """The past of another motion is worth nothing; limbs that only are fast still have theirs."""
     asked, original = [], PoseSolver.reinitialise
 
@@ -274,5 +275,6 @@ def test_reinitialised_pose_after_a_cut_must_not_be_farther(model, database, noi
     points = noisy[20].copy()
     points[limbs] += jump_m * np.array([0.6, 0.0, 0.8])
     solution, _ = solver.step(state, Observation.of_points(points))
-    assert asked == nearer
+    assert asked == reasons
+    assert solution.begun in (None, *reasons)
     assert np.isfinite(solution.pose).all()

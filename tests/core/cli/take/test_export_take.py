@@ -83,6 +83,17 @@ def test_info(recorded, capsys):
     assert "lost frames: 3" in capsys.readouterr().out
 
 
+def test_info_tells_why_a_take_was_solved_as_it_was(recorded, tmp_path, capsys):
+    told = run(capsys, "take", "info", "--why", recorded)["decisions"]
+    assert told[0]["kind"] == "LABELLED"
+    assert told[0]["start_s"] == 0.0
+    assert main(["take", "info", "--why", str(recorded)]) == 0
+    assert "labels found without history" in capsys.readouterr().out
+    run(capsys, "take", "export", recorded, "--out", tmp_path / "walk.csv")
+    assert main(["take", "info", "--why", str(tmp_path / "walk.csv")]) == 1
+    assert "has no poses" in capsys.readouterr().err
+
+
 def test_info_of_other_systems_takes(tmp_path, recorded, capsys):
     markers = read_take(recorded)
     for ending in ("c3d", "trc", "csv", "take.npz"):
