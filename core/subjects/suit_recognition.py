@@ -354,6 +354,8 @@ def _solve(points_m: Array, guess: _Guess, database: Database) -> _Guess:
         cost, labels = _assigned(mean_of_known(apart2), _S.free_m if ends_free else _S.solved_m)
         cost += float(np.sum((subject.marker_set.offsets_m - worn.offsets_m) ** 2))
         known = np.flatnonzero(labels >= 0)
+        if not len(known):  # the body is nowhere near the points
+            return guess._replace(cost=cost, labels=labels)
         residual_m = float(np.sqrt(np.nanmedian(apart2[:, known, labels[known]])))
         observed = np.full((len(points_m), len(worn), 3), np.nan)
         observed[:, labels[known]] = part.positions_m[:, known]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from perfanim.core.body.clock import poses_at
+from perfanim.core.body.pose_notes import NoteKind, PoseNote
 from perfanim.core.body.scene_pose import ScenePose
 from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
@@ -21,6 +22,7 @@ from perfanim.core.formats.take_file.take_edits import append_notes
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.take_writer import TakeWriter, WriterSettings
+from perfanim.core.formats.take_file.whole_take import write_whole_take
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
@@ -84,11 +86,16 @@ def test_info(recorded, capsys):
 
 
 def test_info_tells_why_a_take_was_solved_as_it_was(recorded, tmp_path, capsys):
-    told = run(capsys, "take", "info", "--why", recorded)["decisions"]
-    assert told[0]["kind"] == "LABELLED"
-    assert told[0]["start_s"] == 0.0
-    assert main(["take", "info", "--why", str(recorded)]) == 0
-    assert "labels found without history" in capsys.readouterr().out
+    take, cut = read_take_file(recorded), PoseNote.of(NoteKind.CUT)
+    poses = [
+        replace(solved, pose=replace(solved.pose, notes=(cut,) * (at == 10))) for at, solved in enumerate(take.poses)
+    ]
+    write_whole_take(tmp_path / "cut.perftake", take.setup, take.notes, take.stamped_frames, poses)
+    (told,) = run(capsys, "take", "info", "--why", tmp_path / "cut.perftake")["decisions"]
+    assert (told["reason"], told["first"], told["last"]) == (cut.text, 10, 10)
+    assert told["start_s"] == pytest.approx(poses[10].pose.time_s - poses[0].pose.time_s)
+    assert main(["take", "info", "--why", str(tmp_path / "cut.perftake")]) == 0
+    assert cut.text in capsys.readouterr().out
     run(capsys, "take", "export", recorded, "--out", tmp_path / "walk.csv")
     assert main(["take", "info", "--why", str(tmp_path / "walk.csv")]) == 1
     assert "has no poses" in capsys.readouterr().err
