@@ -27,6 +27,7 @@ class JumpSettings:
     torso_m_s2: float = 54.0  # acceleration of the torso: its markers are so far from where the body carries them
     near_m: float = 0.02  # distance from the expected position within which nothing is wild
     jerk_m_s3: float = 4320.0  # the same for long steps between frames: a change of acceleration that people reach
+    outside: float = 3.0  # standard deviations of the carried position within which nothing is wild: after a pause, any
     settled: int = 3  # positions after which a marker's own motion counts
     exchanged: int = 30  # frames after which exchanged labels are believed
     cut: float = 0.5  # more than this share of the located markers leaves its motion in a cut
@@ -84,7 +85,8 @@ class JumpGate:
             jumped, left = jumped & ~exchanged, left & ~exchanged
         variances = (_S.torso_m_s2 * elapsed_s**2) ** 2 + noise_m**2
         squares = np.sum((points_m - carried.torso_m) ** 2, axis=1)
-        is_carried_off = -1.5 * np.log(2.0 * np.pi * variances) - 0.5 * squares / variances < _WILD
+        is_carried_off = squares > np.maximum(_S.near_m**2, _S.outside**2 * variances)
+        is_carried_off &= -1.5 * np.log(2.0 * np.pi * variances) - 0.5 * squares / variances < _WILD
         jumped |= is_carried_off
         is_cut = np.count_nonzero(jumped | left) > _S.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
         doubted = jumped & ~self._doubted & (is_settled | is_carried_off) & (not is_cut)

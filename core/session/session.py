@@ -29,6 +29,7 @@ from .part_errors import PartErrors, doubtful_joints
 from .tracking_quality import TrackingQuality, assess_fit, tracking_of
 
 _FASTEST_M_S = 10.0  # speed that no torso reaches
+_WORN_S = 0.2  # time over which the place of a marker on the body is averaged
 _WORSE_M = 0.004  # RMS distance by which alternative labels may fit the body worse than the current ones
 
 
@@ -106,8 +107,7 @@ class Session:
             pose = self._last_pose(frame, frame.time_s, NoteKind.WAITING, observation)
         elapsed_s = self._elapsed_s(frame.time_s)
         self._last = pose
-        if before.markers_m is not None and self._state.markers_m is not None and elapsed_s > 0.0:
-            self._marker_velocities = (self._state.markers_m - before.markers_m) / elapsed_s
+        self._note_markers(before.markers_m, observation, elapsed_s)
         if reason := self._quality.reason_lost(pose):
             self.restart(reason)
         elif check_labels and solution and not is_labelled(frame):
@@ -135,6 +135,7 @@ class Session:
         """Forget the pose, so that the next frame is solved like the first."""
         self._state = self.solver.initial_state
         self._marker_velocities = None
+        self._apart_m = np.full((len(self.subject.marker_set), 3), np.nan)  # of seen markers from the body's
         self._labelled_s: float | None = None  # when one camera's labels were found
         self._smoother = MarkerSmoother(len(self.subject.marker_set), self._source)
         self._quality.reset()
@@ -165,8 +166,20 @@ class Session:
         carried_m, torso = np.full((len(self.subject.marker_set), 3), np.nan), self._model.torso
         if self._state.markers_m is not None and self._marker_velocities is not None:
             slow = torso & (np.linalg.norm(self._marker_velocities, axis=1) < _FASTEST_M_S)  # faster: after a cut
-            carried_m[slow] = (self._state.markers_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
+            worn_m = self._state.markers_m + np.nan_to_num(self._apart_m)  # where on the body it is worn is not exact
+            carried_m[slow] = (worn_m + self._elapsed_s(time_s) * self._marker_velocities)[slow]
         return Carried(carried_m, self._last is not None and self._last.confidence >= DOUBTFUL)
+
+    def _note_markers(self, before_m: Array | None, observation: Observation, elapsed_s: float) -> None:
+        """Remember how fast the body's markers move, and how far from them the believed ones are on average."""
+        if self._state.markers_m is None:
+            return
+        if before_m is not None and elapsed_s > 0.0:
+            self._marker_velocities = (self._state.markers_m - before_m) / elapsed_s
+        apart_m = observation.points_m - self._state.markers_m
+        mean_m = self._apart_m + -np.expm1(-elapsed_s / _WORN_S) * (apart_m - self._apart_m)
+        apart_m = np.where(np.isfinite(mean_m), mean_m, apart_m)
+        self._apart_m = np.where(np.isfinite(apart_m), apart_m, self._apart_m)
 
     def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
         """Return the re-initialised pose if it is much nearer to the database.

@@ -12,6 +12,7 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.session import Session
 from perfanim.core.solver.settings import METHODS, SolveSettings
+from scipy.interpolate import CubicSpline
 
 FPS = 30.0
 NOISE_M = 0.002
@@ -67,6 +68,17 @@ def test_hidden_marker_is_noted_and_lowers_confidence(subject, database, record,
     assert pose.confidence <= 6 / 8 < whole.confidence
     assert np.isfinite(pose.markers_m).all()
     np.testing.assert_array_equal(np.isnan(pose.observed_m[:, 0]), [0, 0, 0, 0, 1, 0, 1, 0])
+
+
+@pytest.mark.parametrize("fps", [60.0, 240.0])
+def test_markers_worn_elsewhere_do_not_jump(subject, database, record, true_markers, fps):
+    """The body carries a marker from where it was seen, not from where its set puts it; most so in short steps."""
+    seconds = np.arange(0.0, 0.5, 1.0 / fps)
+    rows = CubicSpline(np.arange(len(true_markers)) / 30.0, true_markers)(seconds)
+    rows += 0.03 * np.random.default_rng(4).normal(size=rows[0].shape)
+    session = Session(subject, database)
+    poses = [session.step(record(row, number, KNOWN, fps=fps)) for number, row in enumerate(rows)]
+    assert not [note for pose in poses for note in pose.notes if note.kind is NoteKind.JUMPED]
 
 
 def test_source_notes_are_passed_on(subject, database, record, noisy):
@@ -243,3 +255,10 @@ def test_start_with_hanging_arms_and_hidden_markers_is_labelled(subject, databas
         found = np.all(np.isfinite(pose.observed_m), axis=1)
         assert set(np.flatnonzero(~found)) == (set(hidden) if number == 0 else set())
         assert np.linalg.norm(pose.observed_m - markers, axis=1)[found].max() < 5.0 * np.sqrt(3.0) * NOISE_M
+
+
+def test_markers_do_not_jump_after_lost_frames(subject, database, record, true_markers):
+    session = Session(subject, database)
+    shown = [number for number in range(len(true_markers)) if not 20 <= number < 35]
+    poses = [session.step(record(true_markers[number], number, KNOWN)) for number in shown]
+    assert not [note for pose in poses for note in pose.notes if note.kind is NoteKind.JUMPED]
