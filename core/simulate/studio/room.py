@@ -1,5 +1,6 @@
 """Room behind the performer as seen by each camera through its lens."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -84,20 +85,31 @@ def _faces(origin: Array, rays: Array, box: Box) -> tuple[tuple[Array, IntArray]
 
     A ray misses the box if it would leave before it enters.
     """
-    safe = np.where(np.abs(rays) < 1e-12, 1e-12, rays)
-    a, b = (np.array(box.low) - origin) / safe, (np.array(box.high) - origin) / safe
-    near, far = np.minimum(a, b), np.maximum(a, b)
-    return (near.max(axis=1), np.argmax(near, axis=1)), (far.min(axis=1), np.argmin(far, axis=1))
+    near, far = [], []
+    for column, start, low, high in zip(rays.T, origin, box.low, box.high, strict=True):  # whole columns are fast
+        safe = np.where(np.abs(column) < 1e-12, 1e-12, column)
+        a, b = (low - start) / safe, (high - start) / safe
+        near.append(np.minimum(a, b))
+        far.append(np.maximum(a, b))
+    enter, leave = np.maximum(np.maximum(*near[:2]), near[2]), np.minimum(np.minimum(*far[:2]), far[2])
+    return (enter, _first(near, enter)), (leave, _first(far, leave))
+
+
+def _first(columns: Sequence[Array], values: Array) -> IntArray:
+    """Return the first of three columns (N,) that has each value."""
+    return np.where(columns[0] == values, 0, np.where(columns[1] == values, 1, 2))
 
 
 def _walls(points: Array, axis: IntArray) -> Array:
     """Return colours (N, 3) of points on the walls, the plank floor and the ceiling."""
     x, y, z = points.T
-    level = np.where((y < 1.0)[:, None], _floor(x, z), np.array(_CEILING))
-    colour = np.where((axis == 1)[:, None], level, np.array(_ROOM.colour) * (1.0 + 0.06 * y)[:, None])
+    level, low = axis == 1, y < 1.0
+    colour = np.array(_ROOM.colour) * (1.0 + 0.06 * y)[:, None]
+    colour[level & ~low] = _CEILING
+    colour[level & low] = _floor(x[level & low], z[level & low])
     # corners are darker, because less of the room's light reaches them
     corner = np.minimum(np.minimum(x - _ROOM.low[0], _ROOM.high[0] - x), z - _ROOM.low[2])
-    edge = np.where(axis == 1, corner, np.minimum(y, _ROOM.high[1] - y) + 0.15)
+    edge = np.where(level, corner, np.minimum(y, _ROOM.high[1] - y) + 0.15)
     shaded: Array = colour * (0.74 + 0.26 * np.clip(edge / 0.9, 0.0, 1.0))[:, None]
     return shaded
 
