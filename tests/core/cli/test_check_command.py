@@ -8,6 +8,7 @@ import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.geometry.rig_file import load_rig, save_rig
+from perfanim.core.simulate import practice_studio
 from perfanim.core.simulate.practice_studio import studio_with
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_pictures
 from perfanim.core.simulate.studio.render import Renderer
@@ -16,8 +17,8 @@ from perfanim.core.simulate.studio.video import LOSSLESS, open_video
 from perfanim.core.subjects.setup_check.finding import Fault
 
 
-def write_film(path, images):
-    with open_video(path, 30.0, (640, 480), LOSSLESS[1]) as write:
+def write_film(path, images, fps=30.0):
+    with open_video(path, fps, (640, 480), LOSSLESS[1]) as write:
         for image in images:
             write(image)
 
@@ -64,11 +65,12 @@ def test_bad_input_is_one_line(folder, capsys, more, text):
     assert text in lines[0]
 
 
-def test_reflections_are_noted_in_the_calibration_and_forgotten_again(tmp_path, capsys):
+def test_reflections_are_noted_in_the_calibration_and_forgotten_again(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(practice_studio, "FPS", 15.0)  # half the pictures
     studio = studio_with(Fault.REFLECTION, np.random.default_rng(18))
     for index, side in enumerate(("left", "right")):
-        write_film(tmp_path / f"empty-{side}.mkv", [images[index] for images in studio.empty])
-        write_film(tmp_path / f"{side}.mkv", [moment.images[index] for moment in studio.moments])
+        write_film(tmp_path / f"empty-{side}.mkv", [images[index] for images in studio.empty], 15.0)
+        write_film(tmp_path / f"{side}.mkv", [moment.images[index] for moment in studio.moments], 15.0)
     save_rig(studio.rig, tmp_path / "cameras.toml")
 
     def told(*more):

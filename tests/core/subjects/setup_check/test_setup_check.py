@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core.errors import CaptureError
 from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.simulate import practice_studio
 from perfanim.core.simulate.practice_studio import STUDIO_FAULTS, board_views, studio_with
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.subjects.setup_check.board_faults import board_faults, square_px
@@ -14,6 +15,12 @@ from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.subjects.setup_check.rig_faults import place_fault
 from perfanim.core.vision.calibration.calibration_board import Board, BoardView
 from perfanim.core.vision.detection.background import learn_backgrounds
+
+
+@pytest.fixture
+def few_frames(monkeypatch):
+    """Studios filmed at 15 frames per second: the same faults in half the pictures."""
+    monkeypatch.setattr(practice_studio, "FPS", 15.0)
 
 
 def findings_of(studio):
@@ -32,14 +39,14 @@ def test_healthy_studios_have_no_fault(seed):
 
 
 @pytest.mark.parametrize("fault", STUDIO_FAULTS)
-def test_the_fault_is_named_and_no_other(fault):
+def test_the_fault_is_named_and_no_other(few_frames, fault):
     findings = findings_of(studio_with(fault, np.random.default_rng([6, STUDIO_FAULTS.index(fault)])))
     assert {finding.fault for finding in findings} == {fault}
     for finding in findings:
         assert ";" in finding.text or ":" in finding.text  # a fact, then advice
 
 
-def test_reflections_are_ignored_before_and_after_the_calibration():
+def test_reflections_are_ignored_before_and_after_the_calibration(few_frames):
     studio = studio_with(Fault.REFLECTION, np.random.default_rng(18))
     names = [camera.name for camera in studio.rig.cameras]
     backgrounds = learn_backgrounds(studio.empty)
@@ -72,7 +79,7 @@ def test_place(z_m, fault):
     assert [finding.fault for finding in found] == ([fault] if fault else [])
 
 
-def test_too_few_moments_are_refused():
+def test_too_few_moments_are_refused(few_frames):
     studio = studio_with(None, np.random.default_rng(0))
     with pytest.raises(CaptureError, match="3 moments are too few"):
         check_setup(studio.rig, learn_backgrounds(studio.empty), studio.moments[:3], load_marker_set("boxing"))

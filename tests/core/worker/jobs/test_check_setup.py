@@ -1,22 +1,59 @@
-"""The check before a capture by the real worker: simulated cameras, with and without a fault or a calibration."""
+"""The check before a capture: simulated cameras by the real worker, with and without a calibration, and its faults."""
 
+import threading
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from jobs_played import outcome, played, said
 from perfanim.core.geometry.rig_file import rig_tables
+from perfanim.core.simulate import practice_studio
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.subjects.setup_check.finding import Fault
 from perfanim.core.vision.common_space import common_space
+from perfanim.core.worker.jobs import check_setup
 from perfanim.core.worker.protocol import Message, MessageKind
+from perfanim.core.worker.requests import read_request
 
 SOURCE = {"kind": "simulated", "behaviour": "walking", "height_m": 1.75, "marker_set": "boxing", "loop": True}
 
 
+def asked(**more: Any) -> dict[str, Any]:
+    return {"job": "check setup", "source": SOURCE, "marker_set": "boxing", "rig": None, **more}
+
+
 def checked(**more: Any) -> tuple[list[Message], dict[str, Any]]:
-    messages = played({"job": "check setup", "source": SOURCE, "marker_set": "boxing", "rig": None, **more})
+    messages = played(asked(**more))
     return messages, outcome(messages).json()
+
+
+@pytest.fixture(scope="module")
+def practised() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]:
+    """practised(fault, ...) -> the result and the last picture of a check in this process, of half as many pictures."""
+
+    def check(fault: Fault, **more: Any) -> tuple[dict[str, Any], np.ndarray]:
+        pictures: list[np.ndarray] = []
+        results: list[dict[str, Any]] = []
+        channel: Any = SimpleNamespace(
+            stop_requested=threading.Event(),
+            send_status=lambda *_: None,
+            send_preview=pictures.append,
+            send_result=results.append,
+        )
+        check_setup.run(read_request("check setup", asked(fault=str(fault), **more)), channel)
+        return results[0], pictures[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(practice_studio, "FPS", 15.0)
+        patch.setattr(check_setup, "FPS", 15.0)
+        yield check
+
+
+@pytest.fixture(scope="module")
+def reflections(practised: Any) -> tuple[dict[str, Any], np.ndarray]:
+    return practised(Fault.REFLECTION)
 
 
 def test_a_healthy_studio_is_checked_with_and_without_a_calibration() -> None:
@@ -38,22 +75,21 @@ def test_a_healthy_studio_is_checked_with_and_without_a_calibration() -> None:
 
 
 @pytest.mark.parametrize("fault", [Fault.DARK, Fault.BUMPED, Fault.REFLECTION])
-def test_a_fault_to_practise_on_is_named(fault: Fault) -> None:
-    messages, found = checked(fault=str(fault))
+def test_a_fault_to_practise_on_is_named(fault: Fault, practised: Any, reflections: Any) -> None:
+    found, shown = reflections if fault is Fault.REFLECTION else practised(fault)
     assert {row["fault"] for row in found["findings"]} == {str(fault)}
-    *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
     ringed = int((abs(shown.astype(int) - (255, 170, 60)).max(axis=2) < 30).sum())
     assert (ringed > 20) == (fault is Fault.REFLECTION)
 
 
 @pytest.mark.parametrize("rig", [None, rig_tables(default_rig())], ids=["not calibrated", "calibrated"])
-def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(rig: dict[str, Any] | None) -> None:
-    _, found = checked(fault=str(Fault.REFLECTION), rig=rig)
-    places = [place for row in found["findings"] for place in row["places"]]
+def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(
+    rig: dict[str, Any] | None, practised: Any, reflections: Any
+) -> None:
+    places = [place for row in reflections[0]["findings"] for place in row["places"]]
     assert places
-    messages, found = checked(fault=str(Fault.REFLECTION), rig=rig, ignored=places)
+    found, shown = practised(Fault.REFLECTION, rig=rig, ignored=places)
     assert found["findings"] == []
-    *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
     for camera, x, y in places:  # the pictures are half as large
         x, y = round(x / 2 + 320 * camera), round(y / 2)
         near = shown[y - 4 : y + 5, x - 4 : x + 5].astype(int)
@@ -61,6 +97,5 @@ def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(rig: dict
 
 
 def test_a_stop_ends_the_check_without_a_result() -> None:
-    request = {"job": "check setup", "source": SOURCE, "marker_set": "boxing", "rig": None}
-    messages = played(request, lambda m: m.kind is MessageKind.PREVIEW)
+    messages = played(asked(), lambda m: m.kind is MessageKind.PREVIEW)
     assert not [m for m in messages if m.kind in (MessageKind.RESULT, MessageKind.ERROR)]
