@@ -20,9 +20,11 @@ NUMPY_OF_5.2 := 2.3
 
 # One thread a process for linear algebra: the processes share the cores already.
 export OPENBLAS_NUM_THREADS ?= 1
+# Compiled modules are kept, or each of the many processes would compile them anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check bpy-test window-test extras-test docs pictures extension release coverage mutation \
+.PHONY: help demo test long-test check bpy-test window-test extras-test docs pictures extension release coverage mutation \
 	bench-priors train-prior soak fuzz operator-fuzz clean
 
 help: ## list the targets
@@ -31,10 +33,15 @@ help: ## list the targets
 demo: $(STAMP) ## the main job with a simulated performer, results in out/demo
 	$(BIN)/perfanim demo --out out/demo
 
-test: $(STAMP) ## all tests that need no window
-	$(BIN)/python -m pytest tests --ignore tests/window --ignore tests/gplvm --ignore tests/prior --ignore tests/fuzz_guided \
-	  --ignore tests/soak/test_tracker_floods.py -n auto --dist loadfile --no-loadscope-reorder
+TESTS := tests --ignore tests/window --ignore tests/gplvm --ignore tests/prior --ignore tests/fuzz_guided \
+	--ignore tests/soak/test_tracker_floods.py -n auto --dist loadfile --no-loadscope-reorder
+
+test: $(STAMP) ## all tests that need no window, but the long ones
+	$(BIN)/python -m pytest $(TESTS) -m 'not long'
 	$(BIN)/python -m pytest tests/soak/test_tracker_floods.py # alone: a flood needs the processors
+
+long-test: $(STAMP) ## whole benchmarks, films and recordings
+	$(BIN)/python -m pytest $(TESTS) -m long
 
 check: $(STAMP) ## linter, formatter, types, imports between packages
 	$(BIN)/ruff check .

@@ -25,9 +25,9 @@ def views_of_board(renderer: Renderer, board: Board, count: int) -> dict[str, di
     return views
 
 
-def calibrate_studio(source: SimulatedSource) -> CalibrationResult:
-    """Return the cameras calibrated from their pictures of the board."""
-    views = views_of_board(source.renderer, DEFAULT_BOARD, 24)
+def calibrate_studio(source: SimulatedSource, pictures: int = 24) -> CalibrationResult:
+    """Return the cameras calibrated from so many pictures of the board each."""
+    views = views_of_board(source.renderer, DEFAULT_BOARD, pictures)
     cameras = [CameraViews(camera.name, camera.image_size, views[camera.name]) for camera in source.rig.cameras]
     return calibrate_from_points(DEFAULT_BOARD.points_m, cameras)
 

@@ -66,12 +66,25 @@ def new_character(part: Callable[[str], Any]) -> Callable[..., Any]:
     return lambda *given: bpy.data.objects[create(bpy.context, *given)]
 
 
-@pytest.fixture
-def new_capture(part: Callable[[str], Any]) -> Callable[[], Any]:
-    """Start a capture of the real worker, to be closed by the test; a missing starter database is built first."""
+@pytest.fixture(scope="session")
+def starter_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The starter database, as the add-on builds it."""
+    from perfanim.core.database.build_database import build_database
+    from perfanim.core.system.assets import MOTION
 
-    def start() -> Any:
+    path = tmp_path_factory.mktemp("starter") / "starter.pfdb"
+    build_database([MOTION], path)
+    return path
+
+
+@pytest.fixture
+def new_capture(part: Callable[[str], Any], starter_file: Path) -> Callable[..., Any]:
+    """Start a capture of the real worker, to be closed by the test; on request, the starter database is built first."""
+
+    def start(is_first: bool = False) -> Any:
         operators = part("operators.database_operators")
+        if not is_first:
+            shutil.copy(starter_file, part("settings.readiness").starter_database_path())
         first = operators.starter_job("capture", None) if operators.is_starter_missing(bpy.context) else None
         return part("capture.live_capture").LiveCapture(None, first)
 

@@ -15,7 +15,7 @@ from operator_fuzz import sequence
 from operator_fuzz.__main__ import run_headless
 from operator_fuzz.errors import errors_in
 
-SEED, SEQUENCES = 1, 25
+SEED, SEQUENCES = 1, 10
 
 
 def test_random_steps_end_without_an_error_and_leave_nothing() -> None:

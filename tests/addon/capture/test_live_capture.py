@@ -24,7 +24,7 @@ from ticking import stop_and_keep, tick, tick_poses, tick_until
 def test_the_defaults_capture_a_new_character_into_one_action(part: Any, chosen: Any, new_capture: Any) -> None:
     bpy.context.scene.render.fps = 24
     bpy.context.scene.frame_current = 11
-    with closing(new_capture()) as capture:
+    with closing(new_capture(is_first=True)) as capture:
         tick_poses(capture, 60)
         character = chosen.armature
         assert character.type == "ARMATURE"

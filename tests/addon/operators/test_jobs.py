@@ -131,6 +131,7 @@ def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
         assert target.read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.long
 def test_a_newcomer_calibrates_everything_in_the_sidebar(part: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Board pictures, cameras, the performer in three poses: with the simulated ones treated like real ones."""
     chosen, states = bpy.context.scene.perfanim, part("settings.readiness")

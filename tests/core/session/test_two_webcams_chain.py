@@ -48,6 +48,7 @@ def folder(shared_dir, tmp_path):
     return tmp_path
 
 
+@pytest.mark.long
 def test_walking_performer_becomes_a_walking_character(folder, shared_dir, walks, capsys):
     points = shared_dir / "two-webcams" / "stereo_calibration.json"
     rig, level, take_file = folder / "cameras.toml", folder / "level.toml", folder / "walk.take.npz"

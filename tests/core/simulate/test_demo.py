@@ -1,6 +1,7 @@
 """The whole chain on the embedded default, shortened: what it writes and how far it is from the simulated truth."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -10,12 +11,16 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.cli.main import main
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.retarget.to_standard_skeleton import to_standard_skeleton
+from perfanim.core.simulate import run_demo
+from perfanim.core.simulate.calibrated_studio import calibrate_studio
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("demo")
-    assert main(["demo", "--out", str(out), "--seconds", "7.5"]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_demo, "calibrate_studio", partial(calibrate_studio, pictures=10))
+        assert main(["demo", "--out", str(out), "--seconds", "5"]) == 0
     return json.loads((out / "report.json").read_text())
 
 

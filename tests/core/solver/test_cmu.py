@@ -25,6 +25,7 @@ def database(cmu_dir, tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("take", TAKES)
 def test_paper_beats_the_nearest_example_on_walks_out_of_the_database(take, cmu_dir, database, tmp_path, capsys):
     held = run(capsys, "database", "info", database)

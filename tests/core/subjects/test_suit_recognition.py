@@ -11,8 +11,15 @@ from perfanim.core.labelling.up_axis import TURNS
 from perfanim.core.markers.label_matching import AUTO
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.simulate.simulated_markers import simulate_markers
+from perfanim.core.subjects import suit_recognition
 
 SUIT = load_marker_set("helen-hayes")
+
+
+@pytest.fixture
+def few_suits(monkeypatch):
+    """The right suit and a larger one to choose from, of all that have so many markers."""
+    monkeypatch.setattr(suit_recognition, "marker_set_names", lambda: (SUIT.name, "plug-in-gait"))
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +44,9 @@ def test_unknown_labels_become_those_of_the_suit_that_moves_like_them(unknown, d
     assert any("31 of 32 markers were recognised" in note for note in named.notes)
 
 
-def test_labels_of_a_suit_that_are_exchanged_among_themselves_are_told_and_found_by_the_motion(unknown, database):
+def test_labels_of_a_suit_that_are_exchanged_among_themselves_are_told_and_found_by_the_motion(
+    few_suits, unknown, database
+):
     take, true = unknown
     names = np.random.default_rng(3).permutation(list(true.values()))
     named, worn = labelled_by(AUTO, replace(take, names=(*names, "floor")), database)
@@ -47,7 +56,7 @@ def test_labels_of_a_suit_that_are_exchanged_among_themselves_are_told_and_found
     assert any("no body has such distances" in note for note in named.notes)
 
 
-def test_trajectories_that_are_no_body_are_refused(unknown, database):
+def test_trajectories_that_are_no_body_are_refused(few_suits, unknown, database):
     take = unknown[0]
     steps = np.random.default_rng(1).normal(0.0, 0.02, take.positions_m.shape)
     starts = np.random.default_rng(2).normal(0.0, 0.5, take.positions_m.shape[1:])

@@ -68,6 +68,7 @@ def check(run: CaptureRun, said: list[str], path: Path) -> None:
     assert [solved.pose.number for solved in take.poses] == [pose.number for pose in run.poses]
 
 
+@pytest.mark.long
 def test_recorded_images_lose_no_frame_on_a_busy_machine(request_files: dict[str, Any], tmp_path: Path) -> None:
     source = open_simulated(PERFORMER)
     for images in source:

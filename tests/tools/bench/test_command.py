@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench import accuracy as accuracy_bench
-from bench.accuracy import EMBEDDED, OTHER_STUDIO, STUDIO, UNSEEN_CLIP, accuracy, cases_of
+from bench.accuracy import EMBEDDED, OTHER_STUDIO, UNSEEN_CLIP, accuracy, cases_of
 from bench.baseline import Baseline
 from bench.command import _BENCHES
 from bench.disturbed import disturbed_take
@@ -131,6 +131,7 @@ def one_take_each(data, monkeypatch):
     return only
 
 
+@pytest.mark.long
 def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, one_take_each):
     conditions = one_take_each(UNSEEN_CLIP, OTHER_STUDIO)
     figures = accuracy(Run(data, tmp_path))
@@ -165,7 +166,7 @@ def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, one
 
 
 def test_a_quick_accuracy_compares_less_with_another_version(data, tmp_path, one_take_each):
-    conditions = one_take_each(STUDIO, OTHER_STUDIO, EMBEDDED)
+    conditions = one_take_each(OTHER_STUDIO, EMBEDDED)
     figures = accuracy(Run(data, tmp_path), Path(__file__).parents[3], quick=True)
     rows = {(row["condition"], row["method"]): row for row in figures["rows"]}
     methods = {method for _, method in rows}

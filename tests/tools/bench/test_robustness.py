@@ -70,6 +70,7 @@ def test_robustness_writes_what_it_measures(data, tmp_path):
     assert (tmp_path / "robustness-worst-frames.png").stat().st_size > 5_000
 
 
+@pytest.mark.long
 def test_a_part_alone_has_the_figures_of_the_whole(data, tmp_path):
     sizes = Sizes(takes=2, cuts=1, t_pose_frames=4, noisy_frames=4, films=0, absences=1)
     parts = [("cuts",), ("cuts", "absences")]

@@ -15,6 +15,7 @@ def silent(fraction: float, text: str) -> None:
     assert 0.0 <= fraction <= 1.0 and text
 
 
+@pytest.mark.long
 def test_opencv_sample_set(shared_dir):
     folder = shared_dir / "stereo" / "opencv-9x6"
     patterns = {"left": f"{folder}/left*.jpg", "right": f"{folder}/right*.jpg"}
@@ -26,6 +27,7 @@ def test_opencv_sample_set(shared_dir):
     assert result.verdict == "good"
 
 
+@pytest.mark.long
 def test_charuco_set_of_four_cameras(shared_dir):
     folder = shared_dir / "stereo" / "charuco-4-cameras"
     videos = {f"cam_{i}": str(folder / "calibration" / "extrinsic" / f"cam_{i}.mp4") for i in range(4)}
@@ -42,6 +44,7 @@ def test_charuco_set_of_four_cameras(shared_dir):
     np.testing.assert_allclose(ratios, 1.0, atol=0.02)
 
 
+@pytest.mark.long
 def test_sourishg_set(shared_dir):
     folder = shared_dir / "stereo" / "sourishg-9x6" / "calib_imgs" / "1"
     patterns = {"left": f"{folder}/left*.jpg", "right": f"{folder}/right*.jpg"}

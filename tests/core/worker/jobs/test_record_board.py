@@ -12,7 +12,8 @@ from jobs_played import outcome, played, said
 from perfanim.core.errors import CalibrationError, CaptureError
 from perfanim.core.geometry.camera import Camera, CameraRig
 from perfanim.core.geometry.rig_file import rig_from, rig_tables
-from perfanim.core.simulate.studio.boards import board_on_floor
+from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures
+from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.studio_rig import default_rig
 from perfanim.core.vision.sources.image_files import read_image
 from perfanim.core.vision.sources.image_set import ImageSet
@@ -72,8 +73,14 @@ def test_views_are_taken_until_it_is_told_to_finish(tmp_path: Path) -> None:
 
 
 def test_a_board_that_is_too_small_is_told_of_each_camera(tmp_path: Path) -> None:
-    spec = "chessboard:9x6:40mm"
-    result = outcome(played(asked({"kind": "simulated"}, tmp_path, board=spec, limit=4))).json()
+    for picture in board_pictures(Renderer(default_rig()), DEFAULT_BOARD, 4):
+        for side, image in zip(("l", "r"), picture.images, strict=True):
+            (tmp_path / side).mkdir(exist_ok=True)
+            small = cv2.resize(image, None, fx=0.4, fy=0.4, interpolation=cv2.INTER_AREA)
+            for moment in range(12):  # it is held still
+                cv2.imwrite(str(tmp_path / side / f"{picture.number:02d}-{moment:02d}.png"), small)
+    source = {"kind": "images", "paths": [str(tmp_path / "l"), str(tmp_path / "r")], "fps": 10.0}
+    result = outcome(played(asked(source, tmp_path / "board", limit=4))).json()
     told = [advice for advice in result["advice"] if "the board is too small in" in advice]
     assert len(told) == 2
     assert "the left camera" in told[0]
