@@ -16,8 +16,9 @@ from motion_synthesis import perform
 from perfanim.core.body.standard_skeleton import default_skeleton
 from perfanim.core.database.store import open_database
 from perfanim.core.formats.motion.bvh import write_bvh
-from perfanim.core.geometry.rig_file import load_rig
-from perfanim.core.markers.subject import load_subject
+from perfanim.core.geometry.rig_file import load_rig, rig_tables
+from perfanim.core.markers.marker_set import load_marker_set
+from perfanim.core.markers.subject import Subject, load_subject, save_subject
 from perfanim.core.simulate.studio.boards import DEFAULT_BOARD, board_on_floor, board_pictures
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.studio_rig import default_rig
@@ -129,6 +130,44 @@ def test_the_board_is_written_to_be_printed(part: Any, tmp_path: Path) -> None:
         text = run_job(part, operator, SimpleNamespace(filepath=str(target)))
         assert text.startswith(f"print {target.name} on A4")
         assert target.read_bytes().startswith(b"%PDF")
+
+
+def test_what_is_found_by_watching_is_used(part: Any, tmp_path: Path) -> None:
+    """Each button asks for its job and takes over the result; the jobs themselves are tested where they are."""
+    chosen, states = bpy.context.scene.perfanim, part("settings.readiness")
+    chosen.practise, chosen.subject_name = True, "Zoë 2"
+    assert "calibrate the cameras" in states.first_missing_step(chosen)
+    assert not bpy.ops.perfanim.record_t_pose.poll()
+    assert not bpy.ops.perfanim.set_floor.poll()
+    cameras, subject = part("operators.camera_operators"), part("operators.subject_operators")
+    clicked, found = SimpleNamespace(), {"rig": rig_tables(default_rig())}
+
+    def end(operator: Any, board: str | None = None, **summary: Any) -> str:
+        asked = operator.request(clicked, bpy.context)
+        assert getattr(asked, "board", None) == board
+        return str(operator.on_result(clicked, bpy.context, summary))
+
+    pictures, covered = [str(tmp_path / side) for side in ("left", "right")], {"left": 0.8, "right": 0.75}
+    measured = {"verdict": "good", "stereo_rms_px": 0.2, "advice": [], "used": 12}
+    simulated = "chessboard:9x6:80mm"
+    text = end(cameras.PERFANIM_OT_calibrate_board, simulated, **found, **measured, pictures=pictures, coverage=covered)
+    assert text.startswith("good: 0.") and text.endswith("12 views, covered 80 %, 75 %")
+    assert [chosen.board_left, chosen.board_right] == pictures
+    assert "calibrate the performer" in states.first_missing_step(chosen)
+    performer = subject.PERFANIM_OT_calibrate_performer
+    asked = performer.request(clicked, bpy.context)
+    assert asked.poses == ("t", "hanging", "motorcycle") and Path(asked.subject_out).name == "Zoë-2.toml"
+    save_subject(Subject("Zoë 2", default_skeleton(), load_marker_set("boxing"), 0.006), Path(asked.subject_out))
+    result = {"out": asked.out, "subject": asked.subject_out, "verdict": "good", "residual_mm": 6.0, "advice": []}
+    assert end(performer, **result) == "good: residual 6 mm"
+    assert states.first_missing_step(chosen) == "" and chosen.subject_take == asked.out
+    labels = [label for _, label, _ in subject._profiles(bpy.context)]
+    assert labels == [f"Zoë-2: {states.performer(chosen).text}"]  # the file's name before the performer's
+    text = end(cameras.PERFANIM_OT_set_floor, simulated, **found, scale=1.05)
+    assert text.startswith("floor set at the board, origin at its middle; the board looks 5 % too large")
+    assert Path(chosen.calibration).name == "cameras-on-floor.toml"
+    text = end(cameras.PERFANIM_OT_set_floor_markers, **found, scale=1.0, markers=4)
+    assert text.startswith("floor set at the 4 markers, origin at their middle")
 
 
 @pytest.mark.long
