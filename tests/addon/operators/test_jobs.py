@@ -75,7 +75,7 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
     errors = sys.modules[f"{extension}.core.errors"]
     with pytest.raises(errors.CalibrationError, match="is not a folder"):
         operator.arguments(SimpleNamespace(), bpy.context)
-    for picture in board_pictures(Renderer(default_rig()), DEFAULT_BOARD, 8):
+    for picture in board_pictures(Renderer(default_rig()), DEFAULT_BOARD, 5):
         for side, image in zip(("left", "right"), picture.images, strict=True):
             (tmp_path / side).mkdir(exist_ok=True)
             assert cv2.imwrite(str(tmp_path / side / f"{picture.number:03d}.png"), image)

@@ -182,8 +182,9 @@ def without_depth(frame, camera):
     )
 
 
+@pytest.mark.long
 def test_one_camera_tracks_a_walk(person, database, record):
-    motion = performance([("walking", 1.0)], FPS, person.skeleton, seed=1_000_003)
+    motion = performance([("walking", 2.0)], FPS, person.skeleton, seed=1_000_003)
     markers = person.marker_set
     rows = markers.positions_on(person.skeleton, motion.rotations, motion.root_positions_m)
     both = default_rig()

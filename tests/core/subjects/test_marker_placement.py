@@ -109,8 +109,9 @@ def test_a_take_without_unknown_markers_leaves_the_subject(renamed, walker, data
     assert place_markers(only, walker, database) is walker
 
 
+@pytest.mark.long
 def test_arms_bent_at_the_side_of_a_runner_are_found_as_by_their_true_names(database):
-    motion = sliced(resampled(read_motion(MOTION / "running-05-proud.bvh"), 30.0), 0, 40)
+    motion = sliced(resampled(read_motion(MOTION / "running-05-proud.bvh"), 30.0), 0, 60)
     off_m = np.random.default_rng(5).uniform(-0.015, 0.015, (len(SUIT), 3))
     take = simulate_markers(motion, SUIT.with_offsets(SUIT.offsets_m + off_m), noise_mm=1.0, seed=2)[0]
     under = {name: f"X{number}" for number, name in enumerate(ARM_MARKERS)}

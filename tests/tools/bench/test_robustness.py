@@ -80,6 +80,7 @@ def test_a_part_alone_has_the_figures_of_the_whole(data, tmp_path):
     assert json.loads((tmp_path / "robustness-cuts.json").read_text())["seed"] == 8
 
 
+@pytest.mark.long
 def test_a_film_of_a_known_walk_costs_little(embedded_motion, database_of, tmp_path):
     """The studio's own rig, so that images, stereo and labels alone are measured."""
     name = "walking-02-energetic"
@@ -119,6 +120,7 @@ def takes(embedded_motion):
     return {f"0{i}_01": sliced(motion, 0, AFTER + 2) for i, motion in enumerate(motions)}
 
 
+@pytest.mark.long
 def test_a_body_known_to_the_database_is_named_after_the_cut(takes, database_of, tmp_path):
     database = database_of(tmp_path / "both.pfdb", list(takes.values()))
     generator = np.random.default_rng(1)
