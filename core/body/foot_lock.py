@@ -183,7 +183,8 @@ class FootLock:
                 slow, fast = _SETTINGS.planted_m_s, _SETTINGS.lifted_m_s
                 leaves = min(max((speed - slow) / (fast - slow), 0.0), 1.0)
                 wanted *= np.exp(-leaves * passed_s / _SETTINGS.fade_s)
-                wanted = _within(_SETTINGS.lifted_m_s * passed_s, foot.offset_m, wanted)  # the measured speed lags
+                # the measured speed lags, so a quick lift-off is noticed late: limit the change of the offset
+                wanted = _within(_SETTINGS.lifted_m_s * passed_s, foot.offset_m, wanted)
                 foot.anchor_m = ball + wanted
             if np.linalg.norm(wanted) <= (_SETTINGS.glide_reach_m if glides else _SETTINGS.reach_m):
                 foot.offset_m = wanted

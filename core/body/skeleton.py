@@ -57,7 +57,7 @@ class Skeleton:
             raise SkeletonError("a skeleton needs joints with unique names", where=", ".join(self.names[:5]))
         shapes = (self.parents.shape, self.offsets_m.shape, self.tips_m.shape, self.angle_axes.shape)
         if shapes != ((count,), (count, 3), (count, 3), (count, 4)) or len(self.angle_orders) != count:
-            raise SkeletonError(f"arrays of {count} joints have shapes {shapes}")
+            raise SkeletonError(f"arrays and angle orders do not match {count} joints (shapes {shapes})")
         if self.parents[0] != -1 or np.any(self.parents[1:] < 0) or np.any(self.parents >= np.arange(count)):
             raise SkeletonError("joint 0 must be the only root and parents must come before their children")
         if not (np.all(np.isfinite(self.offsets_m)) and np.all(np.isfinite(self.tips_m))):

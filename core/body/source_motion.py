@@ -47,11 +47,13 @@ class SourceMotion:
         count, frames = len(self.names), len(self.rotations)
         shapes = (self.parents.shape, self.offsets_m.shape, self.tips_m.shape, self.rotations.shape)
         if shapes != ((count,), (count, 3), (count, 3), (frames, count, 4)) or len(self.euler_orders) != count:
-            raise FormatError(f"arrays of {count} joints have shapes {shapes}", where=self.where)
+            raise FormatError(
+                f"arrays and Euler orders do not match {count} joints (shapes {shapes})", where=self.where
+            )
         if len(self.angle_jumps) == 0:
             object.__setattr__(self, "angle_jumps", np.zeros(frames, dtype=np.bool_))
         if frames == 0 or not self.fps > 0.0:
-            raise FormatError(f"has {frames} frames at {self.fps} frames per second", where=self.where)
+            raise FormatError("needs at least one frame and a positive frame rate", where=self.where)
 
     @property
     def frames(self) -> int:

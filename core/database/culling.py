@@ -2,7 +2,8 @@
 
 A frame is a near-duplicate if its pose and the pose `ahead_s` later, which give the direction of motion, are close to
 those of a frame kept from an earlier clip. Short passages are kept, and so are margins around new motion, so that it
-has velocities. Each frame is compared with its nearest few by principal components; duplicates missed by this are kept.
+has velocities. Each frame is compared only with its nearest few in principal-component space; duplicates that this
+misses are kept.
 """
 
 import math
@@ -31,7 +32,7 @@ class CullSettings:
     margin_s: float = 0.1  # time kept on both sides of new motion
     compared_per_s: float = 20.0  # frames compared; those between follow them
     components: int = 12  # principal components
-    candidates: int = 4  # number of nearest frames by components that are compared
+    candidates: int = 4  # nearest frames in principal-component space that are compared
     samples: int = 20_000  # frames used to compute the components
     tree: int = 4096  # fewest frames for which a search tree pays
 

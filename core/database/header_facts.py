@@ -32,7 +32,14 @@ class Clip:
     mirrored: Annotated[bool, About("whether it is a mirror image of the recording")] = False
 
     def part(self, first: int, stop: int, start: int, fps: float) -> "Clip":
-        """Return frames `first` up to `stop` of the clip as a clip that begins at `start`."""
+        """Return a part of the clip as a clip of a new database.
+
+        Args:
+            first: First frame of the part, counted from the start of this clip at the database's rate.
+            stop: Frame after its last one, counted likewise.
+            start: Frame of the new database at which the part begins.
+            fps: Frame rate of the database.
+        """
         before = round(first * self.source_fps / fps)
         return replace(self, start=start, stop=start + stop - first, first_frame=self.first_frame + before)
 

@@ -191,15 +191,21 @@ def save_database(database: Database) -> None:
 def _check_parts(database: Database) -> None:
     where, clips, shape = str(database.path), database.clips, database.root_positions_m.shape
     if not (SLOWEST <= database.fps <= FASTEST and database.frames):
-        raise DatabaseError(f"holds {database.frames} frames at {database.fps} frames per second", where=where)
+        raise DatabaseError(
+            f"has {database.frames} frames at {database.fps:g} Hz, but needs some at {SLOWEST:g} to {FASTEST:g} Hz",
+            where=where,
+            advice=REBUILD,
+        )
     if shape != (database.frames, 3):
-        raise DatabaseError(f"root positions have shape {shape}, not ({database.frames}, 3)", where=where)
+        raise DatabaseError(
+            f"root positions have shape {shape}, not ({database.frames}, 3)", where=where, advice=REBUILD
+        )
     edges = [clip.start for clip in clips] + [database.frames]
     if edges[0] != 0 or [clip.stop for clip in clips] != edges[1:]:
-        raise DatabaseError("clips do not cover the frames", where=where)
+        raise DatabaseError("its clips do not cover its frames", where=where, advice=REBUILD)
     bodies = [clip.skeleton for clip in clips] + [each.skeleton for each in database.reference_poses]
     if not all(0 <= body < len(database.skeletons) for body in bodies):
-        raise DatabaseError("a clip has no skeleton", where=where)
+        raise DatabaseError("a clip has no skeleton", where=where, advice=REBUILD)
 
 
 def _write_file(stream: BinaryIO, facts: dict[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:

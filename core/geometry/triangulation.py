@@ -59,7 +59,7 @@ def _linear(cameras: Sequence[Camera], rotations: Array, observed: Array, weight
 
 # cofactors 00, 01, 02, 11, 12, 22 of a flat symmetric matrix are p * q - r * s, with entries at these indices
 _P, _Q, _R, _S = np.array(((4, 2, 1, 0, 1, 0), (8, 5, 5, 8, 2, 4), (5, 1, 2, 2, 0, 1), (5, 8, 4, 2, 5, 1)))
-_WHOLE = np.array((0, 1, 2, 1, 3, 4, 2, 4, 5))  # the flat matrix of these cofactors
+_WHOLE = np.array((0, 1, 2, 1, 3, 4, 2, 4, 5))  # cofactor at each entry of the flat matrix, an index into the six above
 
 
 def inverse_3x3(matrices: Array) -> Array:

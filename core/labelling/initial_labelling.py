@@ -22,9 +22,9 @@ class InitialSettings:
     """Settings of `InitialLabeller`, tuned on cuts to random frames; costs are negative log likelihoods."""
 
     coarse: int = 8  # step between the examples used to choose between placements of the root
-    fitted: int = 400  # number of torsos to which the mean torso is fitted,
-    placed: int = 24  # number of these compared with the coarse examples,
-    compared: int = 8  # and number of these compared with all examples and completed with limbs
+    fitted: int = 400  # number of torsos to which the mean torso is fitted
+    placed: int = 24  # number of fitted torsos compared with the coarse examples
+    compared: int = 8  # number of torsos compared with all examples and completed with limbs
     together: int = 10_500  # limit on examples times limbs compared at once; more take too long for a live frame
     labellings: int = 40  # labellings kept while limbs are added
     best: int = 6  # labellings kept for each torso

@@ -65,8 +65,8 @@ def _by_place(take: MarkerTake, marker_set: MarkerSet, axes: Sequence[str]) -> M
     """Return the take with y up and with markers named by their positions."""
     if len(take.names) != len(marker_set):
         raise TakeError(
-            f"its markers are called {join_names(take.names)}, those of the set {marker_set.name} "
-            f"{join_names(marker_set.names)}",
+            f"its markers are called {join_names(take.names)}, but those of the set {marker_set.name} "
+            f"are called {join_names(marker_set.names)}",
             where=take.name,
             advice="choose the marker set that was worn, or give one of your own (TOML) with these names",
         )

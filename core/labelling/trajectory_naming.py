@@ -37,7 +37,11 @@ def name_trajectories(take: MarkerTake, marker_set: MarkerSet) -> MarkerTake:
     """
     count = len(marker_set)
     if len(take.names) != count:
-        raise TakeError(f"has {len(take.names)} markers, the marker set {marker_set.name} has {count}", where=take.name)
+        raise TakeError(
+            f"has {len(take.names)} markers, but the marker set {marker_set.name} has {count}",
+            where=take.name,
+            advice="choose the marker set that was worn",
+        )
     templates, chosen = _templates(marker_set), _samples(take)
     votes = np.zeros((count, count))
     for row in take.positions_m[chosen]:

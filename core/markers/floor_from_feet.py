@@ -84,7 +84,11 @@ def _upright_rotation(take: MarkerTake, marker_set: MarkerSet, skeleton: Skeleto
     frames = evenly(take.frames, _S.upright_samples)
     up = mean_vertical(template, take.positions_m[frames][:, _columns(take, marker_set)], _S.fewest)
     if np.linalg.norm(up) < 1e-6:
-        raise TakeError("too few markers are seen at once to find the floor", where=take.name)
+        raise TakeError(
+            "too few markers are seen at once to find the floor",
+            where=take.name,
+            advice="record with more markers in view, or lay the board on the floor",
+        )
     return rot.to_matrix(rot.between([0.0, 1.0, 0.0], up))
 
 

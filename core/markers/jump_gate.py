@@ -27,7 +27,7 @@ class JumpSettings:
     torso_m_s2: float = 54.0  # acceleration of the torso: its markers are so far from where the body carries them
     near_m: float = 0.02  # distance from the expected position within which nothing is wild
     jerk_m_s3: float = 4320.0  # the same for long steps between frames: a change of acceleration that people reach
-    outside: float = 3.0  # standard deviations of the carried position within which nothing is wild: after a pause, any
+    outside: float = 3.0  # nothing is wild within this many sigmas of the carried position; sigma grows in a pause
     settled: int = 3  # positions after which a marker's own motion counts
     exchanged: int = 30  # frames after which exchanged labels are believed
     cut: float = 0.5  # more than this share of the located markers leaves its motion in a cut

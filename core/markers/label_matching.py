@@ -126,7 +126,7 @@ def rename_labels(take: MarkerTake, names: Mapping[str, str]) -> MarkerTake:
     given = {label: marker for label, marker in names.items() if label in take.names}
     if not given:
         raise TakeError(
-            f"none of the labels {join_names(list(names))} is among its {join_names(take.names)}",
+            f"has none of the labels {join_names(list(names))}, only {join_names(take.names)}",
             where=take.name,
             advice="check the file of names",
         )

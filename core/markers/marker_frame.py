@@ -40,7 +40,9 @@ class MarkerFrame:
         if len(self.detected) == 0:
             object.__setattr__(self, "detected", self.blobs)
         if len(self.detected) != cameras:
-            raise CaptureError(f"{len(self.detected)} images of {cameras} cameras", where=f"frame {self.number}")
+            raise CaptureError(
+                f"has images of {len(self.detected)} cameras, but blobs of {cameras}", where=f"frame {self.number}"
+            )
         if self.normalised and [len(rows) for rows in self.normalised] != [len(rows) for rows in self.blobs]:
             raise CaptureError("the normalised coordinates do not match the blobs", where=f"frame {self.number}")
         if len(self.labels) == 0 and points:

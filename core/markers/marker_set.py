@@ -107,7 +107,12 @@ class MarkerSet:
         return np.array([skeleton.index(marker.joint) for marker in self.markers], dtype=np.int64)
 
     def positions_on(self, skeleton: Skeleton, rotations: Array, root_position_m: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
-        """Return the markers (..., M, 3) in the world on a skeleton with joint rotations (..., J, 4)."""
+        """Return the markers' world positions (..., M, 3) on a posed skeleton, metres.
+
+        Args:
+            rotations: Local joint rotations (..., J, 4).
+            root_position_m: World position (..., 3) of the root.
+        """
         return marker_positions(skeleton, self.joint_indices(skeleton), self.offsets_m, rotations, root_position_m)
 
     def with_offsets(self, offsets_m: Array) -> "MarkerSet":

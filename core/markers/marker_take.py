@@ -65,7 +65,7 @@ class MarkerTake:
             object.__setattr__(self, "times_s", np.asarray(self.frame_numbers) / max(self.fps, 1e-9))
         if self.positions_m.shape != (frames, len(self.names), 3) or frames == 0 or not self.names:
             raise TakeError(
-                f"{len(self.names)} markers with positions of shape {self.positions_m.shape}",
+                f"positions of shape {self.positions_m.shape} do not match {len(self.names)} markers",
                 where=self.name,
                 advice="a take needs at least one frame and one marker",
             )
@@ -87,9 +87,11 @@ class MarkerTake:
             or single.cameras.shape != shape
             or single.points.shape != (*shape, 2)
         ):
-            raise TakeError("what single cameras show does not fit the markers and frames", where=self.name)
+            raise TakeError("single-camera markers do not match the markers and frames", where=self.name)
         if not np.all((single.cameras >= -1) & (single.cameras < len(single.rig))):
-            raise TakeError(f"markers are shown by cameras that are not among its {len(single.rig)}", where=self.name)
+            raise TakeError(
+                f"a marker is seen by a camera that is not in the rig of {len(single.rig)}", where=self.name
+            )
 
     @property
     def frames(self) -> int:

@@ -34,12 +34,12 @@ class RootMotion(Enum):
 
 @dataclass(frozen=True)
 class CharacterPose:
-    """Transforms to set on a character; the leading shape is the motion's.
+    """Transforms to set on a character; their leading dimensions are those of the motion.
 
     Args:
         rotations: Rotations (..., N, 4) of `RetargetPlan.bones` relative to the rest pose, as Blender defines them.
-        locations: Locations (..., L, 3) of `RetargetPlan.located` relative to the rest pose. Hips connected to their
-            parent are moved by it.
+        locations: Locations (..., L, 3) of `RetargetPlan.located` relative to the rest pose. Blender ignores
+            the location of connected hips, so their nearest unconnected ancestor is located instead.
         object_rotation, object_location: Motion (..., 4) and (..., 3) of the object in its own space and the
             armature's unit; None unless the object receives the root motion.
     """

@@ -36,7 +36,10 @@ def steady_motion(poses: Sequence[PerformerPose], subject: Subject, name: str, c
 
 
 def motion_of(poses: Sequence[PerformerPose], subject: Subject, name: str, fps: float) -> Motion:
-    """Return a motion with one frame per pose, ignoring times: for steady poses, or to compare frame by frame."""
+    """Return a motion with one frame per pose.
+
+    The times are ignored: the poses must be evenly spaced, or the motion compared frame by frame.
+    """
     return Motion(name, fps, subject.skeleton, *_arrays(poses))
 
 

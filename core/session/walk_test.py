@@ -63,7 +63,7 @@ def judge_walk(figures: WalkFigures, marker_texts: Sequence[str]) -> str:
     verdict = "good" if severity < 1.0 else "usable" if severity < _POOR else "poor"
     is_known = severity < 1.0 and np.isfinite(figures.error_deg)  # the expected error is reliable only for a good walk
     within = f", joints within about {figures.error_deg:.0f} degrees" if is_known else ""
-    return f"captures will be {verdict}{within}; {advice if severity >= 1.0 else 'nothing needs to be mended'}"
+    return f"captures will be {verdict}{within}; {advice if severity >= 1.0 else 'nothing needs to change'}"
 
 
 def _problems(figures: WalkFigures, marker_texts: Sequence[str]) -> list[tuple[float, str]]:
@@ -74,9 +74,12 @@ def _problems(figures: WalkFigures, marker_texts: Sequence[str]) -> list[tuple[f
     where = f"the marker {marker_texts[worst]} is hidden {most:.0%} of the time"
     return [
         (figures.lost / _LOST, f"{figures.lost:.0%} of the images are lost: close other programs, or lower the rate"),
-        (_FPS / figures.fps, f"only {figures.fps:.0f} images come each second: expose shorter, or use other cameras"),
+        (
+            _FPS / figures.fps,
+            f"only {figures.fps:.0f} images come each second: use a shorter exposure, or other cameras",
+        ),
         (most / _HIDDEN, f"{where}: turn or raise a camera"),
         (usual / _HIDDEN_ON_AVERAGE, f"markers are hidden {usual:.0%} of the time: check light, focus and exposure"),
-        (noise_m / _NOISE_M, f"markers tremble by {1e3 * noise_m:.0f} mm: focus, or use larger markers"),
+        (noise_m / _NOISE_M, f"markers jitter by {1e3 * noise_m:.0f} mm: focus, or use larger markers"),
         (rms_m / _RMS_M, f"markers are {1e3 * rms_m:.0f} mm off the body: calibrate the performer again"),
     ]

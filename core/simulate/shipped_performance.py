@@ -54,11 +54,11 @@ def performance(
     skeleton: Skeleton | None = None,
     mirrored: bool = False,
 ) -> Motion:
-    """Return T pose and behaviour with a given duration and body.
+    """Return a performance, a T pose followed by a behaviour, with a given duration and body.
 
     Args:
-        seconds: Duration to which the behaviour is cut or extended by repetition; None keeps it.
-        skeleton: Body with the standard skeleton's joints; None for the file's.
+        seconds: Duration to which the behaviour is cut or extended by repetition; None keeps its own duration.
+        skeleton: Body with the standard skeleton's joints; None keeps the performance's own body.
         mirrored: Swap left and right.
 
     Raises:

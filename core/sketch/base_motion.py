@@ -26,8 +26,8 @@ class BaseMotionSettings:
     farthest: float = 4.0  # largest distance for which the regression is trusted, in standard deviations
     frames: int = 5  # frames of a window at which bodies are compared
     foot_sigma_m: float = 0.06  # standard deviation at a foot's keys
-    root_weight: float = 0.6  # weight of the root and
-    other_foot_weight: float = 0.4  # of the other foot, relative to the foot itself
+    root_weight: float = 0.6  # weight of the root relative to the foot itself
+    other_foot_weight: float = 0.4  # weight of the other foot relative to the foot itself
     height_scale: float = 3.0  # weight of heights, which show more reliably whether a foot stands
 
 
@@ -142,7 +142,7 @@ def corrected(
     weights /= weights.sum()
     closest = windows.picked(picked)
     others = window_motions(library, closest, relative_s)
-    # outputs relative to the window's own
+    # targets of the regression: motions of the similar windows relative to this window's
     changes = (
         others[0] - poses,
         rot.to_rotation_vector(rot.multiply(rot.conjugate(turns), others[1])),

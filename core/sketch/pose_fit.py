@@ -36,8 +36,8 @@ class PoseFitSettings:
     change_share: float = 0.1  # share of the database's covariance in a pose's covariance about its motion
     change_rad: float = 0.02  # additional standard deviation of each angle
     root_sigma: tuple[float, float] = (0.05, 0.015)  # m, rad; relative to the database's motion
-    limit_percentiles: tuple[float, float] = (0.5, 99.5)  # joint limits as percentiles of the database's angles,
-    limit_margin_rad: float = 0.05  # widened by this
+    limit_percentiles: tuple[float, float] = (0.5, 99.5)  # percentiles of the database's angles, for joint limits
+    limit_margin_rad: float = 0.05  # margin by which these joint limits are widened
     most_beyond_rad: float = 0.35  # largest angle of a joint beyond its limits
     samples: int = 4000  # database frames used to estimate covariance and limits
 

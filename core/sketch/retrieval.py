@@ -39,9 +39,9 @@ class RetrievalSettings:
     neighbours: int = 160  # windows per stretch that are kept
     apart_s: float = 0.1  # shortest interval between the starts of two windows from one clip
     join_weight: float = 0.5  # weight of the change where windows join (m2)
-    velocity_s: float = 0.15  # weight of a change of velocity in this
-    same_m: float = 0.002  # samples that moved less (m or s) count as unchanged,
-    most_same_m: float = 0.01  # and those with a small weight up to this
+    velocity_s: float = 0.15  # time by which a change of velocity is multiplied to compare it with a distance
+    same_m: float = 0.002  # samples that moved less (m or s) count as unchanged
+    most_same_m: float = 0.01  # upper limit of this distance for samples with a small weight
     forwards_weight: float = 0.3  # cost of moving backwards (sideways half) if no control shows the heading, m2 per m2
     hanging_weight: float = 0.02  # cost of hands without a control above their hanging height, m2 per m2
     taken_s: float = 0.5  # shortest interval between the starts of one explanation and the next

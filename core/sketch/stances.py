@@ -26,8 +26,8 @@ class StanceSettings:
         0.3  # smallest share between keys: of the largest there for a step, of all examples for one stance
     )
     most_stand: float = 0.7  # share above which the desired toes of one stance may differ more
-    stayed_m: float = 0.04  # keys that are closer together and
-    stayed_m_s: float = 0.1  # whose distance is covered more slowly than this form one stance
+    stayed_m: float = 0.04  # largest distance between two keys in one stance
+    stayed_m_s: float = 0.1  # largest speed that covers this distance between the keys
     ankles_m: float = 0.1  # largest horizontal distance of the ankles in one stance on the toes
     length_m: float = 0.015  # largest error of the foot's length in a stance
     toes_m: tuple[float, float] = (0.03, 0.05)  # largest distance of the desired toes: usually; if most stand
@@ -35,15 +35,15 @@ class StanceSettings:
     shortest_step_s: float = 0.07
     longest_step: float = 0.35  # share of the time between two keys, unless examples step for longer
     fastest_m_s: float = 5.0  # speed from one stance to the next
-    stride_m: float = 0.6  # keys farther apart than this distance and
-    stride_s: float = 1.2  # this time have several steps between them
+    stride_m: float = 0.6  # smallest distance between two keys that takes several steps
+    stride_s: float = 1.2  # shortest time between two such keys
     slow_m_s: float = 0.5  # a foot that stands between those steps is slower than this
-    shortest_contact_s: float = 0.05  # shorter contacts do not count,
-    contact_s: float = 0.13  # and longer ones last at least this long
+    shortest_contact_s: float = 0.05  # shortest contact that counts
+    contact_s: float = 0.13  # duration to which shorter contacts are extended, if they count
     moving_s: float = 0.01  # share of examples that counts as much as a metre per frame when a step is placed
-    clear_m: float = 0.025  # height of a stepping foot above the floor,
-    lifted_s: float = 0.1  # reached this long after leaving it
-    lifted_m_s: float = 1.0  # at this speed; the foot stays lower at lower speeds
+    clear_m: float = 0.025  # height of the toes above the ground during a step
+    lifted_s: float = 0.1  # time from lift-off until this height is reached
+    lifted_m_s: float = 1.0  # speed from which this height is reached; slower feet stay lower
     floor_m: float = 0.12  # height difference above which a foot stands on something other than the floor
     steepest: float = 0.95  # largest height of an ankle whose toes are turned onto the floor, in foot lengths
     least_ahead: float = 0.3  # smallest horizontal distance of those toes from the ankle, in foot lengths

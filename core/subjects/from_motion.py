@@ -111,7 +111,7 @@ def _telling_frames(observed: Array, torso: Mask) -> IntArray:
 def _refusal(used: int, torso: Array, take: MarkerTake) -> SubjectError:
     """Return the error for a take in which only `used` frames fit."""
     shown = int(np.sum(np.sum(np.isfinite(torso[..., 0]), axis=1) >= _TORSO))
-    needed = f"at least {SETTINGS.fewest_frames} are needed"
+    needed = f"but at least {SETTINGS.fewest_frames} are needed"
     if shown < SETTINGS.fewest_frames:
         what = f"only {shown} frames show {_TORSO} markers of the torso; the whole take has {take.frames}, {needed}"
         advice = "record a longer take, or check these markers in the program that the take is from"

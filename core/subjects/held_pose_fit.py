@@ -30,8 +30,8 @@ class PoseFitSigmas:
     """Standard deviations of the unknowns."""
 
     seen_m: float = 0.002  # marker position: measurement and skin
-    offset_m: float = 0.010  # marker relative to its usual offset, or
-    unknown_offset_m: float = 0.030  # relative to its joint if it has none
+    offset_m: float = 0.010  # marker relative to its usual offset
+    unknown_offset_m: float = 0.030  # marker without a usual offset, relative to its joint
     least_direction_m: float = 1e-3  # smaller differences between prototypes are left out
     side_share: float = 0.25  # share of the mixture by which a side differs from the whole body
     places_m: tuple[tuple[str, float], ...] = (("femur", 0.008), ("humerus", 0.014))  # per axis, bodies of one size
@@ -43,8 +43,8 @@ class PoseFitSigmas:
         ("humerus", 8.0, "xyz"), ("hand", 6.0, "yz"), ("femur", 6.0, "xyz"), ("foot", 4.0, "xyz"),
     )  # fmt: skip
     hinge_deg: float = 8.0  # elbows and knees
-    trunk_deg: float = 8.0  # whole back about each axis, relative to the first pose,
-    neck_deg: float = 10.0  # and whole neck
+    trunk_deg: float = 8.0  # whole back about each axis, relative to the first pose
+    neck_deg: float = 10.0  # whole neck, likewise
     collar_deg: float = 10.0  # clavicles, relative to the first pose
 
 

@@ -134,7 +134,7 @@ def check_poses(poses: Sequence[str]) -> None:
         if pose not in POSES:
             raise SubjectError(f"there is no calibration pose {pose!r}", advice="poses: " + ", ".join(POSES))
     if len(set(poses)) < len(poses) or not poses:
-        raise SubjectError("each calibration pose is named once", advice="poses: " + ", ".join(POSES))
+        raise SubjectError("a calibration pose is named twice, or none is named", advice="poses: " + ", ".join(POSES))
 
 
 def _positions(take: MarkerTake, marker_set: MarkerSet) -> Array:

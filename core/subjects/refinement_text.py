@@ -13,12 +13,12 @@ from .refine_body import Refinement
 class TextSettings:
     """Settings of the text."""
 
-    least_share: float = 0.01  # smaller changes of bones do not change poses visibly,
-    least_m: float = 0.003  # and neither do smaller changes of markers
+    least_share: float = 0.01  # smallest change of a bone's length that changes poses visibly
+    least_m: float = 0.003  # smallest move of a marker that changes poses visibly
     most_markers: int = 4  # most markers named, to fit a panel
     least_evidence: float = 25.0  # nats; right bodies on motion unlike the database's reach 10 to 20, some more
-    sigmas: float = 2.0  # standard deviations that contain 95 % of the values,
-    sigmas_in_space: float = 2.5  # and those for the length of a vector
+    sigmas: float = 2.0  # standard deviations that contain 95 % of the values
+    sigmas_in_space: float = 2.5  # the same for the length of a vector
     shifted: float = 1.5  # stricter factor for a single marker: many are tested, and the pose explains much
 
 

@@ -100,7 +100,7 @@ def download(url: str, target: Path, progress: Progress, settings: DownloadSetti
         failures = 0 if known.validator and part.stat().st_size > had else failures + 1
         if failures >= settings.attempts:
             advice = "start it again: it resumes where it stopped"
-            raise DownloadError(f"was cut ({reason})", where=shorten(url, 100), advice=advice)
+            raise DownloadError(f"was interrupted ({reason})", where=shorten(url, 100), advice=advice)
         if failures:
             waiting = f"waiting for {urlsplit(url).hostname}: {reason}"
             progress(part.stat().st_size / known.total if known.total > 0 else 0.0, waiting)
@@ -186,7 +186,9 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
     def redirect_request(self, req: Any, fp: Any, code: int, msg: str, headers: Any, newurl: str) -> Any:
         check_address(newurl)
         if urlsplit(req.full_url).scheme == "https" and urlsplit(newurl).scheme != "https":
-            raise DownloadError("redirects to an address without encryption", where=shorten(newurl, 100))
+            raise DownloadError(
+                "redirects to an unencrypted address", where=shorten(newurl, 100), advice="use another source"
+            )
         return super().redirect_request(req, fp, code, msg, headers, newurl)
 
 

@@ -8,11 +8,11 @@ _HEAD = 4096  # bytes needed to recognise a file
 _ASF_GUID = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")
 # first bytes of a format, as in its standard -> its name
 _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
-    (_ASF_GUID, "a film (Windows Media)"),
-    (b"\x1aE\xdf\xa3", "a film (Matroska or WebM)"),
-    (b"\x00\x00\x01\xba", "a film (MPEG)"),
-    (b"OggS", "a film or sound (Ogg)"),
-    (b"FLV\x01", "a film (Flash)"),
+    (_ASF_GUID, "a video (Windows Media)"),
+    (b"\x1aE\xdf\xa3", "a video (Matroska or WebM)"),
+    (b"\x00\x00\x01\xba", "a video (MPEG)"),
+    (b"OggS", "a video or sound (Ogg)"),
+    (b"FLV\x01", "a video (Flash)"),
     (b"ID3", "a sound (MP3)"),
     (b"PK\x03\x04", "an archive (zip)"),
     (b"PK\x05\x06", "an archive (zip)"),
@@ -40,17 +40,17 @@ _BEGINNINGS: tuple[tuple[bytes, str], ...] = (
     (b"pathfiletype", "a TRC file"),
     (b"hierarchy", "a BVH file"),
 )
-_BOXES = {b"AVI ": "a film (AVI)", b"WAVE": "a sound (WAV)", b"WEBP": "a picture (WebP)"}
+_BOXES = {b"AVI ": "a video (AVI)", b"WAVE": "a sound (WAV)", b"WEBP": "a picture (WebP)"}
 _WIDE_MARKS = ((b"\xff\xfe\x00\x00", "utf-32"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _ELEMENT = re.compile(rb"<([A-Za-z][\w:.-]*)")
 _COMMENTS = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.DOTALL)
 
 
 def content_kind(data: bytes) -> str:
-    """Return what a file is according to its first bytes, such as "a web page" or "a film (AVI)"; "" if unclear."""
+    """Return what a file is according to its first bytes, such as "a web page" or "a video (AVI)"; "" if unclear."""
     head = data[:_HEAD]
     if head[4:8] in (b"ftyp", b"moov", b"mdat"):
-        return "a picture (HEIF)" if head[8:12] in (b"heic", b"mif1", b"avif") else "a film (MP4 or QuickTime)"
+        return "a picture (HEIF)" if head[8:12] in (b"heic", b"mif1", b"avif") else "a video (MP4 or QuickTime)"
     if head[:4] == b"RIFF":
         return _BOXES.get(head[8:12], "")
     if head[257:262] == b"ustar":

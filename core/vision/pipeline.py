@@ -82,10 +82,10 @@ class MarkerPipeline:
                 turned = ", as if turned by a quarter" if is_turned else turned
                 advice = "record at the size of the calibration, or calibrate again"
                 raise CaptureError(
-                    f"images are {width}x{height}, the calibration is for "
+                    f"images are {width}x{height}, but the calibration is for "
                     f"{camera.image_size[0]}x{camera.image_size[1]}{turned}",
                     where=f"camera {camera.name}",
-                    advice=f"turn the film back, or {advice}" if is_turned else advice,
+                    advice=f"turn the video back, or {advice}" if is_turned else advice,
                 )
         rows = zip(self.detectors, images.images, images.usable, strict=True)
         blobs = tuple(detector.detect(image) if use else _NO_BLOBS for detector, image, use in rows)

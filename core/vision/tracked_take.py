@@ -40,7 +40,7 @@ def retriangulate(rig: CameraRig, frames: Sequence[MarkerFrame]) -> list[MarkerF
     for frame in frames:
         if len(frame.detected) != len(rig):
             raise TakeError(
-                f"was recorded by {len(frame.detected)} cameras, the calibration has {len(rig)}",
+                f"was recorded by {len(frame.detected)} cameras, but the calibration has {len(rig)}",
                 where=f"frame {frame.number}",
                 advice="give a calibration of the same cameras",
             )

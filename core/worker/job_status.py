@@ -39,7 +39,7 @@ class JobStatus:
     skew_s: Annotated[
         float | None, About("delay of the last camera's image behind the first's", "s", -_MOST, _MOST)
     ] = None
-    blind: Annotated[int | None, About("unusable images of single cameras", "", 0, _MOST)] = None
+    blind: Annotated[int | None, About("unusable images of all cameras together", "", 0, _MOST)] = None
     stalled_s: Annotated[float, About("time without progress", "s", 0.0, _MOST)] = 0.0
     slowness: Annotated[float | None, About("time of work over that on an idle machine", "", 0.0, _MOST)] = None
 

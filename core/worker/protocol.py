@@ -109,7 +109,11 @@ class Message:
 def encode(kind: MessageKind, payload: bytes = b"") -> bytes:
     """Return a message as bytes."""
     if len(payload) > MAX_PAYLOAD:
-        raise CaptureError(f"a {kind.name} message of {len(payload)} bytes is too long", where="worker")
+        raise CaptureError(
+            f"a {kind.name} message has {len(payload)} bytes, but at most {MAX_PAYLOAD} are allowed",
+            where="worker",
+            advice="report this",
+        )
     return _HEADER.pack(MAGIC, VERSION, kind, len(payload)) + payload
 
 
@@ -160,11 +164,11 @@ class Decoder:
             raise CaptureError("the stream from the other process is damaged", where="worker")
         if version != VERSION:
             raise CaptureError(
-                f"speaks protocol {version}, this add-on {VERSION}", where="worker", advice="restart Blender"
+                f"speaks protocol {version}, but this add-on speaks {VERSION}", where="worker", advice="restart Blender"
             )
         if (
             length > (MAX_PAYLOAD if number in _LONG_KINDS else _MAX_CONTROL)
             or number not in MessageKind._value2member_map_
         ):
-            raise CaptureError(f"sent an impossible message (kind {number}, {length} bytes)", where="worker")
+            raise CaptureError(f"sent an invalid message (kind {number}, {length} bytes)", where="worker")
         return MessageKind(number), length

@@ -44,7 +44,7 @@ class Statistics:
     solve_s: float = 0.0  # time in the solver, newest frame
     confidence: float = 0.0  # confidence of the newest pose, 0 to 1
     not_shown: int = 0  # number of poses replaced by newer ones before display; they are recorded
-    blind: int = 0  # number of unusable images of single cameras (late, repeated, black)
+    blind: int = 0  # number of unusable images (late, repeated, black) of all cameras together
     skew_s: float | None = None  # delay of the last camera's image relative to the first's; None if unknown
     handed_over: int = -1  # number of marker frames sent by the cameras' process; -1 until it ends
     slowness: float = 1.0  # duration of work relative to an idle machine

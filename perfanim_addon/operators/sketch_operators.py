@@ -212,7 +212,7 @@ class PERFANIM_OT_bake_sketch(_SolvesSketch, bpy.types.Operator):
 
 
 class PERFANIM_OT_live_sketch(RunningOperator, bpy.types.Operator):
-    """Solve again at each edit of controls, keys or settings; click again to end"""
+    """Solve again whenever controls, keys or settings change; click again to stop"""
 
     bl_label = "Live"
 

@@ -94,7 +94,7 @@ def skip(settings: Any) -> None:
 
 
 def space(settings: Any) -> str:
-    """Return the space in view of all cameras according to the last check, or "" if unknown."""
+    """Return a description of the space that all cameras see, from the last check; "" if unknown."""
     return seen.space if seen.setup == _setup(settings) else ""
 
 

@@ -144,7 +144,7 @@ CASES: dict[str, list[tuple[str | bytes, str]]] = {
         (TRC.replace("\tcm\t", "\tfurlong\t"), "unknown unit of length 'furlong'"),
         (TRC.replace("A\t\t\tB", "\t\t\t"), "has no markers"),
         (TRC.replace("3\t2\tcm", "3\t1\tcm"), "declares 1 markers but names 2"),
-        (TRC.replace("12\t22\t32\t1\t2\t3", "12\t22\t32\t1\t2\t3\t4"), "line 9: has fields beyond"),
+        (TRC.replace("12\t22\t32\t1\t2\t3", "12\t22\t32\t1\t2\t3\t4"), "line 9: has more than"),
         (TRC[: TRC.index("1\t0.00")], "has no frames"),
     ],
     "a.csv": [

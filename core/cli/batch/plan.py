@@ -252,7 +252,9 @@ def _row_takes(row: Table, shared: Mapping[str, Value], folder: Path, where: str
     if take:
         takes = _find_takes(take, folder, where)
         if name and len(takes) > 1:
-            raise SettingsError(f"{len(takes)} takes have the same name", where=where, advice="leave name out")
+            raise SettingsError(
+                f"the name {name!r} is given to {len(takes)} takes", where=where, advice="leave name out"
+            )
         return [(name, TakePlan("", label, path, options)) for label, path in takes]
     images = [key for key in ("left", "camera") if own.get(key)]
     if not images:

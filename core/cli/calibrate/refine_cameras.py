@@ -73,7 +73,7 @@ def _detected(args: argparse.Namespace, rig: Any, progress: Progress) -> list[li
             expected = [camera.image_size for camera in rig.cameras]
             if sizes != expected:
                 advice = "use the calibration of these cameras"
-                raise CalibrationError(f"images are {sizes}, the calibration is for {expected}", advice=advice)
+                raise CalibrationError(f"images are {sizes}, but the calibration is for {expected}", advice=advice)
             progress(0.8 * number / most, f"looking for markers: moment {number + 1}")
             frames.append([d.detect(image) for d, image in zip(pipeline.detectors, images, strict=True)])
     return frames

@@ -90,7 +90,9 @@ def _export_prop(take: TakeFile, name: str, out: Path, warnings: list[str]) -> d
         raise TakeError(f"has no prop {name!r}", where=str(take.path), advice=advice)
     poses = take.recorded_poses
     if len(poses) < 2:
-        raise TakeError(f"has {len(poses)} solved frames", where=str(take.path), advice="solve it again")
+        raise TakeError(
+            f"has {len(poses)} solved frames, but at least 2 are needed", where=str(take.path), advice="solve it again"
+        )
     index = names.index(name)
     clock = write_prop_csv(poses, index, name, out)
     return {

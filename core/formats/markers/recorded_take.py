@@ -24,7 +24,9 @@ def marker_take(take: TakeFile) -> MarkerTake:
     poses = take.recorded_poses_of()
     if len(poses) < 2:
         raise TakeError(
-            f"has {len(poses)} solved frames", where=str(take.path), advice="solve it: solving labels the markers"
+            f"has {len(poses)} solved frames, but at least 2 are needed",
+            where=str(take.path),
+            advice="solve it: solving labels the markers",
         )
     clock = clock_of(np.array([pose.time_s for pose in poses]))
     found = take_of_poses(poses, take.setup.subjects()[0].marker_set.names, take.notes.name, clock.fps)

@@ -99,13 +99,17 @@ def _layout(body: bytes, where: str, asf: AsfFile, line: int) -> list[AsfBone]:
             )
         if len(words) - 1 != len(bone.channels):
             raise FormatError(
-                f"has {len(words) - 1} values for {words[0]!r}, {asf.path} says {len(bone.channels)}", where=place
+                f"has {len(words) - 1} values for {words[0]!r}, but {asf.path} defines {len(bone.channels)}",
+                where=place,
+                advice="give the skeleton file that belongs to this motion",
             )
         if any(bone is other for other in layout):
-            raise FormatError(f"lists the bone {words[0]!r} twice in one frame", where=place)
+            raise FormatError(
+                f"lists the bone {words[0]!r} twice in one frame", where=place, advice="the file is damaged"
+            )
         layout.append(bone)
     if asf.root not in layout:
-        raise FormatError("has no root in its first frame", where=where)
+        raise FormatError("has no root in its first frame", where=where, advice="the file is damaged")
     return layout
 
 

@@ -104,7 +104,7 @@ def _first_word_that_is_no_number(body: bytes, place: str, line: int) -> FormatE
                 what = f"{word[:30].decode('latin-1')!r} is not a finite number"
                 mixed = "write all numbers with decimal points" if b"," in word else ""
                 return FormatError(what, where=f"{place} {number}", advice=mixed)
-    return FormatError("has no numbers", where=f"{place} {line}")
+    return FormatError("has a number that is too large", where=f"{place} {line} or below")
 
 
 def _check_lines(body: bytes, width: int, declared: int, place: str, line: int) -> None:

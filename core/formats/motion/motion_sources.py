@@ -146,7 +146,9 @@ def counted_headers(source: Path, longest_name: int = 1 << 16) -> type[tarfile.T
 def check_count(source: Path, members: int) -> None:
     """Raise FormatError if an archive holds far too many files for its size (1000, plus one for each 256 bytes)."""
     if members > 1000 + source.stat().st_size // 256:
-        raise FormatError("unpacks to far more files than it should", where=str(source), advice="give them in a folder")
+        raise FormatError(
+            "holds far more files than its size allows", where=str(source), advice="unpack it, and give the folder"
+        )
 
 
 def check_unpacked_size(source: Path, size: int, most_times: int = 50) -> None:
@@ -156,7 +158,9 @@ def check_unpacked_size(source: Path, size: int, most_times: int = 50) -> None:
         most_times: Largest allowed ratio; motion as text compresses to a fifth, at best to a twentieth.
     """
     if is_over_budget(size, source.stat().st_size, most_times):
-        raise FormatError("unpacks to far more than its size", where=str(source), advice="give its files in a folder")
+        raise FormatError(
+            "unpacks to far more than its size allows", where=str(source), advice="unpack it, and give the folder"
+        )
 
 
 def _target(scratch: Path, number: int, name: str) -> Path:

@@ -135,7 +135,7 @@ def preamble_faults(data: bytes, where: str) -> list[Fault]:
     magic, version, checksum = _PREAMBLE.unpack_from(data)
     if magic == _MAGIC and checksum == zlib.crc32(data[: PREAMBLE_BYTES - _SUM.size]):
         raise TakeError(
-            f"is a take of version {version}, this program reads version {VERSION}",
+            f"is a take of version {version}, but this program reads version {VERSION}",
             where=where,
             advice="open it with the program that recorded it, or a newer one",
         )

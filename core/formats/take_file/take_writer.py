@@ -127,7 +127,7 @@ class TakeWriter:
         self._poses_in.append(record)
 
     def add_event(self, text: str, **facts: Any) -> None:
-        """Write a message about an incident, with facts for programs."""
+        """Write an event: a message for people, and machine-readable facts."""
         self._events_in.append({"text": text, **facts})
 
     def add_gap(self, text: str, after: int, seconds: float) -> None:

@@ -159,7 +159,9 @@ def _read_message(message: bytes) -> Placement | Clock | None:
         _, at = osc_types.get_string(message, 0)
         tags, at = osc_types.get_string(message, at)
         if not (_TIME_TAGS if is_time else _PLACED_TAGS).match(tags):
-            raise FormatError(f"has {address} with values of the types {shorten(repr(tags), 40)}")
+            raise FormatError(
+                f"has {address} with argument types {shorten(repr(tags), 40)}, not {',f' if is_time else ',sfffffff'!r}"
+            )
         name, at = ("", at) if is_time else osc_types.get_string(message, at)
         if len(name) > _LONGEST_NAME:
             raise FormatError(f"has {address} with a name of {len(name)} characters, {_LONGEST_NAME} at most")

@@ -95,7 +95,7 @@ class Recording:
         frames = [frame for frame in self._all() if any(key in frame.placed for key in keys)]
         if len(frames) < 2:
             raise TakeError(
-                f"{len(frames)} frames with {what} arrived in {self.gathering.packets} packets",
+                f"only {len(frames)} frames with {what} arrived in {self.gathering.packets} packets",
                 where=name,
                 advice="let the other program send them to this port at 127.0.0.1, or at this computer's address",
             )

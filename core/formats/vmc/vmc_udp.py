@@ -68,7 +68,7 @@ class Sender(AbstractContextManager["Sender"]):
         self._socket.close()
 
     def _failure(self, error: Exception) -> CaptureError:
-        return CaptureError(f"cannot be sent to ({error})", where=self.where, advice="check host and port")
+        return CaptureError(f"cannot be reached ({error})", where=self.where, advice="check host and port")
 
 
 class Receiver(AbstractContextManager["Receiver"]):
@@ -102,7 +102,7 @@ class Receiver(AbstractContextManager["Receiver"]):
         except OSError as error:
             self._socket.close()
             raise CaptureError(
-                f"cannot be listened to ({error.strerror or error})",
+                f"cannot be opened ({error.strerror or error})",
                 where=f"port {port}",
                 advice="close the program that uses it, or choose another port",
             ) from error
@@ -146,8 +146,8 @@ def _address(host: str) -> tuple[socket.AddressFamily, str]:
         family, *_, address = min(found, key=lambda each: each[0] != socket.AF_INET)
         return family, str(address[0]) if host else ""
     except (OSError, UnicodeError) as error:
-        advice = "give its address, as 192.168.1.20, or none for all"
-        raise CaptureError(f"is not a known computer ({error})", where=host, advice=advice) from error
+        advice = "give its address, such as 192.168.1.20, or none to accept all"
+        raise CaptureError(f"cannot be resolved ({error})", where=host, advice=advice) from error
 
 
 def record(receiver: Receiver, seconds: float, progress: Progress) -> Recording:

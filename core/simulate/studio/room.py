@@ -44,7 +44,7 @@ class RoomView:
 
 
 def view_room(camera: Camera, boxes: tuple[Box, ...]) -> RoomView:
-    """Return the empty room as the camera sees it; its lens bends straight edges."""
+    """Return the empty room as the camera sees it, including lens distortion."""
     width, height = camera.image_size
     grid = undistorted_grid(camera, np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     rays, origin = camera.rays(grid).reshape(-1, 3), camera.centre_m

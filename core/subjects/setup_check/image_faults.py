@@ -20,9 +20,9 @@ class ImageLimits:
     most_saturated: float = 0.06  # share of saturated pixels in the empty image
     dim_marker: float = 110.0  # grey level below which a marker is lost when it turns or moves away
     small_rise: float = 50.0  # rise of a marker smaller than two pixels, grey levels; a dim marker has less
-    small_px: float = 1.4  # radius below which a spot has no measurable edge,
-    tiny_px: float = 1.15  # and no measurable streak: noise would look like an exposure of 40 ms
-    most_empty: float = 0.5  # share of images with hardly any spots above which markers are not judged
+    small_px: float = 1.4  # radius below which a blob has no measurable edge
+    tiny_px: float = 1.15  # radius below which its streak is not measurable: noise looks like an exposure of 40 ms
+    most_empty: float = 0.5  # share of images with hardly any blobs above which markers are not judged
     blunt_px: float = 3.2  # width of a blurred edge; a sharp one has about 2
     still_px_s: float = 40.0
     fast_px_s: tuple[float, float] = (120.0, 80.0)  # speed of moving markers; of slow performers, with streaks at 14 ms

@@ -29,7 +29,7 @@ def mismatch_fault(mismatches: Sequence[ImageMismatch | None]) -> list[Finding]:
         if mismatch.is_exchange:
             advice = "swap their device numbers or files, or calibrate again"
             return [Finding(Fault.EXCHANGED, "", f"{mismatch.note}: {advice}")]
-        advice = "switch that off in the camera or its program, or turn the film back"
+        advice = "switch that off in the camera or its program, or turn the video back"
         return [Finding(Fault.FLIPPED, "", f"{mismatch.note}: {advice}")]
     return []
 

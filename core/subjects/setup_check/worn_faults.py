@@ -28,8 +28,8 @@ class TPoseSettings:
     fewest_moments: int = 3
     never: float = 0.2  # largest share of the moments in which a missing marker may appear
     near_px: float = 25.0  # distance of a blob that may be an expected marker
-    known_scale: float = 0.10  # largest deviation of the scale if the height is known,
-    unknown_scale: float = 0.22  # and if it is not
+    known_scale: float = 0.10  # largest deviation of the scale if the performer's height is known
+    unknown_scale: float = 0.22  # largest deviation of the scale if it is unknown
 
 
 SETTINGS = TPoseSettings()

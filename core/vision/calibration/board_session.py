@@ -141,7 +141,7 @@ class BoardSession:
         if self.result is None or (not self.good and self._calibrated_views < self.views):
             if self.views < MINIMUM_VIEWS:
                 raise CalibrationError(
-                    f"the board was seen whole and still in {self.views} places, {MINIMUM_VIEWS} are needed",
+                    f"the board was seen whole and still in {self.views} places, but {MINIMUM_VIEWS} are needed",
                     advice="check its numbers of corners, hold it so that every camera sees it, and give it light",
                 )
             self.result = _calibrate(self._board, self._content())

@@ -32,8 +32,8 @@ class FitSettings:
     # rough; half turns and wrong pairs are far outside them.
     same_angle_deg: float = 8.0
     same_distance: float = 0.3  # share of the usual distance to the board
-    outlier_factor: float = 3.0  # an outlier has an error this many times the median,
-    outlier_floor_px: float = 0.6  # and larger than it by this
+    outlier_factor: float = 3.0  # smallest error of an outlier, as a multiple of the median error
+    outlier_floor_px: float = 0.6  # smallest difference of an outlier's error from the median
     folds: int = 5  # number of parts of the moments that are held out in turn
     least_moments: int = 10  # fewest moments; below, nothing is held out
     richer_may_cost: float = 1.05  # largest held-out error of the chosen lens model, as a multiple of the best model's
@@ -44,13 +44,18 @@ FIT = FitSettings()
 
 @dataclass(frozen=True)
 class CornerObservation:
-    """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment."""
+    """Board points (n, 3) seen as pixels (n, 2) by one camera at one moment.
+
+    Args:
+        motion_px_s: Velocities (n, 2) of the points in the image; errors along them may come from the picture's delay.
+            None if the board was still.
+    """
 
     camera: int
     moment: int
     points_m: Array
     pixels: Array
-    motion_px_s: Array | None = None  # (n, 2); errors along it may be a picture's delay. None: the board held still
+    motion_px_s: Array | None = None
 
 
 @dataclass(frozen=True)

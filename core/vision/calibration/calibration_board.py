@@ -124,7 +124,7 @@ def parse_board(spec: str) -> Board:
     needed, there = columns * rows // 2, len(_dictionary(board.dictionary).bytesList)
     if needed > there:
         raise SettingsError(
-            f"{columns}x{rows} squares need {needed} codes, {board.dictionary} has {there}",
+            f"{columns}x{rows} squares need {needed} codes, but {board.dictionary} has {there}",
             where="board",
             advice="choose a dictionary with more, e.g. DICT_4X4_250",
         )

@@ -61,7 +61,8 @@ def board_in_space(rig: CameraRig, views: Sequence[BoardView], board: Board) -> 
     """
     if len(views) != len(rig):
         raise CalibrationError(
-            f"the calibration is for {len(rig)} camera(s), the images of {len(views)}", advice="calibrate these cameras"
+            f"the calibration is for {len(rig)} camera(s), but the images are from {len(views)}",
+            advice="calibrate these cameras",
         )
     if any(len(view.ids) != len(board.points_m) for view in views):
         raise CalibrationError("not all cameras see the whole board", advice="lay it where they all do")

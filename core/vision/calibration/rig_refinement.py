@@ -73,7 +73,9 @@ def refine_rig(rig: CameraRig, frames: Sequence[Sequence[FloatArray]]) -> Refine
         CalibrationError: There is only one camera, or too few markers are seen by several cameras.
     """
     if len(rig) < 2:
-        raise CalibrationError("one camera cannot be refined", advice="use the take of all cameras")
+        raise CalibrationError(
+            "refinement needs at least two cameras", advice="use a calibration and a take of several cameras"
+        )
     found = rig
     focal = float(np.mean([camera.focal_px for camera in rig.cameras]))
     for gate in np.radians(_REFINEMENT.gates_deg) * focal:

@@ -19,7 +19,9 @@ class Background:
 
     def __post_init__(self) -> None:
         if self.mean.shape != self.deviation.shape or self.mean.shape[2:] != (3,):
-            raise CaptureError(f"a background has mean {self.mean.shape} and deviation {self.deviation.shape}")
+            raise CaptureError(
+                f"mean {self.mean.shape} and deviation {self.deviation.shape} are not colour images of one size"
+            )
 
     @property
     def image_size(self) -> tuple[int, int]:

@@ -126,7 +126,7 @@ class Detector:
         height, width = image.shape[:2]
         if self._size is not None and (width, height) != self._size:
             raise CaptureError(
-                f"the image is {width}x{height}, its background {self._size[0]}x{self._size[1]}",
+                f"the image is {width}x{height}, but its background is {self._size[0]}x{self._size[1]}",
                 advice="learn the background again",
             )
         window = self._window(height, width)

@@ -27,8 +27,8 @@ class MeasurementSettings:
     exponent: float = 1.3
     lit: float = 0.5  # smallest contrast of pixels used for the hue, as a share of the largest
     round_enough: float = 0.6  # ratio of axes above which a blob is one marker
-    split_levels: tuple[float, ...] = (0.45, 0.6, 0.75)  # shares of the largest contrast that may separate markers,
-    neck_levels: tuple[float, ...] = (0.65, 0.75)  # and of the largest distance to the outside
+    split_levels: tuple[float, ...] = (0.45, 0.6, 0.75)  # contrasts that may separate markers, shares of the largest
+    neck_levels: tuple[float, ...] = (0.65, 0.75)  # the same for the distance to the outside
     least_piece: float = 0.15  # smallest part that counts, as a share of the largest
     rim: float = 0.15  # share of the largest contrast below which pixels belong to the surroundings
     skin: float = 0.35  # level that is subtracted, between skin (0) and marker (1)

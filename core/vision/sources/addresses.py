@@ -13,7 +13,7 @@ def is_address(text: str) -> bool:
 
 
 def is_stream(text: str) -> bool:
-    """Return whether a string is the address of a camera rather than a film file."""
+    """Return whether a string is the address of a camera rather than a video file."""
     if not is_address(text):
         return False
     try:

@@ -224,7 +224,7 @@ def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) ->
         return capture, first
     capture.release()
     raise CaptureError(
-        f"camera {camera_name(device)} gives no image", advice="unplug it, plug it in again, close other programs"
+        f"camera {camera_name(device)} gives no image", advice="unplug it and plug it in again, or close other programs"
     )
 
 

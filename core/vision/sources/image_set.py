@@ -23,7 +23,7 @@ class ImageSet:
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.images) or not self.images:
             raise CaptureError(
-                f"{len(self.images)} images with {len(self.times_s)} times", where=f"frame {self.number}"
+                f"has {len(self.images)} images, but {len(self.times_s)} time stamps", where=f"frame {self.number}"
             )
         for image in self.images:
             if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:

@@ -39,13 +39,13 @@ def open_image_source(
 
 
 def open_videos(paths: Sequence[str], fps: float | None = None) -> SampledSource:
-    """Return a source for films, or for addresses of network cameras."""
+    """Return a source for videos, or for addresses of network cameras."""
     streams = [path for path in paths if is_stream(path)]
     if not streams:
         return VideoSource(paths, fps or 30.0)
     if len(streams) < len(paths):
         raise CaptureError(
-            "is a camera but the other source is a film", where=streams[0], advice="give two of one kind"
+            "is a camera but the other source is a video", where=streams[0], advice="give two of one kind"
         )
     return CameraSource(streams, None, fps)
 

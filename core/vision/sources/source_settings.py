@@ -30,7 +30,7 @@ class SourceSettings:
     other_rate: float = 1.2  # ratio of two films' rates above which the slower one determines the moments
     same_rate: float = 1.001  # largest ratio between rates of films that should have the same number of images
     end_frames: int = 2  # largest difference between the ends of films, frames
-    stamp_jitter: float = 0.25  # largest deviation of a film's time stamps from a steady rate, frames
+    stamp_jitter: float = 0.25  # largest deviation of a video's time stamps from a steady rate, frames
     least_step: float = 0.05  # step between two images whose stamps do not ascend, frames
     # faults, reported within a quarter of a second on the panel
     silent_s: float = 0.12  # time without an image that counts as a fault

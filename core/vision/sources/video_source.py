@@ -127,7 +127,7 @@ class VideoSource(ClosableSource):
         ended = [path for path, reader in zip(self._paths, readers, strict=True) if reader.image is None]
         if ended and before < 0:
             codec = next(reader.codec for reader in readers if reader.image is None)
-            what = f"is a film in {codec}, which cannot be read here" if codec else "has no image that can be read"
+            what = f"is a video in {codec}, which cannot be read here" if codec else "has no image that can be read"
             raise CaptureError(what, where=ended[0], advice="convert it to H.264 (MP4), or to AVI (MJPEG)")
         # the last frames of one video may be missing
         if ended and not all(reader.ends_within(SOURCES.end_frames / self.fps) for reader in readers):
@@ -257,12 +257,12 @@ def _check_container(path: str) -> None:
         raise CaptureError(
             f"cannot be opened as a video (it does not begin like one{f': it is {kind}' if kind else ''})",
             where=path,
-            advice="give the film itself, not a playlist: MP4 (H.264) or AVI (MJPEG)",
+            advice="give the video itself, not a playlist: MP4 (H.264) or AVI (MJPEG)",
         )
 
 
 def _codec_of(capture: Any) -> str:
-    """Return the name of a film's codec, or "" if it is unknown."""
+    """Return the name of a video's codec, or "" if it is unknown."""
     letters = (int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF).to_bytes(4, "little").decode("latin-1")
     known = _CODECS.get(letters.lower(), letters)
     return known if known.isprintable() and not known.isspace() else ""

@@ -138,7 +138,7 @@ def _rig(request: CamerasRequest, source: ImageSource) -> CameraRig:
 
 
 def learn_room(source: Any, request: CamerasRequest, channel: Channel) -> list[Background]:
-    """Return the backgrounds of the cameras; none for a film of unknown length.
+    """Return the backgrounds of the cameras; none for a video of unknown length.
 
     Raises:
         Stopped: A stop was requested meanwhile. PerfanimError: The source gives no images.

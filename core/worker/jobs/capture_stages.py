@@ -62,7 +62,7 @@ class CameraReport:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._unusable_images = 0  # images of single cameras
+        self._unusable_images = 0  # of all cameras together
         self._reported_s = 0.0
 
     def update(self, frame: MarkerFrame) -> None:

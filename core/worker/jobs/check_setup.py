@@ -71,7 +71,7 @@ def _check_source(request: CheckSetupRequest, channel: Channel) -> tuple[list[Fi
     with closing(open_source(source_asked)) as source:
         backgrounds = learn_room(source, request, channel)
         if not backgrounds:
-            raise CaptureError("a film of unknown length cannot be checked", advice="choose cameras, or files")
+            raise CaptureError("a video of unknown length cannot be checked", advice="choose cameras, or files")
         images = iter(source)
         if request.source.is_live:
             count_down(images, request.countdown_s, channel, INSTRUCTIONS["t"])

@@ -27,7 +27,9 @@ def run(_request: ShowCamerasRequest, channel: Channel) -> None:
     channel.send_status("looking for cameras")
     found = find_cameras()
     if not found:
-        raise CaptureError("no camera is plugged in, or others use them", advice="plug in two, close other programs")
+        raise CaptureError(
+            "no camera is plugged in, or other programs use them", advice="plug in two, or close other programs"
+        )
 
     def draw(number: int, picture: Image, image_width: int) -> None:
         silent = "" if found[number].image is not None else ": no image"

@@ -272,7 +272,7 @@ def test_the_last_capture_is_judged_until_all_is_forgotten(part: Any, guide: Any
     texts = SimpleNamespace(marker_set=SimpleNamespace(texts=("left hand", "head")))
     capture.setup = SimpleNamespace(performers=[texts])
     guide.seen.walk = live.judge_capture(capture)
-    assert guide.seen.walk == "captures will be good, joints within about 4 degrees; nothing needs to be mended"
+    assert guide.seen.walk == "captures will be good, joints within about 4 degrees; nothing needs to change"
     capture.run.statistics.lost = 400
     assert "50% of the images are lost" in live.judge_capture(capture)
     guide.seen.forget()

@@ -129,7 +129,7 @@ def test_a_film_that_cannot_be_read_is_named(folder, capsys):
     path.write_bytes(path.read_bytes().replace(b"mp4v", b"av01").replace(b"esds", b"free"))
     line = ["track", "--cameras", f"{folder}/cameras.toml", "--left", str(path)]
     assert main([*line, "--out", f"{folder}/a.take.npz"]) == 1
-    assert "is a film in AV1, which cannot be read here; convert it to H.264" in capsys.readouterr().err
+    assert "is a video in AV1, which cannot be read here; convert it to H.264" in capsys.readouterr().err
 
 
 def test_distance_to_other_trajectories_is_told(folder, capsys):

@@ -157,8 +157,8 @@ def _long_list(path: Path) -> None:
     ("name", "write", "message"),
     [
         ("a.tar.gz", _endless_name, r"is damaged \(a file's name of 50000005 bytes\)"),
-        ("a.tar.gz", _many_empty, "unpacks to far more files than it should"),
-        ("a.zip", _long_list, "unpacks to far more files than it should"),
+        ("a.tar.gz", _many_empty, "holds far more files than its size allows"),
+        ("a.zip", _long_list, "holds far more files than its size allows"),
     ],
 )
 def test_names_and_lists_without_end_take_no_memory(

@@ -166,7 +166,9 @@ def test_take_of_one_camera_is_unchanged(stand):
 def test_other_markers_are_refused(stand):
     named = replace(stand, names=tuple("ABCDEFGH"))
     fewer = MarkerTake("few", FPS, tuple("ABCDEFG"), stand.positions_m[:, :7])
-    with pytest.raises(TakeError, match="its markers are called A, B, C, D, E, F, G, those of the set locomotion LSHO"):
+    with pytest.raises(
+        TakeError, match="its markers are called A, B, C, D, E, F, G, but those of the set locomotion are called LSHO"
+    ):
         import_take(fewer, SET, "auto")
     anywhere = replace(named, positions_m=np.random.default_rng(1).uniform(-3.0, 3.0, stand.positions_m.shape))
     for up in ("auto", "y"):

@@ -72,7 +72,7 @@ def test_fewest_frames_with_a_standing_body():
 
 def test_a_take_with_another_number_of_markers_is_refused():
     take, _ = take_of(load_marker_set("two-webcams"))
-    with pytest.raises(TakeError, match="has 12 markers, the marker set locomotion has 8"):
+    with pytest.raises(TakeError, match="has 12 markers, but the marker set locomotion has 8"):
         name_trajectories(take, load_marker_set("locomotion"))
 
 

@@ -80,7 +80,7 @@ def test_names_are_given_by_a_file(tmp_path):
     take = MarkerTake("a", 60.0, ("Knee 1", "LKNE", "x"), np.zeros((2, 3, 3)))
     named = rename_labels(take, load_names(tmp_path / "names.toml"))
     assert named.names == ("LKNE", "other LKNE", "x")
-    with pytest.raises(TakeError, match="none of the labels Q is among its Knee 1, LKNE, x"):
+    with pytest.raises(TakeError, match="has none of the labels Q, only Knee 1, LKNE, x"):
         rename_labels(take, {"Q": "LKNE"})
     with pytest.raises(TakeError, match="several labels are given to LKNE"):
         rename_labels(take, {"Knee 1": "LKNE", "x": "LKNE"})

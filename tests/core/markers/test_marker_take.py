@@ -49,9 +49,9 @@ def test_single_views_are_kept_with_their_cameras(tmp_path: Path) -> None:
         assert (mine.name, mine.image_size) == (other.name, other.image_size)
         for part in ("matrix", "distortion", "rotation", "translation_m"):
             np.testing.assert_array_equal(getattr(mine, part), getattr(other, part))
-    with pytest.raises(TakeError, match="does not fit the markers"):
+    with pytest.raises(TakeError, match="do not match the markers"):
         replace(take, single=SingleViews(rig, cameras[:5], points[:5]))
-    with pytest.raises(TakeError, match="not among its 2"):
+    with pytest.raises(TakeError, match="not in the rig of 2"):
         replace(take, single=SingleViews(rig, cameras * 2, points))
 
 

@@ -15,13 +15,13 @@ GOOD = WalkFigures(0.0, 60.0, np.array([0.02, 0.0]), 0.0004, 0.006, 0.99, 5.2)
 @pytest.mark.parametrize(
     ("change", "verdict", "advice"),
     [
-        ({}, "good, joints within about 5 degrees", "nothing needs to be mended"),
+        ({}, "good, joints within about 5 degrees", "nothing needs to change"),
         ({"error_deg": float("nan")}, "good;", "nothing"),
         ({"lost": 0.06}, "usable", "6% of the images are lost"),
         ({"lost": 0.3}, "poor", "30% of the images are lost"),
         ({"fps": 15.0}, "usable", "only 15 images"),
         ({"hidden": np.array([0.0] * 9 + [0.4])}, "usable", "the marker right hand is hidden 40% of the time: turn"),
-        ({"noise_m": 0.009}, "poor", "tremble by 9 mm"),
+        ({"noise_m": 0.009}, "poor", "jitter by 9 mm"),
         ({"rms_m": 0.05}, "usable", "50 mm off the body: calibrate"),
         ({"rms_m": float("nan")}, "poor", "off the body"),
         ({"confidence": 0.5}, "usable", "unlike the database"),

@@ -89,7 +89,7 @@ def test_images_of_wrong_number_or_size_are_refused(rig, draw):
     picture = draw(np.empty((0, 2)), 1)
     with pytest.raises(CaptureError, match="1 image"):
         pipeline.process(ImageSet(0, (0.0,), (picture,)))
-    with pytest.raises(CaptureError, match=r"are 480x640, .* as if turned by a quarter; turn the film back"):
+    with pytest.raises(CaptureError, match=r"are 480x640, .* as if turned by a quarter; turn the video back"):
         pipeline.process(ImageSet(0, (0.0, 0.0), (np.rot90(picture).copy(), picture)))
     with pytest.raises(CaptureError, match="320x240"):
         pipeline.process(ImageSet(0, (0.0, 0.0), (picture[::2, ::2].copy(), picture)))

@@ -150,7 +150,7 @@ def test_results_among_or_below_the_takes_are_no_takes(tmp_path, monkeypatch, ou
         ('also = "vrma"\n[[take]]\ntake = "day1"', "also must be a list of texts out of angles.csv, vrma"),
         ('save_as = "obj"\n[[take]]\ntake = "day1"', "save_as must be one of blend, fbx, glb"),
         ('[[take]]\ntake = "day3/*.c3d"', "there are no takes"),
-        ('[[take]]\ntake = "day1"\nname = "walk"', "2 takes have the same name"),
+        ('[[take]]\ntake = "day1"\nname = "walk"', "the name 'walk' is given to 2 takes"),
         ('[[take]]\ntake = "day1/run.c3d"\nname = "../run"', "cannot be the name of a file"),
         ('[[take]]\ntake = "day1/run.c3d"\nname = "X"\n[[take]]\ntake = "day2/walk.trc"\nname = "x"', "both be called"),
         ('[[take]]\ntake = "day1/run.c3d"\n[[take]]\ntake = "day1/run.c3d"', "both be called"),

@@ -199,7 +199,7 @@ def test_solving_again_from_the_detections_alone(tmp_path, recorded, stage_rig, 
     assert (
         main(["solve", str(recorded), "--cameras", str(tmp_path / "one.toml"), "--out", str(tmp_path / "c.bvh")]) == 1
     )
-    assert "was recorded by 2 cameras, the calibration has 1" in capsys.readouterr().err
+    assert "was recorded by 2 cameras, but the calibration has 1" in capsys.readouterr().err
 
 
 def test_a_countdown_stays_in_the_take_and_out_of_the_motion(tmp_path, recorded, capsys):

@@ -60,7 +60,7 @@ def test_a_take_of_a_newer_program_is_told_as_one(
     monkeypatch.setattr("perfanim.core.formats.take_file.chunks.VERSION", 2)
     path.write_bytes(preamble() + path.read_bytes()[PREAMBLE_BYTES:])
     monkeypatch.undo()
-    with pytest.raises(TakeError, match="a take of version 2, this program reads version 1"):
+    with pytest.raises(TakeError, match="a take of version 2, but this program reads version 1"):
         read_take_file(path)
 
 

@@ -147,7 +147,7 @@ def test_session_ends_at_the_limit_with_advice(scene: Scene, poses: tuple[BoardP
 def test_finish_needs_three_views(scene: Scene, poses: tuple[BoardPose, ...]) -> None:
     session = new_session()
     play(session, scene, poses[:2])
-    with pytest.raises(CalibrationError, match="in 2 places, 3 are needed"):
+    with pytest.raises(CalibrationError, match="in 2 places, but 3 are needed"):
         session.finish()
 
 

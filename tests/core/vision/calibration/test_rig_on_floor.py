@@ -83,7 +83,7 @@ def test_board_is_found_in_space_by_one_and_two_cameras(room, cameras):
     views = [BoardView(np.arange(54), camera.project(true)) for camera in rig.cameras]
     views[-1] = views[-1].reverse() if cameras == 2 else views[-1]  # two may number a chessboard differently
     np.testing.assert_allclose(board_in_space(rig, views, board), true, atol=1e-4)
-    with pytest.raises(CalibrationError, match=f"for {cameras} camera.s., the images of {cameras + 1}"):
+    with pytest.raises(CalibrationError, match=f"for {cameras} camera.s., but the images are from {cameras + 1}"):
         board_in_space(rig, [*views, views[0]], board)
     with pytest.raises(CalibrationError, match="not all cameras see the whole board"):
         board_in_space(rig, [*views[:-1], BoardView(np.arange(53), views[-1].pixels[:53])], board)

@@ -116,7 +116,7 @@ def test_address_of_a_film_is_not_a_camera(servers: list[MjpegServer]) -> None:
         "left.mjpg": False,
     }
     assert {text: is_stream(text) for text in kinds} == kinds
-    with pytest.raises(CaptureError, match="is a camera but the other source is a film"):
+    with pytest.raises(CaptureError, match="is a camera but the other source is a video"):
         open_source({"kind": "videos", "paths": [servers[0].address, "left.mp4"]})
 
 

@@ -81,7 +81,7 @@ def test_film_in_a_codec_that_cannot_be_read_is_named(tmp_path):
     writer.release()
     data = path.read_bytes()
     path.write_bytes(data.replace(b"mp4v", b"av01").replace(b"esds", b"free"))
-    with pytest.raises(CaptureError, match=r"a.mp4: is a film in AV1, which cannot be read here; convert it to H.264"):
+    with pytest.raises(CaptureError, match=r"a.mp4: is a video in AV1, which cannot be read here; convert it to H.264"):
         next(iter(VideoSource([path])))
 
 

@@ -89,7 +89,7 @@ def test_a_board_that_is_too_small_is_told_of_each_camera(tmp_path: Path) -> Non
 
 def test_pictures_without_the_board_are_an_error_that_says_so(blank: dict[str, Any], tmp_path: Path) -> None:
     messages = played(asked(blank, tmp_path / "board"))
-    assert "was seen whole and still in 0 places, 3 are needed" in str(outcome(messages).error())
+    assert "was seen whole and still in 0 places, but 3 are needed" in str(outcome(messages).error())
     assert "show the whole board to all cameras" in said(messages)
     assert not list((tmp_path / "board").rglob("*.png"))
     assert not [m for m in messages if m.kind is MessageKind.PREVIEW]  # nobody asked for it
