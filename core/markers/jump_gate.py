@@ -50,6 +50,7 @@ class Gated(NamedTuple):
     points_m: Array  # (M, 3) with exchanged labels put back, NaN where hidden or doubted
     doubted: Mask  # (M,)
     exchanged: Mask  # (M,) markers whose labels were put back
+    explained: Mask  # (M,) located markers that their own motion explains
 
 
 class JumpGate:
@@ -79,6 +80,7 @@ class JumpGate:
         if left.any():
             left &= follower.log_likelihoods(points_m, noise_m) < _WILD
         jumped = left & (away_m > _S.jerk_m_s3 * elapsed_s**3)
+        explained = is_settled & np.isfinite(away_m) & ~jumped
         exchanged = np.zeros_like(jumped)
         if carried.fits and np.count_nonzero(jumped & is_settled) > 1:
             points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped & is_settled)
@@ -96,7 +98,7 @@ class JumpGate:
         self._ages += np.isfinite(points_m[:, 0]) & ~doubted
         self._doubted = doubted
         self._exchanges = np.where(exchanged, self._exchanges + 1, np.where(doubted, self._exchanges, 0))
-        return Gated(np.where(doubted[:, None], np.nan, points_m), doubted, exchanged)
+        return Gated(np.where(doubted[:, None], np.nan, points_m), doubted, exchanged, explained)
 
     def _put_back(
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, jumped: Mask

@@ -16,6 +16,7 @@ from .exchanged_labels import Exchange, put_back, undo_exchanges
 from .exchanged_sides import exchanged_sides
 from .exchanged_throughout import exchanged_throughout
 from .marker_take import MarkerTake, SingleViews
+from .source_noise import noise_of
 from .subject import Subject
 from .trajectory_seams import MEDIAN_LENGTH, SeamScale, after, before, cost
 from .wild_points import find_wild_points
@@ -119,8 +120,10 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
     faults = _exchanged(exchanges, names, FaultKind.EXCHANGED) + _exchanged(sides, names, FaultKind.SIDES)
     scale = SeamScale(take.times_s, points_m)
     for kind in (FaultKind.FROZEN, FaultKind.WILD):
-        frozen = kind is FaultKind.FROZEN
-        faulty = (_frozen if frozen else find_wild_points)(take.times_s, points_m, scale, nearest)
+        if kind is FaultKind.FROZEN:
+            faulty = _frozen(take.times_s, points_m, scale, nearest)
+        else:
+            faulty = find_wild_points(take.times_s, points_m, noise_of(subject.marker_set.points))
         points_m = np.where(faulty[..., None], np.nan, points_m)
         faults += _missing(faulty, names, kind)
     if not faults:

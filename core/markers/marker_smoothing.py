@@ -62,7 +62,7 @@ class MarkerSmoother:
         self._follower.predict(time_s)
         noise_m = np.minimum(self._noise.step(time_s, points_m), self._source.most_fast_m)
         nothing = np.zeros(len(points_m), dtype=bool)
-        believed = Gated(points_m, nothing, nothing)
+        believed = Gated(points_m, nothing, nothing, nothing)
         if carried is not None:
             most_m = np.where(noise_m > 0.0, noise_m, self._source.most_fast_m)
             believed = self._gate.step(points_m, most_m, self._follower, carried, elapsed_s)
