@@ -13,6 +13,7 @@ from perfanim.core.body.skeleton import forward_kinematics
 from perfanim.core.database.store import Database
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.arrays import Array
+from perfanim.core.markers.label_faults import correct_labels
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
@@ -77,13 +78,21 @@ class Way(NamedTuple):
 
 
 def solve_both_ways(take: MarkerTake, subject: Subject, database: Database, settings: SolveSettings) -> dict[str, Way]:
-    """Return a labelled take solved live and offline, as `solve_take` does for each.
+    """Return a labelled take solved live and offline, as a capture and `solve` do.
 
-    Both are done together, because offline begins with the live poses: known labels do not change.
+    Offline, wrong labels and wild points are found first. Without any, it begins with the live poses.
     """
     session = MultiTargetSession([Session(subject, database, None, settings)])
-    live = solve_frames(list(take_frames(take, subject.marker_set)), session, "", no_progress, causal=True)
-    offline = session.solve_two_ways(live.poses, lambda share: None)
+
+    def solved(part: MarkerTake) -> SolvedTake:
+        session.reset()
+        return solve_frames(list(take_frames(part, subject.marker_set)), session, "", no_progress, causal=True)
+
+    live = first = solved(take)
+    corrected, faults = correct_labels(take, subject)
+    if faults:
+        first = solved(corrected)
+    offline = session.solve_two_ways(first.poses, lambda share: None)
     calm = calm_poses(live.poses)
     columns = {LIVE: [pose.performers[0] for pose in calm], OFFLINE: [pose.performers[0] for pose in offline]}
     return {way: Way(motion_of(poses, subject, take.name, take.fps), poses) for way, poses in columns.items()}
