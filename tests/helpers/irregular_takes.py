@@ -33,7 +33,7 @@ def random_series(seed: int) -> Series:
     if seed % 2:
         times_s = np.concatenate(([0.0], np.cumsum(rng.uniform(0.010, 0.070, rng.integers(40, 120)))))
     else:
-        frames = np.arange(rng.integers(60, 200))
+        frames = np.arange(rng.integers(40, 120))
         kept = rng.random(len(frames)) > rng.choice([0.0, 0.05, 0.3])
         kept[[0, 1, -1]] = True
         times_s = frames[kept] / fps

@@ -164,9 +164,22 @@ def solved(take, truth, database_file, tmp_path_factory):
     return solve
 
 
+@pytest.fixture(scope="module")
+def kept():
+    """What is solved once for all."""
+    return {}
+
+
+@pytest.fixture
+def plain(solved, capsys, kept):
+    """The motion of the file that another program writes by default."""
+    if not kept:
+        kept["motion"] = solved(Trc(), capsys)[3]
+    return kept["motion"]
+
+
 @pytest.mark.parametrize("case", SAME)
-def test_the_motion_is_that_of_the_plain_file(case, solved, capsys):
-    plain = solved(Trc(), capsys)[3]
+def test_the_motion_is_that_of_the_plain_file(case, solved, plain, capsys):
     status, _, error, motion = solved(SAME[case], capsys)
     assert (status, error) == (0, "")
     assert motion.duration_s == pytest.approx(plain.duration_s, abs=0.5 / FPS)
