@@ -114,7 +114,8 @@ def _joints_mm(solved: SolvedTake, take: MarkerTake) -> float | str:
     if not all(known.values()):
         return ""
     apart = [take.positions_m[:, at] - joints_m[:, motion.skeleton.index(joint)] for joint, (at,) in known.items()]
-    return round(1e3 * float(np.nanmedian(np.linalg.norm(apart, axis=-1))), 1)
+    apart_m = np.linalg.norm(apart, axis=-1)
+    return round(1e3 * float(np.nanmedian(apart_m)), 1) if np.isfinite(apart_m).any() else ""
 
 
 def middle(take: MarkerTake, frames: int | None) -> MarkerTake:
