@@ -10,8 +10,9 @@ import numpy as np
 from ..body.foot_lock import FEET, floor_of, hold_feet
 from ..body.motion import Motion
 from ..body.skeleton import marker_positions
+from ..database.starter_database import starter_database
 from ..database.store import Database, check_file, identity
-from ..errors import DatabaseError, SubjectError, TakeError
+from ..errors import SubjectError, TakeError
 from ..formats.markers.recorded_take import marker_take
 from ..formats.take_file.take_reader import TakeFile
 from ..geometry.arrays import runs
@@ -108,7 +109,7 @@ def solve(
             performer stands becomes y, as by `load_take`.
         subject: Performer; None for the one that a recorded take names. The motion of a marker take shows bones and
             offsets, see `fit_subject`.
-        database: Motion database or its file; None for the one named in a recorded take.
+        database: Motion database or its file; None for the one named in a recorded take, or else the starter database.
         request: How to solve.
         progress: Called with the fraction done and the activity.
 
@@ -120,8 +121,7 @@ def solve(
     """
     if isinstance(take, TakeFile):
         return solve_recording(take, request, RecordingChanges(subject), database, progress)
-    if database is None:
-        raise DatabaseError("names no motion database", where=take.name, advice="give one with the take")
+    database = starter_database(progress) if database is None else database
     if subject is None:
         opened = _opened(database, SessionCache())
         take, worn = labelled_by(AUTO, take, opened, progress=progress)

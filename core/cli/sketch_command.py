@@ -8,6 +8,7 @@ import numpy as np
 
 from ..body.motion import with_lead_in
 from ..body.skeleton import Skeleton
+from ..database.starter_database import starter_database
 from ..database.store import open_database
 from ..errors import FormatError, PerfanimError
 from ..formats.motion.read_motion import read_skeleton
@@ -35,7 +36,7 @@ def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "sketch", run, "a whole body from a few keyframed trajectories")
     files = "sketches: control,frame,x,y,z in metres, y up; or .blend files with controls (need bpy or Blender)"
     parser.add_argument("keys", nargs="+", metavar="KEYS.csv", help=files)
-    add_text(parser, "--database", "DB", "motion database that fills in the body", required=True)
+    add_text(parser, "--database", "DB", "motion database that fills in the body (default: the starter database)")
     subject = "calibrated subject with the character's bones (a .blend has its own)"
     add_body_options(parser, subject, ".asf or .bvh with the character's bones")
     add_request_options(parser, SketchSettings, follow="--follow SHARE", variation="--variation N")
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     solver = None
     if has_skeleton:
         skeleton = read_skeleton(args.skeleton) if args.skeleton else load_subject(args.subject).skeleton
-        solver = SketchSolver(skeleton, open_database(args.database))
+        solver = SketchSolver(skeleton, open_database(args.database or starter_database(progress)))
     if len(outs) == 1:
         return _solve(args, solver, settings, *outs[0], progress)
     rows = []
@@ -109,7 +110,7 @@ def _solve(
     """
     sketch, skeleton = _read_blend(keys, args.blender) if _is_blend(keys) else (read_sketch(keys), None)
     if solver is None and skeleton is not None:
-        solver = SketchSolver(skeleton, open_database(args.database))
+        solver = SketchSolver(skeleton, open_database(args.database or starter_database(progress)))
     assert solver is not None  # noqa: S101 - a sketch without a skeleton comes with --skeleton or --subject
     solution = solver.solve(sketch, settings, progress)
     first = int(sketch.frames[0])

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..api.solving import RecordingChanges, SolveRequest, solve_markers, solve_recording, solve_unmeasured
 from ..api.take_reading import fit_take, labelled_by, read_labelled, wearing
+from ..database.starter_database import starter_database
 from ..errors import FormatError
 from ..formats.markers.marker_files import READABLE, is_recorded
 from ..formats.motion.write_motion import MOTION_ENDINGS, is_motion
@@ -33,7 +34,12 @@ from .performer_options import add_body_options, add_names_option, chosen_marker
 def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "solve", run, "full-body motion from a marker take")
     parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}")
-    add_text(parser, "--database", "DB", "motion database (default of a .perftake: the one it was recorded with)")
+    add_text(
+        parser,
+        "--database",
+        "DB",
+        "motion database (default: the starter database; of a .perftake, the one it was recorded with)",
+    )
     _add_performer_options(parser)
     add_request_options(
         parser,
@@ -48,8 +54,8 @@ def add_parser(subparsers: Any) -> None:
     _add_marker_options(parser)
     _add_recorded_options(parser)
     written = (
-        f"motion to write ({', '.join(MOTION_ENDINGS)}); of a {ENDING} also another {ENDING}: the recording with "
-        "the new poses"
+        f"motion to write ({', '.join(MOTION_ENDINGS)}), or a {ENDING}: the markers with the poses; of a {ENDING}, the "
+        "recording with the new poses"
     )
     add_text(parser, "--out", "MOTION.bvh", written, required=True)
     add_motion_options(parser)
@@ -120,8 +126,6 @@ def check(args: argparse.Namespace) -> None:
         FormatError: The output does not have the ending of a motion format.
     """
     recorded, take_out = is_recorded(args.take), is_recorded(args.out)
-    if not recorded and args.database is None:
-        args.wrong_usage("the following arguments are required: --database")
     unlabelled = "only a .perftake holds points without labels"
     for is_wrong, message in (
         (not recorded and args.cameras is not None, "--cameras: only a .perftake holds 2D detections of cameras"),
@@ -132,7 +136,6 @@ def check(args: argparse.Namespace) -> None:
         (recorded and args.marker_set == AUTO, f"--marker-set {AUTO}: a .perftake has its marker set's labels"),
         (args.cameras is not None and args.refine_body, "--refine-body: the recorded labels have the old calibration"),
         (recorded and args.use is not None, "--use: for marker takes, not for a .perftake"),
-        (take_out and not recorded, "--out: perfanim take import makes a .perftake of other takes"),
         (take_out and args.smooth_hz is not None, "--smooth: a .perftake holds poses as they are solved"),
         (take_out and args.feet != "off", "--feet: a .perftake holds poses as they are solved"),
     ):
@@ -165,19 +168,20 @@ def _solve_markers(
     args: argparse.Namespace, request: SolveRequest, progress: Progress, cache: SessionCache
 ) -> SolvedTake:
     take = read_labelled(args.take, args.names)
+    database = args.database or starter_database(progress)
     has_body = args.subject is not None or args.skeleton is not None
     named = args.marker_set or (None if has_body else AUTO)
     worn = None
     if named is not None:
-        take, worn = labelled_by(named, take, cache.database(args.database), str(args.take), progress)
+        take, worn = labelled_by(named, take, cache.database(database), str(args.take), progress)
     subject = chosen_subject(args, worn)
     up = args.up or "auto"
     if subject is not None:
         take = fit_take(take, subject.marker_set, up)
-        return solve_markers(take, subject, args.database, request, progress, cache)
+        return solve_markers(take, subject, database, request, progress, cache)
     assert worn is not None  # noqa: S101 - named for want of a subject
     fitted = AUTO if named == AUTO else worn
-    return solve_unmeasured(fit_take(take, worn, up), fitted, args.database, request, progress, cache)
+    return solve_unmeasured(fit_take(take, worn, up), fitted, database, request, progress, cache)
 
 
 def _solve_recorded(

@@ -7,6 +7,7 @@ from typing import Any
 from ...api.calibration import fit_subject
 from ...api.solving import SolveRequest
 from ...api.take_reading import fit_take
+from ...database.starter_database import starter_database
 from ...database.store import Database, open_database
 from ...errors import TakeError
 from ...formats.markers.marker_files import READABLE, WRITABLE, check_ending, is_recorded, read_take
@@ -30,7 +31,7 @@ def add_parser(group: Any) -> None:
     parser.add_argument("take", metavar="TAKE", help=f"marker take: {', '.join(READABLE)}; it is left alone")
     written = f"take to write ({', '.join(WRITABLE)}); in the take's own format all else that it holds is kept"
     add_text(parser, "--out", "FILE", written, required=True)
-    add_text(parser, "--database", "DB", "motion database", required=True)
+    add_text(parser, "--database", "DB", "motion database (default: the starter database)")
     add_text(parser, "--subject", "FILE", "calibrated subject (default: fitted to the take's motion)")
     add_number(parser, "--height", "M", "rough height of the performer, without --subject", default=1.75)
     worn = f"without --subject: shipped marker set or TOML file, or {AUTO}: by the take's labels (default {AUTO})"
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     check_height(args.height)
     check_ending(args.out)
     progress(0.0, "reading")
-    database, read = open_database(args.database), read_take(args.take)
+    database, read = open_database(args.database or starter_database(progress)), read_take(args.take)
     if is_recorded(args.take) or is_unnamed(read):
         advice = "give a marker take with 3D positions and names"
         raise TakeError("holds no trajectories to fill", where=str(args.take), advice=advice)

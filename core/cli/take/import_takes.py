@@ -9,6 +9,7 @@ from typing import Any
 from ...api.solving import SolveRequest, solve_markers
 from ...api.take_reading import fit_take, labelled_by, read_labelled
 from ...body.standard_skeleton import default_skeleton
+from ...database.starter_database import starter_database
 from ...database.store import Database, open_database
 from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, TakeError
 from ...formats.markers.marker_files import READABLE, is_recorded
@@ -37,7 +38,7 @@ def add_parser(group: Any) -> None:
     parser = add_command(group, "import", run, "solve marker takes of other systems and keep them as recorded takes")
     parser.add_argument("takes", nargs="+", metavar="TAKE", help=f"{', '.join(READABLE)}; a {ENDING} is copied")
     add_text(parser, "--out", "DIR", f"folder for NAME{ENDING}; none is replaced", required=True)
-    add_text(parser, "--database", "DB", "motion database", required=True)
+    add_text(parser, "--database", "DB", "motion database (default: the starter database)")
     body = "calibrated subject (default: an average body, markers at their usual places)"
     add_text(parser, "--subject", "FILE", body)
     add_number(parser, "--height", "M", "height of the average body (default 1.75)", default=1.75)
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     progress(0.0, "reading")
     if args.subject is None:
         check_height(args.height)
-    database = open_database(args.database)
+    database = open_database(args.database or starter_database(progress))
     chosen = load_marker_set(args.marker_set) if args.marker_set not in (None, AUTO) else None
     by_take = args.marker_set == AUTO or (args.marker_set is None and args.subject is None)
     subject = None if by_take else _subject(args, chosen)

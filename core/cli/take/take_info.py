@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ def _info(path: str) -> dict[str, Any]:
 def _why(path: str) -> dict[str, Any]:
     take = read_take_file(path) if is_recorded(path) else None
     if take is None or not take.poses:
-        advice = "solve it, keeping the poses as a recorded take, and ask about that"
+        advice = f"perfanim solve {path} --out {Path(path).with_suffix('.perftake')} keeps them"
         raise TakeError("has no poses", where=path, advice=advice)
     return {"decisions": [asdict(each) for each in decisions([solved.pose for solved in take.poses])]}
 

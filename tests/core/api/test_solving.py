@@ -43,9 +43,10 @@ def test_an_upright_take_keeps_its_axes(take, subject, database_file, truth):
     assert np.ptp(lies.motion.root_positions_m[:, 1]) == pytest.approx(np.ptp(truth.root_positions_m[:, 2]), abs=0.05)
 
 
-def test_marker_take_needs_a_database(take, subject):
-    with pytest.raises(perfanim.PerfanimError, match="names no motion database"):
-        perfanim.solve(take, subject)
+def test_a_marker_take_is_solved_with_the_starter_database(take, subject, solved, database_file, monkeypatch):
+    monkeypatch.setattr("perfanim.core.api.solving.starter_database", lambda progress: database_file)
+    again = perfanim.solve(take, subject, request=QUICK)
+    np.testing.assert_array_equal(again.motion.rotations, solved.motion.rotations)
 
 
 def test_database_is_opened_by_its_file(take, solved, subject, database_file):

@@ -248,3 +248,16 @@ def test_an_archive_in_an_archive_is_named(tmp_path, capsys):
             archive.write(tmp_path / inner, inner)
     assert main(["database", "build", str(tmp_path / "outer.zip"), "--out", str(tmp_path / "a.pfdb")]) == 1
     assert "inner.zip: is an archive inside an archive; unpack it" in capsys.readouterr().err
+
+
+def test_a_file_alone_becomes_a_take_that_tells_why(take, database_file, tmp_path, capsys, monkeypatch):
+    """With the starter database, and no body named."""
+    monkeypatch.setattr("perfanim.core.cli.solve_command.starter_database", lambda progress: database_file)
+    Trc().write(take, tmp_path / "a.trc")
+    assert main(["take", "info", "--why", str(tmp_path / "a.trc")]) == 1
+    assert f"perfanim solve {tmp_path / 'a.trc'} --out {tmp_path / 'a.perftake'}" in capsys.readouterr().err
+    assert main(["solve", str(tmp_path / "a.trc"), "--out", str(tmp_path / "a.perftake"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "good"
+    assert main(["take", "info", "--why", str(tmp_path / "a.perftake"), "--json"]) == 0
+    assert isinstance(json.loads(capsys.readouterr().out)["decisions"], list)
+    assert main(["take", "export", str(tmp_path / "a.perftake"), "--out", str(tmp_path / "a.bvh")]) == 0
