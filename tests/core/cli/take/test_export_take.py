@@ -279,7 +279,6 @@ def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
 @pytest.mark.parametrize(
     "line",
     [
-        "solve a.c3d --out b.bvh",
         "solve a.c3d --database d --subject s --cameras c --out b.bvh",
         "take",
         "take info",
