@@ -19,8 +19,9 @@ from .source_noise import SourceNoise
 class WildPointSettings:
     """Settings of `find_wild_points`, chosen on seven takes of CMU with wild points and without."""
 
-    near_m: float = 0.02  # distance from the path between its neighbours within which nothing is wild,
-    impact_m_s2: float = 250.0  # and that to which an impact accelerates a marker meanwhile
+    near_m: float = 0.02  # distance from the straight path between known positions within which nothing is wild,
+    impact_m_s2: float = 250.0  # or else that to which such an acceleration, of an impact, moves a marker
+    far_m: float = 0.055  # distance from which a position that both directions contradict is wild on any path
     rounds: int = 4  # number of searches
 
 
@@ -39,7 +40,8 @@ def find_wild_points(times_s: Array, points_m: Array, source: SourceNoise) -> Ma
     for _ in range(_S.rounds):
         left_m = np.where(wild[..., None], np.nan, points_m)
         (before, explained), (after, explains) = (_gated(times_s, left_m, source, way) for way in (1, -1))
-        found = ((before & ~explains) | (after & ~explained)) & _is_off_path(times_s, left_m)
+        doubted = (before & ~explains) | (after & ~explained)
+        found = doubted & _is_off_path(times_s, left_m, doubted, explained | explains)
         if not found.any():
             break
         wild |= found
@@ -57,18 +59,20 @@ def _gated(times_s: Array, points_m: Array, source: SourceNoise, way: int) -> tu
     return doubted, explained
 
 
-def _is_off_path(times_s: Array, points_m: Array) -> Mask:
-    """Return a mask (F, M) of positions farther from the straight path between their neighbours than impacts move them.
+def _is_off_path(times_s: Array, points_m: Array, doubted: Mask, known: Mask) -> Mask:
+    """Return which doubted positions (F, M) are farther from the path between known ones than impacts move a marker.
 
-    The first and last positions of a marker are on no path.
+    Those before the first and after the last known position are on no path, and believed.
     """
-    off = np.zeros(points_m.shape[:2], dtype=bool)
-    for marker in range(points_m.shape[1]):
-        rows = np.flatnonzero(np.isfinite(points_m[:, marker, 0]))
-        path, seconds = points_m[rows, marker], times_s[rows]
-        since_s, until_s = np.diff(seconds)[:-1], np.diff(seconds)[1:]
+    off = np.zeros_like(doubted)
+    for marker in np.flatnonzero(doubted.any(axis=0)):
+        rows, frames = np.flatnonzero(doubted[:, marker]), np.flatnonzero(known[:, marker])
+        later = np.searchsorted(frames, rows)
+        inside = (later > 0) & (later < len(frames))
+        rows, first, last = rows[inside], frames[later[inside] - 1], frames[later[inside]]
+        since_s, until_s = times_s[rows] - times_s[first], times_s[last] - times_s[rows]
         share = (since_s / (since_s + until_s))[:, None]
-        away_m = np.linalg.norm(path[1:-1] - (1.0 - share) * path[:-2] - share * path[2:], axis=1)
-        off[rows[1:-1], marker] = away_m > np.maximum(_S.near_m, 0.5 * _S.impact_m_s2 * since_s * until_s)
-        off[rows[[0, -1]] if len(rows) else rows, marker] = True
+        path_m = (1.0 - share) * points_m[first, marker] + share * points_m[last, marker]
+        away_m = np.linalg.norm(points_m[rows, marker] - path_m, axis=1)
+        off[rows, marker] = away_m > np.clip(0.5 * _S.impact_m_s2 * since_s * until_s, _S.near_m, _S.far_m)
     return off
