@@ -62,17 +62,20 @@ def _gated(times_s: Array, points_m: Array, source: SourceNoise, way: int) -> tu
 def _is_off_path(times_s: Array, points_m: Array, doubted: Mask, known: Mask) -> Mask:
     """Return which doubted positions (F, M) are farther from the path between known ones than impacts move a marker.
 
-    Those before the first and after the last known position are on no path, and believed.
+    Before the first and after the last two known positions, the path goes straight on.
     """
     off = np.zeros_like(doubted)
     for marker in np.flatnonzero(doubted.any(axis=0)):
         rows, frames = np.flatnonzero(doubted[:, marker]), np.flatnonzero(known[:, marker])
-        later = np.searchsorted(frames, rows)
-        inside = (later > 0) & (later < len(frames))
-        rows, first, last = rows[inside], frames[later[inside] - 1], frames[later[inside]]
+        if len(frames) < 2:
+            continue
+        later = np.clip(np.searchsorted(frames, rows), 1, len(frames) - 1)
+        first, last = frames[later - 1], frames[later]
         since_s, until_s = times_s[rows] - times_s[first], times_s[last] - times_s[rows]
         share = (since_s / (since_s + until_s))[:, None]
         path_m = (1.0 - share) * points_m[first, marker] + share * points_m[last, marker]
         away_m = np.linalg.norm(points_m[rows, marker] - path_m, axis=1)
-        off[rows, marker] = away_m > np.clip(0.5 * _S.impact_m_s2 * since_s * until_s, _S.near_m, _S.far_m)
+        least_m = np.clip(0.5 * _S.impact_m_s2 * since_s * until_s, _S.near_m, _S.far_m)
+        is_between = np.minimum(since_s, until_s) > 0.0
+        off[rows, marker] = away_m > np.where(is_between, least_m, _S.far_m)
     return off
