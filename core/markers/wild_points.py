@@ -20,8 +20,8 @@ class WildPointSettings:
     """Settings of `find_wild_points`, chosen on seven takes of CMU with wild points and without."""
 
     near_m: float = 0.02  # distance from the straight path between known positions within which nothing is wild,
-    impact_m_s2: float = 250.0  # or else that to which such an acceleration, of an impact, moves a marker
-    far_m: float = 0.055  # distance from which a position that both directions contradict is wild on any path
+    impact_m_s2: float = 250.0  # or to which this acceleration, of an impact, moves a marker,
+    far_m: float = 0.055  # or this distance on longer paths, at 50 frames per second and more
     rounds: int = 4  # number of searches
 
 
@@ -65,6 +65,8 @@ def _is_off_path(times_s: Array, points_m: Array, doubted: Mask, known: Mask) ->
     Before the first and after the last two known positions, the path goes straight on.
     """
     off = np.zeros_like(doubted)
+    step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
+    far_m = max(_S.far_m, 0.5 * _S.impact_m_s2 * step_s**2)
     for marker in np.flatnonzero(doubted.any(axis=0)):
         rows, frames = np.flatnonzero(doubted[:, marker]), np.flatnonzero(known[:, marker])
         if len(frames) < 2:
@@ -75,7 +77,7 @@ def _is_off_path(times_s: Array, points_m: Array, doubted: Mask, known: Mask) ->
         share = (since_s / (since_s + until_s))[:, None]
         path_m = (1.0 - share) * points_m[first, marker] + share * points_m[last, marker]
         away_m = np.linalg.norm(points_m[rows, marker] - path_m, axis=1)
-        least_m = np.clip(0.5 * _S.impact_m_s2 * since_s * until_s, _S.near_m, _S.far_m)
+        least_m = np.clip(0.5 * _S.impact_m_s2 * since_s * until_s, _S.near_m, far_m)
         is_between = np.minimum(since_s, until_s) > 0.0
-        off[rows, marker] = away_m > np.where(is_between, least_m, _S.far_m)
+        off[rows, marker] = away_m > np.where(is_between, least_m, far_m)
     return off
