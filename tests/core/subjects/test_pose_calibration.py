@@ -358,7 +358,7 @@ def test_each_pose_is_found_in_the_take_by_itself():
     _, short = posing_take(("t",))
     with pytest.raises(SubjectError, match=r"the motorcycle pose is not held for 1\.0 s"):
         pose_points(short, BOXING, ("t", "motorcycle"))
-    for poses, words in ((("t", "yoga"), "no calibration pose 'yoga'"), (("t", "t"), "named once")):
+    for poses, words in ((("t", "yoga"), "no calibration pose 'yoga'"), (("t", "t"), "is named twice")):
         with pytest.raises(SubjectError, match=words):
             pose_points(take, BOXING, poses)
 

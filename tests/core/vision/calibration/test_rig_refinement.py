@@ -89,5 +89,5 @@ def test_too_few_markers_are_refused(rig):
         refine_rig(rig, marker_frames(rig, 30, 2))
     with pytest.raises(CalibrationError, match="0 markers"):
         refine_rig(rig, [])
-    with pytest.raises(CalibrationError, match="one camera"):
+    with pytest.raises(CalibrationError, match="at least two cameras"):
         refine_rig(replace(rig, cameras=rig.cameras[:1]), [])
