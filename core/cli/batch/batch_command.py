@@ -64,7 +64,7 @@ def add_parser(subparsers: Any) -> None:
     )
     add_text(parser, "--out", "DIR", "folder of the results (default: the plan's out)")
     shared = parser.add_argument_group("for all takes; a plan's [[take]] tables have priority")
-    add_text(shared, "--database", "DB", "motion database (default: the starter database)")
+    add_text(shared, "--database", "DB", "motion database")
     add_text(shared, "--subject", "FILE", "calibrated subject")
     add_text(shared, "--skeleton", "FILE", ".asf or .bvh with the bones to use; needs --marker-set")
     add_text(shared, "--marker-set", "NAME", f"shipped marker set or TOML file, or {AUTO} (of marker files)")
