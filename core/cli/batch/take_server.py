@@ -9,6 +9,7 @@ from contextlib import contextmanager, redirect_stderr
 from io import StringIO
 from typing import TYPE_CHECKING, Any
 
+from ...formats.markers.marker_files import is_recorded
 from ...system.progress import no_progress
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ def parse_options(command: str, options: Sequence[str]) -> "argparse.Namespace":
         args = build_parser([command]).parse_args([command, *options])
         if command == "solve":
             solve_command.check(args)
+            if args.database is None and not is_recorded(args.take):  # several workers would build the starter database
+                args.wrong_usage("the following arguments are required: --database")
     return args
 
 
