@@ -32,6 +32,7 @@ class NoteKind(Enum):
     LABELLED = auto()
     LABELLED_MORE = auto()
     RELABELLED = auto()
+    LABELLED_LATER = auto()  # recorded takes: labels carried back from later frames
     PRIOR_LED = auto()  # the learned prior had more weight than the examples
 
 
@@ -47,6 +48,7 @@ _DECISIONS = {
     NoteKind.LABELLED: "labels found without history",
     NoteKind.LABELLED_MORE: "more markers labelled",
     NoteKind.RELABELLED: "labels changed: others explain the markers better",
+    NoteKind.LABELLED_LATER: "labels taken from later frames, where they were found",
     NoteKind.PRIOR_LED: "the learned prior counted more than the examples",
 }
 _SENTENCES = _DECISIONS | {

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..body.pose_notes import NoteKind, PoseNote
 from ..body.scene_pose import PerformerPose, ScenePose
 from ..geometry.arrays import Array, Mask, runs
 from ..markers.marker_frame import MarkerFrame
@@ -27,6 +28,7 @@ _ALIKE_S = 0.05  # period in which frames count as one piece of evidence
 _EXCHANGE_COST = 4.0  # cost of each point that belongs to another marker in the next frame
 _CLEAR = 1.0  # evidence needed to use the later labels
 _HOPELESS = 30.0  # loss of evidence that ends the backward tracking
+_LATER = PoseNote.of(NoteKind.LABELLED_LATER)
 
 
 def relabel(
@@ -105,8 +107,9 @@ def _solve_again(
     for index in range(max(start - _LEAD, 0), min(stop + _FOLLOWED, len(frames))):
         pose = session.step_labelled(frames[index], poses[index])
         if index >= start:
+            later = (_LATER,) if index < stop else ()
             performers = tuple(
-                replace(performer, confidence=min(performer.confidence, limit))
+                replace(performer, confidence=min(performer.confidence, limit), notes=(*performer.notes, *later))
                 for performer, limit in zip(pose.performers, most[index].tolist(), strict=True)
             )
             poses[index] = replace(pose, performers=performers)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from perfanim.core.body.pose_notes import NoteKind
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.session.multi_target_session import MultiTargetSession
 from perfanim.core.session.session import Session
@@ -62,6 +63,8 @@ def test_labels_also_hold_before_they_were_found(frames, rows, session):
     assert recorded.relabelled[late].all()
     assert not live.relabelled.any()
     assert not recorded.relabelled[CUT + HIDDEN + 15 :].any()
+    told = [any(note.kind is NoteKind.LABELLED_LATER for note in pose.notes) for pose in recorded.poses_of()]
+    np.testing.assert_array_equal(told, recorded.relabelled)
     fit = np.array([pose.marker_rms_m for pose in recorded.poses_of()])[CUT + HIDDEN :]
     assert fit.max() < 0.03
     times = [pose.time_s for pose in recorded.poses]
