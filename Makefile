@@ -38,10 +38,10 @@ TESTS := tests --ignore tests/window --ignore tests/gplvm --ignore tests/prior -
 
 test: $(STAMP) ## all tests that need no window, but the long ones
 	$(BIN)/python -m pytest $(TESTS) -m 'not long'
-	$(BIN)/python -m pytest tests/soak/test_tracker_floods.py # alone: a flood needs the processors
 
 long-test: $(STAMP) ## whole benchmarks, films and recordings
 	$(BIN)/python -m pytest $(TESTS) -m long
+	$(BIN)/python -m pytest tests/soak/test_tracker_floods.py # alone: a flood needs the processors
 
 check: $(STAMP) ## linter, formatter, types, imports between packages
 	$(BIN)/ruff check .

@@ -52,7 +52,6 @@ LONGEST = (
     "fuzz/test_damaged_inputs.py",
     "tools/test_sketch_sample.py",
     "take/test_export_take.py",
-    "batch/test_cluster.py",
 )
 
 

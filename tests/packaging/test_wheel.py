@@ -106,6 +106,7 @@ def test_sdist_builds_the_same_wheel(sources, wheel, tmp_path):
     assert {f"perfanim/{path.relative_to(sources).as_posix()}" for path in files} <= names
 
 
+@pytest.mark.long
 def test_installed_python_and_command_solve_a_vicon_file(python, folder):
     where = Path(ran(python, "-c", SCRIPT, folder=folder).strip())
     assert where.is_relative_to(python.parents[1])

@@ -10,6 +10,7 @@ if sys.platform != "linux":
 from soak.trackers import MOST_BLENDER_MB, MOST_WAITING, MOST_WORKERS_MB, flooded
 
 
+@pytest.mark.long
 def test_a_flood_of_frames_does_not_pile_up() -> None:
     row = flooded("frames", 1.5, 40_000, seed=1, around_s=1.5)
     assert row["error"] == ""

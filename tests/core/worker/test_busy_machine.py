@@ -86,6 +86,7 @@ def test_recorded_images_lose_no_frame_on_a_busy_machine(request_files: dict[str
     assert len(run.poses) == FRAMES == run.statistics.handed_over
 
 
+@pytest.mark.long
 def test_the_simulated_performer_goes_on_on_a_busy_machine(request_files: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "simulated.perftake"
     cameras = {"source": {**PERFORMER, "loop": True}, "rig": None, "threshold": None}

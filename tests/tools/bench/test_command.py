@@ -15,17 +15,7 @@ from bench.accuracy import EMBEDDED, OTHER_STUDIO, UNSEEN_CLIP, accuracy, cases_
 from bench.baseline import Baseline
 from bench.command import _BENCHES
 from bench.disturbed import disturbed_take
-from bench.figure5 import (
-    DIMENSIONS,
-    GPLVM,
-    LOCAL,
-    MIXTURE,
-    PCA,
-    STRICT,
-    figure5,
-    gplvm_missing,
-    reconstruction_errors,
-)
+from bench.figure5 import DIMENSIONS, GPLVM, LOCAL, MIXTURE, PCA, STRICT, figure5, gplvm_missing, reconstruction_errors
 from bench.figure6 import figure6, ratios
 from bench.plots import Line, Panel, check_plots, write_plot
 from bench.run import Run
@@ -165,6 +155,7 @@ def test_accuracy_leaves_out_the_clip_and_then_whoever_moves(data, tmp_path, one
     assert len(plots) == 3 and all(Path(path).stat().st_size > 5_000 for path in plots)
 
 
+@pytest.mark.long
 def test_a_quick_accuracy_compares_less_with_another_version(data, tmp_path, one_take_each):
     conditions = one_take_each(OTHER_STUDIO, EMBEDDED)
     figures = accuracy(Run(data, tmp_path), Path(__file__).parents[3], quick=True)
@@ -231,6 +222,7 @@ def test_the_default_settings_take_a_prior_that_has_not_seen_the_person(tmp_path
     assert all(settings.best.prior_share == 0.0 for name, settings in METHODS.items() if name == "best")
 
 
+@pytest.mark.long
 def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.speed._REFERENCE", (3000, 60, 32))
     monkeypatch.setattr("bench.scale._SIZES", (90, 100_000))
@@ -248,6 +240,7 @@ def test_scale_goes_from_a_few_clips_to_all_of_them_twice(data, tmp_path, monkey
     assert (tmp_path / "scale.svg").stat().st_size > 5_000
 
 
+@pytest.mark.long
 def test_speed_times_every_part_beside_a_search_in_numpy(data, tmp_path, monkeypatch):
     small = {"_PAIRS": 6, "_REFERENCE": (3000, 60, 32), "_IMAGES": 3, "_DATABASE_FRAMES": 100}
     small["UNLIKE"] = replace(WALKING, title="jumping", trial="16_02")

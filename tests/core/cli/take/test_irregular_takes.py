@@ -34,6 +34,7 @@ from tests.helpers.solved_poses import write_poses
 NEAR_M = 0.005
 MOTIONS = ("bvh", "angles.csv", "vrma")
 MARKERS = ("c3d", "trc", "csv")
+SEEDS = [*range(10), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(10, 50))]
 
 
 def run(capsys, *line):
@@ -65,7 +66,7 @@ def recorded(tmp_path_factory):
     return write
 
 
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_recorded_take_keeps_its_time_in_every_output(seed, recorded, tmp_path, capsys, monkeypatch):
     series = random_series(seed)
     path = recorded(seed, series)
@@ -97,7 +98,7 @@ def test_a_recorded_take_keeps_its_time_in_every_output(seed, recorded, tmp_path
     assert told["mean_fps"] == pytest.approx((len(series.true_s) - 1) / passed_s, rel=0.002)
 
 
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_marker_file_keeps_its_time_in_every_format(seed, tmp_path, capsys):
     series = random_series(seed)
     write_table(series, tmp_path / "in.csv")
