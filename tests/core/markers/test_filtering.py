@@ -6,7 +6,6 @@ from perfanim.core.errors import SettingsError
 from perfanim.core.geometry import rotations as rot
 from perfanim.core.markers.filtering import smooth_motion, smooth_take
 from perfanim.core.markers.marker_take import MarkerTake
-from scipy.signal import butter, sosfiltfilt
 
 FPS = 60.0
 TIMES = np.arange(240) / FPS
@@ -69,6 +68,8 @@ def test_motion_is_smoothed_for_any_quaternion_signs():
 
 @pytest.mark.parametrize(("frames", "fps", "cutoff_hz"), [(10, 60.0, 8.0), (300, 120.0, 6.0), (240, 60.0, 16.0)])
 def test_the_filter_is_scipys_butterworth_run_both_ways(frames: int, fps: float, cutoff_hz: float):
+    from scipy.signal import butter, sosfiltfilt  # a second to import, in every process that collects tests
+
     path = 50.0 + np.cumsum(np.random.default_rng(0).standard_normal((frames, 2, 3)), axis=0)
     # half the power after two passes
     sections = butter(2, cutoff_hz / (np.sqrt(2.0) - 1.0) ** 0.25, fs=fps, output="sos")
