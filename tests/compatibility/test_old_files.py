@@ -91,12 +91,7 @@ def _rig(rig: CameraRig | None) -> dict[str, Any] | None:
 
 
 def _prop(prop: Prop) -> dict[str, Any]:
-    return {
-        "name": prop.name,
-        "names": prop.names,
-        "positions_m": prop.positions_m,
-        "residual_m": prop.residual_m,
-    }
+    return {"name": prop.name, "names": prop.names, "positions_m": prop.positions_m, "residual_m": prop.residual_m}
 
 
 def _pose(pose: PerformerPose, props: tuple[PropPose, ...]) -> dict[str, Any]:

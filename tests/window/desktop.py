@@ -116,11 +116,7 @@ class BlenderWindow:
         self._state = folder / "state.json"
         self._orders = folder / "order.json"
         self._log = (folder / "blender.log").open("wb")
-        environment = {
-            **desktop.environment,
-            "BLENDER_USER_RESOURCES": str(user),
-            "OBSERVER_FOLDER": str(folder),
-        }
+        environment = {**desktop.environment, "BLENDER_USER_RESOURCES": str(user), "OBSERVER_FOLDER": str(folder)}
         width, height = desktop.size
         geometry = ["--window-geometry", "0", "0", str(width), str(height)]
         self._process = subprocess.Popen(

@@ -78,12 +78,7 @@ def test_captures_are_solved_again_deleted_undone_and_exported(
     hand.shot("solved-again")
     after = actions(window)
     assert len(after) == 3
-    for key, wanted in (
-        ("ctrl+z", before),
-        ("ctrl+z", [capture]),
-        ("ctrl+shift+z", before),
-        ("ctrl+shift+z", after),
-    ):
+    for key, wanted in (("ctrl+z", before), ("ctrl+z", [capture]), ("ctrl+shift+z", before), ("ctrl+shift+z", after)):
         hand.away()
         desktop.key(key)
         window.wait(lambda s, wanted=wanted: sorted(s["actions"]) == wanted, f"{key}: {wanted}")

@@ -264,10 +264,7 @@ def test_a_wrong_body_is_refined_while_the_capture_goes_on(
 
 def test_a_capture_that_refines_nothing_goes_on(part: Any, walk: SimpleNamespace, take: str, tmp_path: Path) -> None:
     (tmp_path / "words.perftake").write_text("no take")
-    for file, database in (
-        (tmp_path / "words.perftake", walk.folder / "walk.pfdb"),
-        (take, tmp_path / "gone.pfdb"),
-    ):
+    for file, database in ((tmp_path / "words.perftake", walk.folder / "walk.pfdb"), (take, tmp_path / "gone.pfdb")):
         refinement = refined_live(part, str(file), database, 25.0)
         assert not refinement.tick(59.0)
         assert refinement._job is None

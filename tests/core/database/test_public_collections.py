@@ -228,10 +228,7 @@ def test_the_list_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"megabytes": "many"},
-            "collections.toml, walks: megabytes must be a whole number from 1 to 1,000,000 MB",
-        ),
+        ({"megabytes": "many"}, "collections.toml, walks: megabytes must be a whole number from 1 to 1,000,000 MB"),
         ({"address": None}, "collections.toml, walks: lacks 'address', a text that is not empty"),
     ],
 )

@@ -5,15 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bench.scenarios import LIVE, OFFLINE
-from bench.solving import (
-    Expected,
-    confidence_ratio,
-    coverage,
-    expected_of,
-    feet_errors,
-    solve_both_ways,
-    true_subject,
-)
+from bench.solving import Expected, confidence_ratio, coverage, expected_of, feet_errors, solve_both_ways, true_subject
 from bench.tables import UNITS, geometric_mean, paired_ratios
 from perfanim.core.body.motion import sliced
 from perfanim.core.session.solve_take import solve_take

@@ -91,8 +91,7 @@ def test_motion_and_character_in_other_forms(task, solved, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("step", "is_kept", "whole"),
-    [("track", True, []), ("solve", True, ["wave.take.npz"]), ("retarget", False, [])],
+    ("step", "is_kept", "whole"), [("track", True, []), ("solve", True, ["wave.take.npz"]), ("retarget", False, [])]
 )
 def test_a_step_that_fails(task, solved, tmp_path, step, is_kept, whole):
     """What was tracked is of use without a motion, and was dear."""

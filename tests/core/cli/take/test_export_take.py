@@ -276,14 +276,7 @@ def test_bad_input_is_told_in_one_line(tmp_path, recorded, capsys):
         assert sorted(tmp_path.iterdir()) == before, line
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "solve a.c3d --database d --subject s --cameras c --out b.bvh",
-        "take",
-        "take info",
-    ],
-)
+@pytest.mark.parametrize("line", ["solve a.c3d --database d --subject s --cameras c --out b.bvh", "take", "take info"])
 def test_wrong_usage_exits_with_2(line, capsys):
     with pytest.raises(SystemExit) as ended:
         main(line.split())

@@ -61,11 +61,7 @@ def test_floor_and_scale_are_found_in_the_sidebar(elsewhere: CameraRig) -> None:
     results: list[dict[str, Any]] = []
     told: list[str] = []
     request = FloorMarkersRequest(
-        source=SimulatedPerformer(),
-        rig=elsewhere,
-        preview=True,
-        height_m=SETTINGS.marker_radius_m,
-        longest_m=LONGEST_M,
+        source=SimulatedPerformer(), rig=elsewhere, preview=True, height_m=SETTINGS.marker_radius_m, longest_m=LONGEST_M
     )
     record_floor_markers.run(request, channel_into(results, told))
     (result,) = results
