@@ -9,14 +9,7 @@ from perfanim.core.errors import CaptureError
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_pose, pack_solved, unpack_pose
 from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_frame_codec import unpack_stamped
-from perfanim.core.worker.protocol import (
-    Decoder,
-    Message,
-    MessageKind,
-    encode,
-    encode_frame,
-    encode_json,
-)
+from perfanim.core.worker.protocol import Decoder, Message, MessageKind, encode, encode_frame, encode_json
 
 
 def a_frame(number: int) -> MarkerFrame:

@@ -17,34 +17,26 @@ def sharp() -> np.ndarray:
     return cv2.GaussianBlur(picture, (0, 0), 0.5)
 
 
-def widths(picture: np.ndarray, sharp: np.ndarray) -> tuple[float, float]:
-    view = find_board(sharp, BOARD)
-    assert view is not None
-    return edge_widths(picture, BOARD, view)
+@pytest.fixture(scope="module")
+def view(sharp: np.ndarray) -> BoardView:
+    found = find_board(sharp, BOARD)
+    assert found is not None
+    return found
 
 
-def test_sharp_edges_are_two_pixels_wide(sharp):
-    assert max(widths(sharp, sharp)) < 2.5
-
-
-def test_blur_widens_all_edges(sharp):
+def test_blur_widens_all_edges_and_motion_those_across_it(sharp, view):
+    assert max(edge_widths(sharp, BOARD, view)) < 2.5
     # contrast over steepest slope of a step blurred by sigma: sqrt(2 pi) sigma
-    blurred = cv2.GaussianBlur(sharp, (0, 0), 3.0)
-    assert widths(blurred, sharp) == pytest.approx((7.5, 7.5), rel=0.15)
-
-
-def test_motion_widens_the_edges_across_it(sharp):
-    smeared = cv2.blur(sharp, (9, 1))
-    across_rows, across_columns = widths(smeared, sharp)
+    assert edge_widths(cv2.GaussianBlur(sharp, (0, 0), 3.0), BOARD, view) == pytest.approx((7.5, 7.5), rel=0.15)
+    across_rows, across_columns = edge_widths(cv2.blur(sharp, (9, 1)), BOARD, view)
     assert across_rows < 2.5
     assert across_columns == pytest.approx(9.0, abs=1.0)
 
 
-def test_views_without_contrast_have_no_edge_widths(sharp):
-    view = BoardView(np.array([0]), np.array([[80.0, 80.0]]))
-    assert np.isnan(edge_widths(sharp, BOARD, view)).all()
-    flat = np.full_like(sharp, 90)
-    assert np.isnan(widths(flat, sharp)).all()
+def test_views_without_contrast_have_no_edge_widths(sharp, view):
+    corner = BoardView(np.array([0]), np.array([[80.0, 80.0]]))
+    assert np.isnan(edge_widths(sharp, BOARD, corner)).all()
+    assert np.isnan(edge_widths(np.full_like(sharp, 90), BOARD, view)).all()
 
 
 def square(x: float, y: float, side: float) -> BoardView:

@@ -60,7 +60,7 @@ def test_bumped_camera_is_detected_and_placed(rig, markers, ghosts):
 
 def test_unmoved_cameras_stay(rig):
     result = refine_rig(rig, marker_frames(rig, 60, 5))
-    assert not result.bumped
+    assert not result.bumped and result.sure
     assert result.turned_deg[1] < 0.1 and result.moved_mm[1] < 5.0
 
 
@@ -81,7 +81,6 @@ def test_cameras_close_together_are_unsure(rig):
     close = replace(rig, cameras=(left, near))
     result = refine_rig(close, marker_frames(bumped(close, 1, (1.0, 0.5, 0.0), (0.0, 0.0, 0.0)), 60, 5))
     assert result.bumped and not result.sure
-    assert refine_rig(rig, marker_frames(rig, 60, 5)).sure
 
 
 def test_too_few_markers_are_refused(rig):

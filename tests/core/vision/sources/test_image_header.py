@@ -58,7 +58,7 @@ def bomb(side: int) -> bytes:
 WHOLE = KINDS[".png"]
 START = WHOLE.index(b"IDAT") - 4
 CASES = {
-    "pixels": (bomb(12_000), "has 12000 x 12000 pixels; give smaller pictures"),
+    "pixels": (None, "has 12000 x 12000 pixels; give smaller pictures"),
     "a part": (WHOLE[:START] + b"\x70\0\0\0" + WHOLE[START + 4 :], "not a readable image (cut off in its part"),
     "a part behind the end": (
         WHOLE.replace(b"IDAT", b"I\0\0\0") + b"\x70\0\0\0IDAT",
@@ -68,8 +68,8 @@ CASES = {
 
 
 @pytest.mark.parametrize(("data", "message"), CASES.values(), ids=CASES)
-def test_small_file_with_huge_declared_size_takes_no_memory(data: bytes, message: str, tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(data)
+def test_small_file_with_huge_declared_size_takes_no_memory(data: bytes | None, message: str, tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(bomb(12_000) if data is None else data)
     program = (
         "import resource, sys; from pathlib import Path\n"
         "from perfanim.core.vision.sources.image_files import read_image\n"
