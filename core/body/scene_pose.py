@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..geometry.arrays import Array, IntArray, runs
+from ..geometry.arrays import Array, IntArray, Mask, runs
 from .body_parts import PARTS
 from .pose_notes import PoseNote
 
@@ -77,6 +77,11 @@ class PerformerPose:
     single_points: Array = field(default_factory=lambda: np.empty((0, 2)))
     part_errors_deg: Array = field(default_factory=lambda: np.empty(0))
     joint_errors_deg: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def seen(self) -> Mask:
+        """Mask (M,) of markers that any camera saw."""
+        return np.isfinite(self.observed_m[:, 0]) | (self.single_cameras >= 0)
 
     @property
     def doubtful(self) -> bool:

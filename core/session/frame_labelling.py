@@ -9,7 +9,7 @@ from ..body.scene_pose import PerformerPose
 from ..body.skeleton import marker_positions
 from ..database.store import Database
 from ..geometry import rotations as rot
-from ..geometry.arrays import Array, FloatArray, IntArray
+from ..geometry.arrays import Array, FloatArray, IntArray, Mask
 from ..geometry.camera import Camera
 from ..labelling.initial_labelling import InitialLabeller, InitialLabels
 from ..labelling.label_search import WORK_ALONE, LabelSearch
@@ -82,9 +82,9 @@ class FrameLabeller:
         self.searched = False
         self._check = LabelCheck(self._initial, self._torso)
 
-    def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
-        """Return the factor by which the labels lower a pose's confidence."""
-        return self._check.confidence(frame, observed_m)
+    def confidence(self, frame: MarkerFrame, seen: Mask) -> float:
+        """Return the factor by which the labels of the markers (M,) that any camera sees lower a pose's confidence."""
+        return self._check.confidence(frame, seen)
 
     def find_alternative(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, busy: bool = False
@@ -96,7 +96,7 @@ class FrameLabeller:
         """
         alternative = self._check.step(frame, elapsed_s, pose, self._labeller.is_confident, busy)
         if alternative is None:  # a pose that has just become suspect confirms nothing
-            if self._check.confidence(frame, pose.observed_m) == 1.0:
+            if self._check.is_certain(frame, pose.seen):
                 self._labeller.confirm(self._check.confirmed_markers)
             return None
         labeller, labels = alternative.search.carry(alternative.labels)

@@ -19,7 +19,10 @@ _STRAYS = 2  # number of unlabelled points, with as many hidden markers, that ma
 _TORSO_MARKERS = 2  # fewest located torso markers for a pose that is not suspect
 _ENOUGH = 0.6  # share of the markers that must be located for a check
 _SAME_M = 0.02  # distance up to which two points are the same
-_UNCERTAIN = 0.3  # factor for the confidence while the labels are uncertain
+_UNCERTAIN = 0.3  # least factor for the confidence while the labels are uncertain
+_MISPLACED_M = (
+    0.1  # RMS distance by which other likely labels move the markers, at which it has fallen to 1/e of the rest
+)
 
 # gains are log likelihood ratios of alternative to current labels, nats
 _CERTAIN = -2.0  # best gain below which one check confirms the current labels
@@ -63,6 +66,7 @@ class LabelCheck:
         self._is_sure: Mask = np.zeros(0, dtype=bool)
         self._confirmed, self._was_suspect, self._were_certain = 0.0, False, False
         self._compared: Mask = np.ones(len(torso), dtype=bool)
+        self._misplaced_m = np.inf  # RMS distance by which other likely labels would move the markers
         self._evidence: dict[Renaming, float] = {}
         self._contradicting: set[Renaming] = set()
         self._weighed_s, self._stepped_s = -np.inf, -np.inf
@@ -80,10 +84,25 @@ class LabelCheck:
         """Markers (M,) located since the last check, which therefore applies to them."""
         return self._compared
 
-    def confidence(self, frame: MarkerFrame, observed_m: Array) -> float:
-        """Return the factor by which the labels lower a pose's confidence."""
-        certain = self._is_certain(self._was_suspect) and _strays(frame, observed_m) < _STRAYS
-        return 1.0 if certain else _UNCERTAIN
+    def is_certain(self, frame: MarkerFrame, seen: Mask) -> bool:
+        """Return whether nothing speaks against the labels.
+
+        Args:
+            seen: Markers (M,) that any camera sees.
+        """
+        return self._is_certain(self._was_suspect) and _strays(frame, seen) < _STRAYS
+
+    def confidence(self, frame: MarkerFrame, seen: Mask) -> float:
+        """Return the factor by which the labels lower a pose's confidence; arguments are those of `is_certain`.
+
+        Uncertain labels lower it by how far other likely labels would move the markers: which of two neighbours is
+        which hardly changes a pose.
+        """
+        if self.is_certain(frame, seen):
+            return 1.0
+        if _strays(frame, seen) >= _STRAYS:
+            return _UNCERTAIN
+        return float(_UNCERTAIN + (1.0 - _UNCERTAIN) * np.exp(-((self._misplaced_m / _MISPLACED_M) ** 2)))
 
     def step(
         self, frame: MarkerFrame, elapsed_s: float, pose: PerformerPose, is_confident: Mask, busy: bool = False
@@ -114,9 +133,9 @@ class LabelCheck:
     def _is_suspect(self, frame: MarkerFrame, pose: PerformerPose) -> bool:
         """Return whether the pose or unlabelled points are evidence against the labels."""
         located = np.isfinite(pose.observed_m[:, 0])
-        explained = pose.confidence / (self.confidence(frame, pose.observed_m) * max(np.mean(located), 1e-3))
+        explained = pose.confidence / (self.confidence(frame, pose.seen) * max(np.mean(located), 1e-3))
         unseen = np.sum(located & self._torso) < _TORSO_MARKERS
-        return bool(explained < _SUSPECT or unseen or _strays(frame, pose.observed_m) >= _STRAYS)
+        return bool(explained < _SUSPECT or unseen or _strays(frame, pose.seen) >= _STRAYS)
 
     def _work(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> float:
         """Return the amount of search work in this frame, less while there is no evidence against the labels."""
@@ -124,7 +143,7 @@ class LabelCheck:
         self._were_certain |= is_certain
         likely = not self._were_certain or max(self._evidence.values(), default=0.0) >= 0.0
         unclear = not is_certain and likely
-        return WORK if unclear or _strays(frame, pose.observed_m) else WORK_UNHURRIED
+        return WORK if unclear or _strays(frame, pose.seen) else WORK_UNHURRIED
 
     def _is_due(self, frame: MarkerFrame, pose: PerformerPose, suspect: bool) -> bool:
         """Return whether to start a search now."""
@@ -163,6 +182,9 @@ class LabelCheck:
         )
         # a search that missed the current labels does not confirm them
         is_found = any(renaming == current for renaming, _, _ in found)
+        likely = [self._moved_m(search, labels) for labels, gain, _ in others.values() if gain > _CERTAIN]
+        agrees = any(renaming == current or self._only_adds(renaming) for renaming, _, _ in found)
+        self._misplaced_m = max(likely, default=0.0) if agrees else np.inf
         self._confirmed = self._confirmed + is_found * _confirmation(most) if most < _BETTER else 0.0
         self._compared = np.isfinite(self._current_m[:, 0])
         if not others or (most < 0.0 and not is_found):
@@ -227,6 +249,14 @@ class LabelCheck:
         hidden = ~seen & ~np.isfinite(self._current_m[:, 0])
         return tuple(np.where(hidden, np.arange(len(names)), names).tolist())
 
+    def _moved_m(self, search: LabelSearch, labels: IntArray) -> float:
+        """Return the RMS distance by which other labels (N,) move the markers that both locate; infinite for none."""
+        other = np.full(self._current_m.shape, np.nan)
+        other[labels[labels >= 0]] = search.points_m[labels >= 0]
+        squares = np.sum((other - self._current_m) ** 2, axis=1)
+        known = squares[np.isfinite(squares)]
+        return float(np.sqrt(np.mean(known))) if len(known) else np.inf
+
     def _only_adds(self, renaming: Renaming) -> bool:
         """Return whether a renaming only labels additional points."""
         located = np.isfinite(self._current_m[:, 0])
@@ -246,6 +276,6 @@ def _confirmation(gain: float) -> float:
     return float(np.clip((_UNCLEAR - gain) / (_UNCLEAR - _CERTAIN), 0.0, 1.0))
 
 
-def _strays(frame: MarkerFrame, observed_m: Array) -> int:
-    """Return the number of unlabelled points, up to the number of hidden markers."""
-    return min(len(frame.points_m), len(observed_m)) - int(np.sum(np.isfinite(observed_m[:, 0])))
+def _strays(frame: MarkerFrame, seen: Mask) -> int:
+    """Return the number of unlabelled points, up to the number of markers (M,) that no camera sees."""
+    return min(len(frame.points_m), len(seen)) - int(np.count_nonzero(seen))

@@ -53,14 +53,13 @@ class PartErrors:
         """Return notes on the doubtful parts of a pose, with the reasons."""
         if pose.doubtful or not (parts := pose.doubtful_parts):
             return []
-        seen = np.isfinite(pose.observed_m[:, 0]) | (pose.single_cameras >= 0)
         fits = ~(np.linalg.norm(pose.markers_m - pose.observed_m, axis=1) > _FAR_M)
         notes = []
         for part, markers in zip(PARTS, self._markers, strict=True):
             if part not in parts:
                 continue
             worn = "marker is" if np.sum(markers) == 1 else "markers are"
-            if markers.any() and not (seen & markers).any():
+            if markers.any() and not (pose.seen & markers).any():
                 notes.append(PoseNote.uncertain(part, f"its {worn} hidden"))
             elif not fits[markers].all():
                 notes.append(PoseNote.uncertain(part, f"its {worn} elsewhere"))

@@ -274,8 +274,7 @@ class Session:
             time_s=frame.time_s,
             rotations=rotations,
             root_position_m=root_m,
-            confidence=fit.confidence
-            * (1.0 if is_confident else self.labeller.confidence(frame, observation.points_m)),
+            confidence=fit.confidence * (1.0 if is_confident else self.labeller.confidence(frame, observation.seen)),
             markers_m=solution.markers_m,
             observed_m=observation.points_m,
             single_cameras=observation.cameras,

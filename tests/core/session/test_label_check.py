@@ -15,6 +15,13 @@ from perfanim.core.session.label_check import Alternative, LabelCheck
 
 POINTS_M = np.array([[0.0, 1.0, 0.0], [0.4, 1.0, 0.0], [0.0, 1.5, 0.0], [0.4, 1.5, 0.0]])
 EXCHANGED = np.array([1, 0, 2, 3])
+SEEN = np.ones(4, dtype=bool)
+
+
+def pose_with(observed_m: np.ndarray, confidence: float, time_s: float) -> Any:
+    """Return a pose with these markers, none of which a single camera saw."""
+    seen = np.isfinite(observed_m[:, 0])
+    return SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=confidence, time_s=time_s, seen=seen)
 
 
 class OneAlternative:
@@ -37,7 +44,7 @@ def alternative(gain: float, is_confident: np.ndarray) -> Alternative | None:
     """Return the labels that the first check finds better than the present ones."""
     check: Any = LabelCheck(OneAlternative(gain), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
-    pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
+    pose = pose_with(POINTS_M, 0.9, 1.0)
     return check.step(frame, 1 / 60, pose, is_confident)  # type: ignore[no-any-return]
 
 
@@ -63,9 +70,28 @@ def test_much_likelier_labels_replace_confidently_tracked_ones() -> None:
 def test_search_that_misses_the_current_labels_does_not_confirm_them(found: tuple[np.ndarray, ...], certain: bool):
     check: Any = LabelCheck(OneAlternative(-30.0, *found), np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
-    pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0)
+    pose = pose_with(POINTS_M, 0.9, 1.0)
     assert check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool)) is None
-    assert (check.confidence(frame, POINTS_M) == 1.0) == certain
+    assert (check.confidence(frame, SEEN) == 1.0) == certain
+
+
+@pytest.mark.parametrize(("apart_m", "least", "most"), [(0.02, 0.9, 0.999), (0.4, 0.3, 0.32)])
+def test_uncertain_labels_lower_the_confidence_by_how_far_others_move_the_markers(apart_m, least, most):
+    """Labels that are as likely for two neighbours matter less than for the two hands."""
+    points_m = POINTS_M * [apart_m / 0.4, 1.0, 1.0]
+    check: Any = LabelCheck(OneAlternative(-0.5, np.arange(4)), SEEN)  # type: ignore[arg-type]
+    frame = MarkerFrame(0, 1.0, points_m=points_m, covariances_m2=np.zeros((4, 3, 3)))
+    check.step(frame, 1 / 60, pose_with(points_m, 0.9, 1.0), ~SEEN)
+    assert not check.is_certain(frame, SEEN)
+    assert least < check.confidence(frame, SEEN) < most
+
+
+def test_points_of_markers_that_one_camera_sees_are_no_strays() -> None:
+    """Pictures that are not of one moment place no marker, but show all."""
+    check, _ = judged(Search((np.arange(4), 0.0), (EXCHANGED, -30.0)), POINTS_M)
+    frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
+    assert check.confidence(frame, SEEN) == 1.0
+    assert check.confidence(frame, np.array([True, True, False, False])) < 1.0
 
 
 @pytest.mark.parametrize("refuted", [False, True])
@@ -78,7 +104,7 @@ def test_each_alternative_has_its_own_evidence(other: np.ndarray, refuted: bool)
         searches.labels = labels
         time_s = 1.0 + 0.2 * number
         frame = MarkerFrame(number, time_s, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
-        pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=time_s)
+        pose = pose_with(POINTS_M, 0.9, time_s)
         found.append(check.step(frame, 0.2, pose, np.zeros(4, dtype=bool)))
         if refuted and number == 1:
             check.refute((1, 0, 2, 3))
@@ -107,7 +133,7 @@ def judged(search: Search, observed_m: np.ndarray, confidence: float = 0.9) -> t
     """Return a check and the labels that it finds for a pose with these markers."""
     check: Any = LabelCheck(search, np.ones(4, dtype=bool))  # type: ignore[arg-type]
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
-    pose = SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=confidence, time_s=1.0)
+    pose = pose_with(observed_m, confidence, 1.0)
     return check, check.step(frame, 1 / 60, pose, np.zeros(4, dtype=bool))
 
 
@@ -116,7 +142,7 @@ def checks(check: Any, numbers: range) -> list[bool]:
     tried = []
     for number in numbers:
         frame = MarkerFrame(number, 1.0 + number, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
-        pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=0.9, time_s=1.0 + number)
+        pose = pose_with(POINTS_M, 0.9, 1.0 + number)
         tried.append(check.step(frame, 1.0, pose, np.zeros(4, dtype=bool)) is not None)
     return tried
 
@@ -162,7 +188,7 @@ def stepped(check: Any, times_s: list[float], is_confident: np.ndarray, observed
     found = []
     for number, time_s in enumerate(times_s):
         frame = MarkerFrame(number, time_s, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
-        pose = SimpleNamespace(observed_m=observed_m, markers_m=POINTS_M, confidence=0.9, time_s=time_s)
+        pose = pose_with(observed_m, 0.9, time_s)
         found.append(check.step(frame, 0.1, pose, is_confident))
     return found
 
@@ -171,11 +197,11 @@ def test_certain_labels_become_uncertain_when_the_body_was_gone() -> None:
     check, _ = judged(Search((np.arange(4), 0.0), (EXCHANGED, -30.0)), POINTS_M)
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
     stepped(check, [1.02], np.zeros(4, dtype=bool))
-    assert check.confidence(frame, POINTS_M) == 1.0
+    assert check.confidence(frame, SEEN) == 1.0
     check._search = None
     check._initial = OneAlternative(2.0)  # it misses the present labels: no confirmation
     stepped(check, [1.6], np.zeros(4, dtype=bool))
-    assert check.confidence(frame, POINTS_M) < 1.0
+    assert check.confidence(frame, SEEN) < 1.0
 
 
 def test_marker_hidden_since_the_check_is_not_confirmed() -> None:
@@ -206,8 +232,8 @@ def test_suspect_first_pose_confirms_no_labels(confidence: float, sure: bool) ->
     labeller._check = LabelCheck(OneAlternative(-30.0), torso)  # type: ignore[arg-type]
     labeller._check.begin(1.0, InitialLabels(order, 20.0, POINTS_M, ((EXCHANGED, 50.0),)))
     frame = MarkerFrame(0, 1.0, points_m=POINTS_M, covariances_m2=np.zeros((4, 3, 3)))
-    assert labeller.confidence(frame, POINTS_M) == 1.0  # the search was certain
-    pose = SimpleNamespace(observed_m=POINTS_M, markers_m=POINTS_M, confidence=confidence, time_s=1.0)
+    assert labeller.confidence(frame, SEEN) == 1.0  # the search was certain
+    pose = pose_with(POINTS_M, confidence, 1.0)
     assert labeller.find_alternative(frame, 1 / 60, pose) is None
     assert labeller._labeller.is_confident.all() == labeller._labeller.is_confident.any() == sure
 
