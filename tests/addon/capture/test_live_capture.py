@@ -239,13 +239,15 @@ def test_what_is_recorded_is_kept_when_blender_takes_the_capture_down(
     assert running.current() is None
 
 
-def test_a_character_deleted_while_capturing_does_not_lose_the_take(chosen: Any, errors: Any, new_capture: Any) -> None:
-    with closing(new_capture()) as capture:
-        tick_poses(capture, 10)
-        bpy.data.objects.remove(chosen.armature)
-        with pytest.raises(errors.CharacterError, match="there is no object"):
-            tick_until(capture, lambda: capture.done)
-        text = capture.keep(bpy.context)
+def test_a_character_deleted_while_capturing_does_not_lose_the_take(
+    chosen: Any, errors: Any, play: Any, skeleton: Any
+) -> None:
+    capture = play(*anna(skeleton, swing(skeleton, ("head",), 60)))
+    tick(capture, 10)
+    bpy.data.objects.remove(chosen.armature)
+    with pytest.raises(errors.CharacterError, match="there is no object"):
+        tick(capture, 10)
+    text = capture.keep(bpy.context)
     assert "frames recorded" in text
     assert len(bpy.data.actions) == 1
 

@@ -7,7 +7,7 @@ import pytest
 from perfanim.core.body.motion import sliced
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.system.assets import MOTION
-from perfanim.perfanim_addon.export import retarget_file
+from perfanim.perfanim_addon.export import retarget_file, stage
 
 
 @pytest.mark.parametrize("trusting", [False, True])
@@ -36,7 +36,10 @@ def test_a_characters_programs_are_not_run(tmp_path: Path, trusting: bool) -> No
 @pytest.mark.parametrize(
     ("name", "begins"), [(".glb", b"glTF"), ("{walk}#.glb", b"glTF"), (".blend", b"\x28\xb5\x2f\xfd")]
 )
-def test_outputs_have_the_names_that_are_asked_for(tmp_path: Path, name: str, begins: bytes) -> None:
+def test_outputs_have_the_names_that_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, begins: bytes
+) -> None:
+    monkeypatch.setattr(stage, "_STAGE", stage.Stage(pixels=(48, 64), samples=1))
     motion = sliced(read_motion(next(MOTION.glob("running-01*.bvh"))), 0, 4)
     picture = retarget_file.Picture(tmp_path / "{walk}#.png", 2)
     retarget_file.retarget_file(motion, None, tmp_path / name, picture=picture)

@@ -1,7 +1,6 @@
 """Whatever runs is ended on every way out."""
 
-import sys
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -24,8 +23,8 @@ class PlayedActivity:
 
 
 @pytest.fixture
-def running(addon: ModuleType, extension: str) -> Any:
-    return sys.modules[f"{extension}.perfanim_addon.jobs.activity"]
+def running(part: Any) -> Any:
+    return part("jobs.activity")
 
 
 @pytest.fixture

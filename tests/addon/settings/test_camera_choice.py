@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import bpy
 import numpy as np
 import pytest
 
@@ -16,11 +15,6 @@ def choice(part: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(choice, "device_numbers", lambda: [0, 1, 2, 3])
     monkeypatch.setattr(choice, "device_name", lambda device: f"Webcam {device}")
     return choice
-
-
-@pytest.fixture
-def chosen(addon: object) -> Any:
-    return bpy.context.scene.perfanim
 
 
 def names(choice: Any, chosen: Any, setting: str, optional: bool = False) -> list[str]:

@@ -3,7 +3,6 @@
 from dataclasses import asdict
 from typing import Any
 
-import bpy
 import cv2
 import numpy as np
 import pytest
@@ -34,11 +33,6 @@ class Camera:
 
     def release(self) -> None:
         pass
-
-
-@pytest.fixture
-def chosen(addon: Any) -> Any:
-    return bpy.context.scene.perfanim
 
 
 @pytest.mark.parametrize("rate", [25.0, 30.0, 120.0])

@@ -1,6 +1,5 @@
 """The guide shows one next step at a time, judged by the settings and by the last check of the pictures."""
 
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,13 +22,8 @@ BUMPED = {"findings": [{"fault": "camera bumped", "text": "a camera was moved: c
 
 
 @pytest.fixture
-def guide(addon: object, extension: str) -> Any:
-    return sys.modules[f"{extension}.perfanim_addon.settings.guide_steps"]
-
-
-@pytest.fixture
-def chosen(addon: object) -> Any:
-    return bpy.context.scene.perfanim
+def guide(part: Any) -> Any:
+    return part("settings.guide_steps")
 
 
 def title(guide: Any, chosen: Any) -> str:
@@ -156,7 +150,8 @@ def test_a_fault_to_practise_on_is_found_by_the_button(part: Any, guide: Any, ch
     assert run_job(part, operator, clicked) == "mend first: too bright"
     assert "too bright" in guide.next_step(chosen)[2].problem
     chosen.practise_fault = "NONE"
-    assert run_job(part, operator, clicked) == "no fault was found"
+    assert not operator.request(clicked, bpy.context).fault
+    assert operator.on_result(clicked, bpy.context, GOOD) == "no fault was found"
     assert title(guide, chosen) == "Calibrate"
 
 
@@ -191,12 +186,17 @@ def test_reflections_are_ignored_and_looked_for_again_by_a_click(
     ignore, forget = bpy.ops.perfanim.ignore_reflections, bpy.ops.perfanim.forget_ignored
     chosen.practise, chosen.practise_fault = True, "REFLECTION"
     assert not ignore.poll() and not forget.poll()
-    assert run_job(part, check, clicked) == "mend first: reflection"
+    rows = [
+        {"fault": "reflection", "text": "the cameras see 3", "places": ((0, 5.0, 6.0), (0, 7.0, 8.0), (1, 9.0, 9.0))}
+    ]
+    assert check.on_result(clicked, bpy.context, {"findings": rows, "space": ""}) == "mend first: reflection"
     found = guide.reflections(chosen)
+    assert len(found) == 3
     assert ignore() == {"FINISHED"}
     assert title(guide, chosen) == "Calibrate" and not ignore.poll()
     assert places.ignored(chosen) == [tuple(place) for place in found.values()]
-    assert run_job(part, check, clicked) == "no fault was found"
+    assert [tuple(place) for place in check.request(clicked, bpy.context).ignored] == list(map(tuple, found.values()))
+    assert check.on_result(clicked, bpy.context, GOOD) == "no fault was found"
     chosen.source = "CAMERAS"
     assert places.ignored(chosen) == []  # other cameras
     chosen.source = "SIMULATED"

@@ -2,7 +2,6 @@
 
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
@@ -21,13 +20,8 @@ from perfanim.core.simulate.studio.studio_rig import default_rig
 
 
 @pytest.fixture
-def states(addon: ModuleType, extension: str) -> Any:
-    return sys.modules[f"{extension}.perfanim_addon.settings.readiness"]
-
-
-@pytest.fixture
-def chosen(addon: ModuleType) -> Any:
-    return bpy.context.scene.perfanim
+def states(part: Any) -> Any:
+    return part("settings.readiness")
 
 
 def test_the_defaults_are_ready(states: Any, chosen: Any) -> None:
@@ -73,10 +67,10 @@ def database(tmp_path: Path) -> Path:
 
 
 def test_the_chosen_markers_must_be_the_subjects(
-    states: Any, chosen: Any, extension: str, database: Path, tmp_path: Path
+    states: Any, chosen: Any, part: Any, database: Path, tmp_path: Path
 ) -> None:
     chosen.database = str(database)
-    setup = sys.modules[f"{extension}.perfanim_addon.capture.capture_request"]
+    setup = part("capture.capture_request")
     path = tmp_path / "anna.toml"
     save_subject(Subject("Anna", default_skeleton(), load_marker_set("locomotion"), 0.006), path)
     chosen.subject = str(path)
@@ -118,8 +112,8 @@ def test_a_marker_set_of_the_users_own(states: Any, chosen: Any, tmp_path: Path)
     assert "mine.toml" in states.first_missing_step(chosen)
 
 
-def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels.panel_drawing"]
+def test_long_messages_are_cut_into_lines(part: Any) -> None:
+    panels = part("panels.panel_drawing")
     text = "/a/very/long/path/" + "x" * 100 + " is not a motion database; build it again"
     lines = panels.wrapped(text, 32)
     assert all(len(line) <= 32 for line in lines)
@@ -131,8 +125,8 @@ def test_long_messages_are_cut_into_lines(extension: str, addon: ModuleType) -> 
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")
 
 
-def test_a_state_does_not_lie_over_its_panel_s_name(addon: ModuleType, extension: str) -> None:
-    panels = sys.modules[f"{extension}.perfanim_addon.panels.panel_drawing"]
+def test_a_state_does_not_lie_over_its_panel_s_name(part: Any) -> None:
+    panels = part("panels.panel_drawing")
     assert panels.shortened("Anna, 6 mm", 21) == "Anna, 6 mm"
     assert panels.shortened("Simulated performer, average body", 21) == "Simulated performer…"
     assert len(panels.shortened("x" * 30, 21)) == 21
