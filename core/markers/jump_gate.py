@@ -56,7 +56,8 @@ class Gated(NamedTuple):
 class JumpGate:
     """Doubts the jumps of one body's markers, frame by frame."""
 
-    def __init__(self, markers: int) -> None:
+    def __init__(self, markers: int, settings: JumpSettings | None = None) -> None:
+        self._settings = settings or _S
         self._doubted = np.zeros(markers, dtype=bool)
         # number of successive positions of each marker's present motion, and of frames with exchanged labels
         self._ages, self._exchanges = np.zeros((2, markers), dtype=np.int64)
@@ -73,24 +74,25 @@ class JumpGate:
             carried: What the body so far says.
             elapsed_s: Time since the last frame.
         """
+        settings = self._settings
         self._ages[~follower.followed] = 0
-        is_settled = self._ages >= _S.settled
+        is_settled = self._ages >= settings.settled
         away_m = np.linalg.norm(points_m - follower.means()[0], axis=1)
-        left = follower.followed & (away_m > _S.near_m)
+        left = follower.followed & (away_m > settings.near_m)
         if left.any():
             left &= follower.log_likelihoods(points_m, noise_m) < _WILD
-        jumped = left & (away_m > _S.jerk_m_s3 * elapsed_s**3)
+        jumped = left & (away_m > settings.jerk_m_s3 * elapsed_s**3)
         explained = is_settled & np.isfinite(away_m) & ~jumped
         exchanged = np.zeros_like(jumped)
         if carried.fits and np.count_nonzero(jumped & is_settled) > 1:
             points_m, exchanged = self._put_back(points_m, noise_m, follower, jumped & is_settled)
             jumped, left = jumped & ~exchanged, left & ~exchanged
-        variances = (_S.torso_m_s2 * elapsed_s**2) ** 2 + noise_m**2
+        variances = (settings.torso_m_s2 * elapsed_s**2) ** 2 + noise_m**2
         squares = np.sum((points_m - carried.torso_m) ** 2, axis=1)
-        is_carried_off = squares > np.maximum(_S.near_m**2, _S.outside**2 * variances)
+        is_carried_off = squares > np.maximum(settings.near_m**2, settings.outside**2 * variances)
         is_carried_off &= -1.5 * np.log(2.0 * np.pi * variances) - 0.5 * squares / variances < _WILD
         jumped |= is_carried_off
-        is_cut = np.count_nonzero(jumped | left) > _S.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
+        is_cut = np.count_nonzero(jumped | left) > settings.cut * np.count_nonzero(np.isfinite(points_m[:, 0]))
         doubted = jumped & ~self._doubted & (is_settled | is_carried_off) & (not is_cut)
         begins = np.full_like(jumped, is_cut) | (jumped & ~doubted)
         follower.forget(begins)
@@ -104,7 +106,7 @@ class JumpGate:
         self, points_m: Array, noise_m: Array, follower: MultipleModelFilter, jumped: Mask
     ) -> tuple[Array, Mask]:
         """Return the points with the labels put back that jumped markers (M,) have exchanged, and which these are."""
-        markers = np.flatnonzero(jumped & (self._exchanges < _S.exchanged)).tolist()
+        markers = np.flatnonzero(jumped & (self._exchanges < self._settings.exchanged)).tolist()
         logs = np.full((len(jumped), len(jumped)), -np.inf)  # log densities of the point of a column at a marker
         for other in markers:
             moved = np.broadcast_to(points_m[other], points_m.shape)

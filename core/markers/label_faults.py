@@ -123,7 +123,7 @@ def correct_labels(take: MarkerTake, subject: Subject) -> tuple[MarkerTake, tupl
         if kind is FaultKind.FROZEN:
             faulty = _frozen(take.times_s, points_m, scale, nearest)
         else:
-            faulty = find_wild_points(take.times_s, points_m, noise_of(subject.marker_set.points))
+            faulty = find_wild_points(take.times_s, points_m, noise_of(subject.marker_set.points), nearest)
         points_m = np.where(faulty[..., None], np.nan, points_m)
         faults += _missing(faulty, names, kind)
     if not faults:

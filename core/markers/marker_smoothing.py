@@ -12,7 +12,7 @@ import numpy as np
 
 from ..geometry.arrays import Array, Mask
 from ..geometry.multiple_model_filter import MotionModels, MultipleModelFilter
-from .jump_gate import Carried, Gated, JumpGate
+from .jump_gate import Carried, Gated, JumpGate, JumpSettings
 from .marker_noise import MarkerNoise, marker_noise
 from .source_noise import SourceNoise
 
@@ -43,12 +43,13 @@ class MarkerSmoother:
     Args:
         markers: Number of markers M.
         source: Errors to expect from their source.
+        jumps: Settings of the gate for markers that jump.
     """
 
-    def __init__(self, markers: int, source: SourceNoise) -> None:
+    def __init__(self, markers: int, source: SourceNoise, jumps: JumpSettings | None = None) -> None:
         self._noise, self._source = MarkerNoise(), source
         self._follower = MultipleModelFilter(_MODELS, markers)
-        self._gate = JumpGate(markers)
+        self._gate = JumpGate(markers, jumps)
         self._time_s = 0.0
 
     def step(self, time_s: float, points_m: Array, carried: Carried | None = None) -> SmoothedMarkers:

@@ -1,56 +1,78 @@
-"""Wild points: positions that fit neither the motion before nor the motion after.
+"""Wild points: positions away from a motion that goes on as if they were not there.
 
-Both directions of time pass the gate of live captures (`JumpGate`). A position is wild if one of them doubts it and the
-other does not explain it: an impact contradicts only the motion after it. Without the points found, the motion of their
-neighbours is known better, so more are found.
+Both directions of time pass the gate of live captures (`JumpGate`), which doubts sudden positions. A doubted position
+is wild if the motion before and the motion after it meet without it, far from it. After an impact they do not meet.
+Without the points found, the motion of their neighbours is known better, so more are found.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from ..geometry.arrays import Array, Mask
-from .jump_gate import Carried
+from ..geometry.arrays import Array, IntArray, Mask
+from .jump_gate import Carried, JumpSettings
 from .marker_smoothing import MarkerSmoother
 from .source_noise import SourceNoise
 
 
 @dataclass(frozen=True)
 class WildPointSettings:
-    """Settings of `find_wild_points`, chosen on seven takes of CMU with wild points and without."""
+    """Settings of `find_wild_points`, chosen on 65 takes of CMU and Bandai (see the tuning log)."""
 
-    near_m: float = 0.02  # distance from the straight path between known positions within which nothing is wild,
-    impact_m_s2: float = 250.0  # or to which this acceleration, of an impact, moves a marker,
-    far_m: float = 0.055  # or this distance on longer paths, at 50 frames per second and more
+    least_m: float = 0.05  # smallest distance of a wild point from the path between its neighbours
+    bridge: float = 0.4  # largest distance between the motion before and the motion after it, as a share of that
+    sudden: float = 6.0  # smallest distance as a multiple of the median of such distances at positions beside it,
+    beside: int = 3  # as many on either side
+    together: float = 0.5  # median distance of markers on the same bone from their paths, too: the body itself jumps
+    longest_s: float = 0.15  # longest time between the positions before and after, over which motion can be told
     rounds: int = 4  # number of searches
 
 
 _S = WildPointSettings()
+# A slow camera sees large jumps of fast limbs. Live these are believed, here the motion after them decides.
+_ANY_JUMP = JumpSettings(jerk_m_s3=0.0)
 
 
-def find_wild_points(times_s: Array, points_m: Array, source: SourceNoise) -> Mask:
-    """Return a mask (F, M) of positions that fit neither the motion before nor the motion after.
+def find_wild_points(times_s: Array, points_m: Array, source: SourceNoise, nearest: Mask) -> Mask:
+    """Return a mask (F, M) of positions away from a motion that goes on without them.
 
     Args:
         times_s: Ascending times (F,).
         points_m: Labelled markers (F, M, 3), NaN where hidden.
         source: Errors to expect from their source.
+        nearest: Mask (M, M) of the markers on the same bone as each marker, or on the nearest one.
     """
     wild = np.zeros(points_m.shape[:2], dtype=bool)
     for _ in range(_S.rounds):
         left_m = np.where(wild[..., None], np.nan, points_m)
-        (before, explained), (after, explains) = (_gated(times_s, left_m, source, way) for way in (1, -1))
-        doubted = (before & ~explains) | (after & ~explained)
-        found = doubted & _is_off_path(times_s, left_m, doubted, explained | explains)
+        doubted, found = _doubted(times_s, left_m, source), np.zeros_like(wild)
+        for marker in np.flatnonzero(doubted.any(axis=0)):
+            rows, path = np.flatnonzero(doubted[:, marker]), left_m[:, marker]
+            kept = np.flatnonzero(np.isfinite(path[:, 0]) & ~doubted[:, marker])
+            found[rows, marker] = _is_apart(times_s, path, left_m[:, nearest[marker]], rows, kept)
         if not found.any():
             break
         wild |= found
     return wild
 
 
+def _doubted(times_s: Array, points_m: Array, source: SourceNoise) -> Mask:
+    """Return a mask (F, M) of positions that one direction of time doubts and the other does not explain."""
+    (before, explained), (after, explains) = (_gated(times_s, points_m, source, way) for way in (1, -1))
+    doubted = (before & ~explains) | (after & ~explained)
+    known = explained | explains | ~np.isfinite(points_m[..., 0])
+    for marker in np.flatnonzero(doubted.any(axis=0)):
+        rows = np.flatnonzero(doubted[:, marker])
+        for first, last in pairwise(rows.tolist()):
+            if times_s[last] - times_s[first] < _S.longest_s and not known[first + 1 : last, marker].any():
+                doubted[first:last, marker] = True
+    return doubted & np.isfinite(points_m[..., 0])
+
+
 def _gated(times_s: Array, points_m: Array, source: SourceNoise, way: int) -> tuple[Mask, Mask]:
     """Return masks (F, M) of positions that are doubted, and explained, in a direction of time, 1 or -1."""
-    smoother = MarkerSmoother(points_m.shape[1], source)
+    smoother = MarkerSmoother(points_m.shape[1], source, _ANY_JUMP)
     alone = Carried(np.full(points_m.shape[1:], np.nan), fits=False)
     doubted, explained = np.zeros((2, *points_m.shape[:2]), dtype=bool)
     for row in range(len(times_s))[::way]:
@@ -59,25 +81,44 @@ def _gated(times_s: Array, points_m: Array, source: SourceNoise, way: int) -> tu
     return doubted, explained
 
 
-def _is_off_path(times_s: Array, points_m: Array, doubted: Mask, known: Mask) -> Mask:
-    """Return which doubted positions (F, M) are farther from the path between known ones than impacts move a marker.
+def _is_apart(times_s: Array, path: Array, beside: Array, rows: IntArray, kept: IntArray) -> Mask:
+    """Return which positions (K,) of one marker are away from its motion without them.
 
-    Before the first and after the last two known positions, the path goes straight on.
+    Args:
+        path: Its positions (F, 3).
+        beside: Positions (F, N, 3) of the markers on the same bone.
+        rows: Frames (K,) of the doubted positions.
+        kept: Frames of its other positions.
     """
-    off = np.zeros_like(doubted)
-    step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
-    far_m = max(_S.far_m, 0.5 * _S.impact_m_s2 * step_s**2)
-    for marker in np.flatnonzero(doubted.any(axis=0)):
-        rows, frames = np.flatnonzero(doubted[:, marker]), np.flatnonzero(known[:, marker])
-        if len(frames) < 2:
+    apart = np.zeros(len(rows), dtype=bool)
+    usual_m = _misses(times_s[kept], path[kept])
+    for index, (row, later) in enumerate(zip(rows, np.searchsorted(kept, rows).tolist(), strict=True)):
+        # at an end of the take nothing shows how the motion goes on
+        if not 2 <= later <= len(kept) - 2 or times_s[kept[later]] - times_s[kept[later - 1]] > _S.longest_s:
             continue
-        later = np.clip(np.searchsorted(frames, rows), 1, len(frames) - 1)
-        first, last = frames[later - 1], frames[later]
-        since_s, until_s = times_s[rows] - times_s[first], times_s[last] - times_s[rows]
-        share = (since_s / (since_s + until_s))[:, None]
-        path_m = (1.0 - share) * points_m[first, marker] + share * points_m[last, marker]
-        away_m = np.linalg.norm(points_m[rows, marker] - path_m, axis=1)
-        least_m = np.clip(0.5 * _S.impact_m_s2 * since_s * until_s, _S.near_m, far_m)
-        is_between = np.minimum(since_s, until_s) > 0.0
-        off[rows, marker] = away_m > np.where(is_between, least_m, far_m)
-    return off
+        around = kept[later - 2 : later + 2]
+        miss_m = float(_misses(times_s[around], path[around])[0])
+        away_m = _away(times_s, path[:, None], row, around)[0]
+        before = slice(max(later - 3 - _S.beside, 0), max(later - 3, 0))
+        sudden_m = np.concatenate((usual_m[before], usual_m[later : later + _S.beside]))
+        least_m = max(_S.least_m, _S.sudden * float(np.median(sudden_m)) if len(sudden_m) else 0.0)
+        others_m = _away(times_s, beside, row, around)
+        others_m = others_m[np.isfinite(others_m)]
+        jumps = len(others_m) > 0 and np.median(others_m) > _S.together * away_m
+        apart[index] = away_m > least_m and miss_m < _S.bridge * away_m and not jumps
+    return apart
+
+
+def _away(times_s: Array, points_m: Array, row: int, around: IntArray) -> Array:
+    """Return how far (N,) points (F, N, 3) of a frame are from cubics through those of four frames around it."""
+    known_s, at_s = times_s[around], times_s[row]
+    others = [np.delete(known_s, i) for i in range(len(around))]
+    weights = [np.prod((at_s - other_s) / (own_s - other_s)) for own_s, other_s in zip(known_s, others, strict=True)]
+    return np.asarray(np.linalg.norm(points_m[row] - np.tensordot(weights, points_m[around], 1), axis=-1))
+
+
+def _misses(times_s: Array, path: Array) -> Array:
+    """Return how far apart (N - 3,) the motion through two positions and that through the next two meet halfway."""
+    velocities = np.diff(path, axis=0) / np.diff(times_s)[:, None]
+    half_s = 0.5 * np.diff(times_s)[1:-1, None]
+    return np.asarray(np.linalg.norm(path[1:-2] + half_s * (velocities[:-2] + velocities[2:]) - path[2:-1], axis=1))
