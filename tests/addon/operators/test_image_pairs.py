@@ -87,13 +87,9 @@ def check_walk(hero: Any, path: Path) -> None:
 def test_trajectories_of_the_pictures_are_put_on_a_character(part: Any, tracked: Path, chosen: Any) -> None:
     bpy.context.scene.render.fps = 30
     text, path = imported(part, tracked, "walk.take.npz")
-    first, *warnings = text.split("; ")
+    first, warning = text.split("; ")
     assert first == "1 take imported"
-    assert "frames come unevenly" in warnings[0]
-    # two markers of the left foot are 10 cm back in one picture of the recording
-    assert [warning.partition(": ")[2] for warning in warnings[1:]] == [
-        f"{name} jumped away and back, taken as missing (frame 1733)" for name in ("L.D", "L.E")
-    ]
+    assert "frames come unevenly" in warning
     assert bpy.ops.perfanim.play_take(path=str(path)) == {"FINISHED"}
     assert chosen.armature.name == "Hero"
     check_walk(chosen.armature, path)

@@ -78,9 +78,7 @@ def test_walking_performer_becomes_a_walking_character(folder, shared_dir, walks
     )  # fmt: skip
     assert solved["frames"] == LAST - FIRST
     assert solved["marker_rms_mm"] < 15.0
-    *wild, uneven = solved["warnings"]  # what webcams are like
-    # two markers of the left foot are 10 cm back in one picture of the recording
-    assert wild == [f"{name} jumped away and back, taken as missing (frame 1733)" for name in ("L.D", "L.E")]
+    (uneven,) = solved["warnings"]  # what webcams are like
     assert "frames come unevenly" in uneven and "outputs have 30 per second" in uneven
 
     take, subject, motion = read_take(take_file), load_subject(subject_file), read_motion(out)
