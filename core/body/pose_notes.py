@@ -27,7 +27,6 @@ class NoteKind(Enum):
     CUT = auto()
     NEARER_EXAMPLE = auto()
     OTHER_MOTION = auto()
-    FAR_FROM_EXAMPLES = auto()
     # Labels that the session found.
     LABELLED = auto()
     LABELLED_MORE = auto()
@@ -44,7 +43,6 @@ _DECISIONS = {
     NoteKind.CUT: "solved without history: all markers jumped, as after a cut",
     NoteKind.NEARER_EXAMPLE: "solved without history: another example is much nearer",
     NoteKind.OTHER_MOTION: "solved without history: other recorded motion explains the last markers better",
-    NoteKind.FAR_FROM_EXAMPLES: "solved without history: the pose was far from every example",
     NoteKind.LABELLED: "labels found without history",
     NoteKind.LABELLED_MORE: "more markers labelled",
     NoteKind.RELABELLED: "labels changed: others explain the markers better",

@@ -157,8 +157,6 @@ class Session:
         observation = replace(observation, points_m=found.believed.points_m)
         # at most one expensive search per frame
         solution, self._state = self.solver.step(self._state, smoothed, frame.time_s, self.labeller.searched)
-        if self._quality.is_pose_check_due(frame.time_s, observation, solution) and solution is not None:
-            solution = self._escape_local_minimum(frame.time_s, smoothed, solution)
         return _Tracked(observation, smoothed.points_m, found.believed.doubted, found.believed.exchanged, solution)
 
     def _carried(self, time_s: float) -> Carried:
@@ -180,19 +178,6 @@ class Session:
         mean_m = self._apart_m + -np.expm1(-elapsed_s / _WORN_S) * (apart_m - self._apart_m)
         apart_m = np.where(np.isfinite(mean_m), mean_m, apart_m)
         self._apart_m = np.where(np.isfinite(apart_m), apart_m, self._apart_m)
-
-    def _escape_local_minimum(self, time_s: float, observation: Observation, solution: Solution) -> Solution:
-        """Return the re-initialised pose if it is much nearer to the database.
-
-        A wrong pose persists, because examples are searched for near the continued motion.
-        """
-        settings, state = self._quality.settings, self.solver.forget_poses(self._state)
-        limit_m = settings.promising * solution.nearest_m
-        found, state = self.solver.step(state, observation, time_s, True, limit_m)
-        if found is None or not found.nearest_m < settings.nearer * solution.nearest_m:
-            return solution
-        self._state = state
-        return replace(found, begun=NoteKind.FAR_FROM_EXAMPLES)
 
     def _compare_labels(
         self,

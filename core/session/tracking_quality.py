@@ -11,7 +11,6 @@ from ..geometry.arrays import Mask
 from ..markers.source_noise import SourceNoise
 from ..solver.observation import Observation
 from ..solver.solution import Solution
-from ..system.backoff import Backoff
 
 
 @dataclass(frozen=True)
@@ -25,11 +24,6 @@ class TrackingSettings:
     wrong_for_s: float = 0.5  # time with wrong markers after which labelling restarts
     lost_for_s: float = 1.0  # time with too few torso markers after which labelling restarts
     torso_markers: int = 2  # fewest torso markers of a tracked body
-    first_check_s: float = 0.1  # pause before the first check of a suspect pose; it doubles for further checks
-    rare_check_s: float = 1.0  # longest pause
-    sufficient: float = 0.75  # share of located markers needed for a check; fewer fit some example by chance
-    promising: float = 0.6  # share of the distance to the closest example below which a re-initialised pose is solved
-    nearer: float = 0.5  # share of the same distance below which it replaces the pose
 
 
 SETTINGS = TrackingSettings()
@@ -80,7 +74,7 @@ class _Lapse:
 
 
 class TrackingQuality:
-    """Decides when a tracked body is lost, and when to check its pose.
+    """Decides when a tracked body is lost.
 
     Args:
         one_camera: Markers on the camera's rays count as seen.
@@ -94,7 +88,6 @@ class TrackingQuality:
     def reset(self) -> None:
         """Forget the poses so far."""
         self._unseen, self._wrong = _Lapse(), _Lapse()
-        self._pose_check = Backoff(self.settings.first_check_s, self.settings.rare_check_s)
 
     def reason_lost(self, pose: PerformerPose) -> NoteKind | None:
         """Return whether the torso was hidden or the pose wrong for too long; None if neither was."""
@@ -107,21 +100,3 @@ class TrackingQuality:
         if unseen_s > settings.lost_for_s:
             return NoteKind.TORSO_LOST
         return NoteKind.MISFIT if wrong_s > settings.wrong_for_s else None
-
-    def is_pose_check_due(self, time_s: float, observation: Observation, solution: Solution | None) -> bool:
-        """Return whether it is time to compare the pose with a re-initialised one.
-
-        This is due, at growing intervals, for a pose far from the database with most markers located.
-        """
-        check = self._pose_check
-        if solution is None or not solution.nearest_m > self.settings.familiar_m:
-            check.reset(time_s)
-            return False
-        if (
-            solution.reinitialised
-            or not check.is_due(time_s)
-            or np.mean(observation.located) < self.settings.sufficient
-        ):
-            return False
-        check.attempt(time_s)
-        return True

@@ -76,10 +76,6 @@ class PoseSolver:
             raise TypeError(self.settings.method)
         return self._method
 
-    def forget_poses(self, state: SolverState) -> SolverState:
-        """Return a state without history that keeps the root."""
-        return replace(self.initial_state, root=state.root)
-
     def begin_at_torso(self, solution: Solution) -> SolverState:
         """Return a state without history that keeps a solution's root and expected markers."""
         return replace(self.initial_state, root=solution.root, markers_m=solution.markers_m)

@@ -16,7 +16,6 @@ from perfanim.core.session.session import Session
 from perfanim.core.simulate.studio.cones import visible
 from perfanim.core.simulate.studio.filmed_motion import make_performance
 from perfanim.core.simulate.studio.studio_rig import default_rig
-from perfanim.core.solver.pose_solver import PoseSolver
 from perfanim.core.system.assets import MOTION
 
 FPS = 30.0
@@ -203,25 +202,3 @@ def test_cut_from_a_t_pose_recovers(subject, database, record, clip):
         errors.append(np.array(away))
     assert errors[1].mean() < 1.3 * errors[0].mean()
     assert errors[1].max() < 1.3 * errors[0].max()
-
-
-@pytest.mark.parametrize(("hidden", "looked_at"), [((), True), (("RSHO", "LWAI", "RHAN", "RFOO"), False)])
-def test_unfamiliar_pose_is_not_reinitialised_from_few_markers(
-    subject, database, record, hidden, looked_at, monkeypatch
-):
-    """Some pose or other is near to half of the markers, so that these say nothing."""
-    begun = []
-    forget = PoseSolver.forget_poses
-    monkeypatch.setattr(PoseSolver, "forget_poses", lambda self, state: begun.append(self) or forget(self, state))
-    motion = resampled(read_motion(MOTION / "kendo-03-energetic.bvh"), FPS)  # of which the database has nothing
-    session, generator = Session(replace(subject, skeleton=motion.skeleton), database), np.random.default_rng(6)
-    labels = np.arange(len(subject.marker_set))
-    rows = markers_of(subject, motion)[:60]
-    for number, row in enumerate(rows):
-        session.step(points(record, row, number, generator, labels))
-    assert not hidden or len(begun) > 0
-    begun.clear()
-    rows[:, [subject.marker_set.names.index(name) for name in hidden]] = np.nan
-    for number, row in enumerate(rows, start=len(rows)):
-        session.step(points(record, row, number, generator, labels))
-    assert (len(begun) > 0) == looked_at
