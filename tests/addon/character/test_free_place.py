@@ -1,7 +1,5 @@
 """A new character does not stand inside what is in the scene already."""
 
-import sys
-from types import ModuleType
 from typing import Any
 
 import bpy
@@ -9,8 +7,8 @@ import pytest
 
 
 @pytest.fixture
-def stage(addon: ModuleType, extension: str) -> Any:
-    return sys.modules[f"{extension}.perfanim_addon.character.free_place"]
+def stage(part: Any) -> Any:
+    return part("character.free_place")
 
 
 def place(stage: Any) -> list[float]:

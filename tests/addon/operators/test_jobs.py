@@ -1,6 +1,5 @@
 """Long work behind the buttons: the real worker runs the command, the test plays the timer."""
 
-import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -48,13 +47,12 @@ def test_motion_is_imported_and_used(part: Any, tmp_path: Path) -> None:
     assert mirrored.frames + mirrored.culled_frames == 2 * frames
 
 
-def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extension: str, tmp_path: Path) -> None:
+def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, errors: Any, tmp_path: Path) -> None:
     operator = part("operators.database_operators").PERFANIM_OT_build_database
     (tmp_path / "broken.bvh").write_text("no motion")
     played = SimpleNamespace(
         files=[SimpleNamespace(name="broken.bvh")], directory=str(tmp_path), filepath="", mirror=False, cull=False
     )
-    errors = sys.modules[f"{extension}.core.errors"]
     with pytest.raises(errors.PerfanimError):
         run_job(part, operator, played)
     assert bpy.context.scene.perfanim.database == ""
@@ -64,7 +62,7 @@ def test_files_without_motion_are_an_error_and_leave_nothing(part: Any, extensio
         operator.arguments(played, bpy.context)
 
 
-def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, tmp_path: Path) -> None:
+def test_cameras_are_calibrated_from_board_pictures(part: Any, errors: Any, tmp_path: Path) -> None:
     operator = part("operators.camera_operators").PERFANIM_OT_calibrate_cameras
     chosen = bpy.context.scene.perfanim
     chosen.source = "VIDEOS"
@@ -72,7 +70,6 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
     chosen.board_left, chosen.board_right = str(tmp_path / "left"), str(tmp_path / "right")
     chosen.board_columns, chosen.board_rows = DEFAULT_BOARD.columns, DEFAULT_BOARD.rows
     chosen.board_square_mm = DEFAULT_BOARD.square_m * 1000
-    errors = sys.modules[f"{extension}.core.errors"]
     with pytest.raises(errors.CalibrationError, match="is not a folder"):
         operator.arguments(SimpleNamespace(), bpy.context)
     for picture in board_pictures(Renderer(default_rig()), DEFAULT_BOARD, 5):
@@ -97,7 +94,7 @@ def test_cameras_are_calibrated_from_board_pictures(part: Any, extension: str, t
     assert "1.80 m" in state.text
 
 
-def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str) -> None:
+def test_the_board_is_watched_with_all_chosen_cameras(part: Any, errors: Any) -> None:
     operator = part("operators.camera_operators").PERFANIM_OT_calibrate_board
     chosen = bpy.context.scene.perfanim
     chosen.source = "VIDEOS"
@@ -110,7 +107,6 @@ def test_the_board_is_watched_with_all_chosen_cameras(part: Any, extension: str)
     assert asked.every_s is None
     chosen.further_devices = "4, 2"
     assert operator.request(SimpleNamespace(), bpy.context).source.devices == (0, 1, 4, 2)
-    errors = sys.modules[f"{extension}.core.errors"]
     for chosen.further_devices, problem in (("two", "not a device number or an address"), ("2 1", "chosen twice")):
         with pytest.raises(errors.CaptureError, match=problem):
             operator.request(SimpleNamespace(), bpy.context)

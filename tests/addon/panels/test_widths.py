@@ -15,11 +15,6 @@ HEADER_PX = CONTENT_PX - 2 * ICON_PX  # between the arrow and what panels are dr
 
 
 @pytest.fixture
-def chosen(addon: Any) -> Any:
-    return bpy.context.scene.perfanim
-
-
-@pytest.fixture
 def panels(part: Callable[[str], Any]) -> list[type]:
     """All panels of the sidebar."""
     return [panel for panel in part("preferences.sidebar_tab")._registered if hasattr(panel, "bl_label")]

@@ -1,6 +1,5 @@
 """Sketches in Blender: controls, their keys, the solved action, and what stays with the file."""
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -85,8 +84,7 @@ def test_impossible_keys_are_told(part: Any, keyed: bpy.types.Object) -> None:
     assert " m off" in text
 
 
-def test_what_cannot_be_a_sketch_is_refused(part: Any, keyed: bpy.types.Object, extension: str) -> None:
-    errors = sys.modules[f"{extension}.core.errors"]
+def test_what_cannot_be_a_sketch_is_refused(part: Any, keyed: bpy.types.Object, errors: Any) -> None:
     controls = part("sketch.controls")
     space = part("sketch.write_solution").SketchBody.of(keyed).space
     root = controls.controls_of(keyed)["root"]
@@ -106,9 +104,9 @@ def test_what_cannot_be_a_sketch_is_refused(part: Any, keyed: bpy.types.Object, 
         part("sketch.read_controls").read_controls(bpy.context, keyed, space)
 
 
-def test_unknown_behaviours_are_told(part: Any, keyed: bpy.types.Object, extension: str) -> None:
+def test_unknown_behaviours_are_told(part: Any, keyed: bpy.types.Object, errors: Any) -> None:
     keyed.perfanim_sketch.behaviours = "swimming"
-    with pytest.raises(sys.modules[f"{extension}.core.errors"].PerfanimError, match="swimming"):
+    with pytest.raises(errors.PerfanimError, match="swimming"):
         solve(part)
     assert keyed.animation_data is None or keyed.animation_data.action is None
 
