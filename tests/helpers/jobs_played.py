@@ -11,7 +11,7 @@ PATIENCE_S = 300.0
 
 
 def played(request: dict[str, Any], stop: Callable[[Message], bool] | None = None) -> list[Message]:
-    """Return all messages of a job; it is asked to stop after the message for which `stop` holds."""
+    """Return all messages of a job, with each pose confirmed; it is asked to stop when `stop` holds for a message."""
     client, messages = WorkerClient(request), []
     limit = time.monotonic() + PATIENCE_S
     try:
@@ -20,6 +20,8 @@ def played(request: dict[str, Any], stop: Callable[[Message], bool] | None = Non
                 messages.append(message)
                 if stop is not None and stop(message):
                     client.request_stop()
+            if poses := sum(message.kind is MessageKind.POSE for message in messages):
+                client.acknowledge(poses)
             client.wait(0.05)
             assert time.monotonic() < limit
     finally:

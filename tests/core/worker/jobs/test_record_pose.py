@@ -1,17 +1,13 @@
 """Recording the performer in calibration poses, by the real worker."""
 
-import time
 from pathlib import Path
 
 import numpy as np
+from jobs_played import outcome, played, said
 from perfanim.core.body.calibration_poses import INSTRUCTIONS
 from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.subjects.pose_calibration import pose_points
-from perfanim.core.worker.client import WorkerClient
-from perfanim.core.worker.protocol import MessageKind
-
-PATIENCE_S = 120.0
 
 
 def test_the_performer_is_told_each_pose_and_recorded_in_it(tmp_path: Path) -> None:
@@ -25,25 +21,15 @@ def test_the_performer_is_told_each_pose_and_recorded_in_it(tmp_path: Path) -> N
         "seconds": 1.25,
         "out": str(tmp_path / "poses.take.npz"),
     }
-    client, messages = WorkerClient(request), []
-    limit = time.monotonic() + PATIENCE_S
-    try:
-        while not client.ended:
-            messages += client.poll()
-            client.wait(0.05)
-            assert time.monotonic() < limit
-    finally:
-        client.close()
-    statuses = [m.json() for m in messages if m.kind is MessageKind.STATUS]
-    said = list(dict.fromkeys(str(status["activity"]) for status in statuses if "activity" in status))
-    poses = [line for line in said if any(words in line for words in INSTRUCTIONS.values())]
+    messages = played(request)
+    poses = [line for line in dict.fromkeys(said(messages)) if any(words in line for words in INSTRUCTIONS.values())]
     # the simulated performer needs a second from one pose to the next, and is ready for the first
     assert poses == [
         "hold still: " + INSTRUCTIONS["t"],
         "1: " + INSTRUCTIONS["hanging"],
         "hold still: " + INSTRUCTIONS["hanging"],
     ]
-    (result,) = [m.json() for m in messages if m.kind is MessageKind.RESULT]
+    result = outcome(messages).json()
     take, worn = read_take(result["out"]), load_marker_set("boxing")
     assert take.frames == result["frames"] >= 3.4 * 30
     points = pose_points(take, worn, request["poses"])
