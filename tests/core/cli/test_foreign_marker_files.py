@@ -172,19 +172,24 @@ def kept():
 
 @pytest.fixture
 def plain(solved, capsys, kept):
-    """The motion of the file that another program writes by default."""
-    if not kept:
-        kept["motion"] = solved(Trc(), capsys)[3]
-    return kept["motion"]
+    """Return a function that solves the file that another program writes by default, once by each method."""
+
+    def solve(*method):
+        if method not in kept:
+            kept[method] = solved(Trc(), capsys, *method)
+        return kept[method]
+
+    return solve
 
 
 @pytest.mark.parametrize("case", SAME)
 def test_the_motion_is_that_of_the_plain_file(case, solved, plain, capsys):
     status, _, error, motion = solved(SAME[case], capsys)
+    usual = plain()[3]
     assert (status, error) == (0, "")
-    assert motion.duration_s == pytest.approx(plain.duration_s, abs=0.5 / FPS)
-    assert evaluate(motion, plain)["bone_direction_in_root_deg"] < 3.0
-    heights_m = [each.root_positions_m[:, 1].mean() for each in (motion, plain)]
+    assert motion.duration_s == pytest.approx(usual.duration_s, abs=0.5 / FPS)
+    assert evaluate(motion, usual)["bone_direction_in_root_deg"] < 3.0
+    heights_m = [each.root_positions_m[:, 1].mean() for each in (motion, usual)]
     assert heights_m[0] == pytest.approx(heights_m[1], abs=0.01)
 
 
@@ -197,11 +202,11 @@ def test_a_wrong_unit_is_refused_with_the_right_one(case, solved, capsys):
 
 
 @pytest.mark.parametrize("case", TOLD)
-def test_what_cannot_be_right_is_told(case, solved, capsys):
+def test_what_cannot_be_right_is_told(case, solved, plain, capsys):
     written, key, said = TOLD[case]
     status, told, _, _ = solved(written, capsys, "--method", "best")
     assert status == 0 and said in str(told[key])
-    assert solved(Trc(), capsys, "--method", "best")[1]["verdict"] == "good"
+    assert plain("--method", "best")[1]["verdict"] == "good"
 
 
 def test_a_body_is_fitted_to_a_take_that_begins_empty(take, database_file, tmp_path, capsys):
@@ -223,7 +228,9 @@ def test_a_body_is_fitted_to_a_take_that_begins_empty(take, database_file, tmp_p
     assert json.loads(capsys.readouterr().out)["residual_mm"] < 15.0
 
 
-@pytest.mark.parametrize(("name", "ending"), [("halpe-26", "npy"), ("halpe-26", "trc")])
+@pytest.mark.parametrize(
+    ("name", "ending"), [("halpe-26", "npy"), pytest.param("halpe-26", "trc", marks=pytest.mark.long)]
+)
 def test_keypoints_become_motion_by_one_command(truth, database_file, tmp_path, capsys, name, ending):
     take, file = simulate_keypoints(truth, load_marker_set(name), seed=3), tmp_path / f"points.{ending}"
     if ending == "npy":
