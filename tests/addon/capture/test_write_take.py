@@ -94,13 +94,14 @@ def test_put_on_character_writes_the_keys_of_the_capture(
         assert [key.type for key in curve.keyframe_points] == types, curve.group.name
 
 
+@pytest.mark.parametrize("seeds", [range(10), pytest.param(range(10, 50), marks=pytest.mark.long)])
 def test_keys_of_frames_at_random_times_are_steady_and_the_hand_is_where_it_was(
-    part: Any, chosen: Any, targets: Any, tmp_path: Path
+    part: Any, chosen: Any, targets: Any, tmp_path: Path, seeds: range
 ) -> None:
     scene, waver, sword = bpy.context.scene, Subject("waver", SKELETON, SUIT), load_prop("sword")
     targets.entries.add()
     chosen.feet, scene.perfanim_result.filters, scene.perfanim_result.start = "off", "CHOSEN", "FIRST"
-    for seed in range(50):
+    for seed in seeds:
         series = random_series(seed)
         path = write_poses(tmp_path, f"take {seed}", [waver], scene_poses(series), [sword])
         assert bpy.ops.perfanim.play_take(path=str(path)) == {"FINISHED"}
