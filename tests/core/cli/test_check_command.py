@@ -66,11 +66,11 @@ def test_bad_input_is_one_line(folder, capsys, more, text):
 
 
 def test_reflections_are_noted_in_the_calibration_and_forgotten_again(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(practice_studio, "FPS", 10.0)  # a third of the pictures
+    monkeypatch.setattr(practice_studio, "FPS", 15.0)  # half the pictures
     studio = studio_with(Fault.REFLECTION, np.random.default_rng(18))
     for index, side in enumerate(("left", "right")):
-        write_film(tmp_path / f"empty-{side}.mkv", [images[index] for images in studio.empty], 10.0)
-        write_film(tmp_path / f"{side}.mkv", [moment.images[index] for moment in studio.moments], 10.0)
+        write_film(tmp_path / f"empty-{side}.mkv", [images[index] for images in studio.empty], 15.0)
+        write_film(tmp_path / f"{side}.mkv", [moment.images[index] for moment in studio.moments], 15.0)
     save_rig(studio.rig, tmp_path / "cameras.toml")
 
     def told(*more):

@@ -31,9 +31,9 @@ def checked(**more: Any) -> tuple[list[Message], dict[str, Any]]:
 
 @pytest.fixture(scope="module")
 def practised() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]:
-    """practised(fault, ...) -> the result and the last picture of a check in this process, by fewer pictures."""
+    """practised(fault, ...) -> the result and the last picture of a check in this process, of half as many pictures."""
 
-    def check(fault: Fault | None, **more: Any) -> tuple[dict[str, Any], np.ndarray]:
+    def check(fault: Fault, **more: Any) -> tuple[dict[str, Any], np.ndarray]:
         pictures: list[np.ndarray] = []
         results: list[dict[str, Any]] = []
         channel: Any = SimpleNamespace(
@@ -42,12 +42,12 @@ def practised() -> Iterator[Callable[..., tuple[dict[str, Any], np.ndarray]]]:
             send_preview=pictures.append,
             send_result=results.append,
         )
-        check_setup.run(read_request("check setup", asked(**({"fault": str(fault)} if fault else {}), **more)), channel)
+        check_setup.run(read_request("check setup", asked(fault=str(fault), **more)), channel)
         return results[0], pictures[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(practice_studio, "FPS", 10.0)
-        patch.setattr(check_setup, "FPS", 10.0)
+        patch.setattr(practice_studio, "FPS", 15.0)
+        patch.setattr(check_setup, "FPS", 15.0)
         yield check
 
 
@@ -56,13 +56,15 @@ def reflections(practised: Any) -> tuple[dict[str, Any], np.ndarray]:
     return practised(Fault.REFLECTION)
 
 
-def test_a_healthy_studio_is_checked_with_and_without_a_calibration(practised: Any) -> None:
-    assert practised(None)[0] == {"findings": [], "space": ""}
+def test_a_healthy_studio_is_checked_with_and_without_a_calibration() -> None:
+    messages, found = checked()
+    assert found == {"findings": [], "space": ""}
+    assert any(text.startswith("hold still: stand upright, arms straight out") for text in said(messages))
+    assert "walk about" in said(messages)
+    assert [m for m in messages if m.kind is MessageKind.PREVIEW]
     rig = default_rig()
     rig.metadata["floor"] = "y = 0"
     messages, found = checked(rig=rig_tables(rig))
-    assert any(text.startswith("hold still: stand upright, arms straight out") for text in said(messages))
-    assert "walk about" in said(messages)
     assert found == {"findings": [], "space": common_space(rig).text}
     assert found["space"].startswith("you may walk ")
     *_, shown = (m.preview() for m in messages if m.kind is MessageKind.PREVIEW)
@@ -72,7 +74,7 @@ def test_a_healthy_studio_is_checked_with_and_without_a_calibration(practised: A
         assert outlined[: len(picture) // 3].sum() == 0
 
 
-@pytest.mark.parametrize("fault", [Fault.DARK, Fault.REFLECTION])
+@pytest.mark.parametrize("fault", [Fault.DARK, Fault.BUMPED, Fault.REFLECTION])
 def test_a_fault_to_practise_on_is_named(fault: Fault, practised: Any, reflections: Any) -> None:
     found, shown = reflections if fault is Fault.REFLECTION else practised(fault)
     assert {row["fault"] for row in found["findings"]} == {str(fault)}
@@ -80,10 +82,13 @@ def test_a_fault_to_practise_on_is_named(fault: Fault, practised: Any, reflectio
     assert (ringed > 20) == (fault is Fault.REFLECTION)
 
 
-def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(practised: Any, reflections: Any) -> None:
+@pytest.mark.parametrize("rig", [None, rig_tables(default_rig())], ids=["not calibrated", "calibrated"])
+def test_reflections_that_are_ignored_are_no_fault_and_are_crossed_out(
+    rig: dict[str, Any] | None, practised: Any, reflections: Any
+) -> None:
     places = [place for row in reflections[0]["findings"] for place in row["places"]]
     assert places
-    found, shown = practised(Fault.REFLECTION, rig=rig_tables(default_rig()), ignored=places)
+    found, shown = practised(Fault.REFLECTION, rig=rig, ignored=places)
     assert found["findings"] == []
     for camera, x, y in places:  # the pictures are half as large
         x, y = round(x / 2 + 320 * camera), round(y / 2)
