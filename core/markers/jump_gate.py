@@ -54,7 +54,12 @@ class Gated(NamedTuple):
 
 
 class JumpGate:
-    """Doubts the jumps of one body's markers, frame by frame."""
+    """Doubts the jumps of one body's markers, frame by frame.
+
+    Args:
+        markers: Number of markers M.
+        settings: Limits; by default those of live captures.
+    """
 
     def __init__(self, markers: int, settings: JumpSettings | None = None) -> None:
         self._settings = settings or _S

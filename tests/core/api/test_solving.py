@@ -49,6 +49,11 @@ def test_a_marker_take_is_solved_with_the_starter_database(take, subject, solved
     np.testing.assert_array_equal(again.motion.rotations, solved.motion.rotations)
 
 
+def test_database_is_opened_by_its_file(take, solved, subject, database_file):
+    again = perfanim.solve(take, subject, database_file, QUICK)
+    np.testing.assert_array_equal(again.motion.rotations, solved.motion.rotations)
+
+
 def test_saved_take_is_solved_again_without_more_to_name(solved, tmp_path):
     solved.save(tmp_path / "walk.perftake")
     again = perfanim.solve(perfanim.load_recording(tmp_path / "walk.perftake"), request=QUICK)

@@ -29,11 +29,11 @@ def test_delay_of_a_camera_is_found_in_rendered_images():
     settings = StudioSettings(time_offsets_s=(0.0, late_s), exposure_s=0.004, noise_sigma=2.0)
     source = simulated_source(perform("jumping", 10.0), "boxing", Renderer(rig, settings))
     pipeline = MarkerPipeline(rig)
-    pipeline.learn_empty(source.background_frames(15))
+    pipeline.learn_empty(source.background_frames(30))
     # as in a video: stamped by its number, whenever it was taken
     frames = [
         pipeline.process(ImageSet(number, (number / FPS, number / FPS), source.frame(number).images))
-        for number in range(round(1.5 * FPS))
+        for number in range(round(2.0 * FPS))
     ]
     moved, offsets = synchronise_frames(rig, frames)
     assert abs(offsets[1].offset_s - late_s) <= 0.001

@@ -26,6 +26,17 @@ def data(embedded_motion, tmp_path):
     return folder
 
 
+def test_a_suit_is_solved_with_nine_markers(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("bench.suits.SUITS", {"walk": "walk.trc"})
+    monkeypatch.setattr("bench.suits.keypoints", lambda run: ([], {}))
+    figures = suits(Run(data, tmp_path, 1))
+    rows = {row["method"]: row for row in figures["rows"]}
+    assert set(rows) == {"live", "offline"}
+    assert {len(row["used"].split()) for row in rows.values()} == {9}
+    assert all(1.0 < row["left_out_rms_mm"] < 150.0 for row in rows.values())
+    assert figures["missing"] == [] == figures["ratios"]
+
+
 @pytest.mark.long
 def test_suits_are_solved_with_the_same_nine_markers_by_both_versions(data, tmp_path, monkeypatch):
     monkeypatch.setattr("bench.suits.SUITS", {"walk": "walk.trc", "run": "run.trc"})

@@ -25,7 +25,7 @@ def rig(shared_dir):
 def moments_of(shared_dir):
     def read(sequence):
         patterns = [shared_dir / "two-webcams" / f"sequence{sequence}" / f"*_{side}.jpg" for side in (1, 2)]
-        return [ImageSet(m.number, m.times_s, m.images) for m in islice(ImageFileSource(patterns, 30.0), 28)]
+        return [ImageSet(m.number, m.times_s, m.images) for m in islice(ImageFileSource(patterns, 30.0), 40)]
 
     return read
 

@@ -93,7 +93,9 @@ def test_noisy_view_is_rejected(rig):
     left, right = views(rig, 16)
     bent = left.views["005"].pixels + np.random.default_rng(0).normal(0, 4, (48, 2))
     result = calibrate_from_points(
-        BOARD.points_m, [with_views(left, {"005": BoardView(left.views["005"].ids, bent)}), right], ambiguous=True
+        BOARD.points_m,
+        [with_views(left, {"005": BoardView(left.views["005"].ids, bent)}), right],
+        ambiguous=True,
     )
     assert [row.picture for row in result.rejected] == ["left 005"]
 
@@ -184,7 +186,7 @@ def moving(camera: CameraViews, late_s: float, seed: int) -> CameraViews:
 
 
 def test_delayed_camera_is_reported_and_costs_little(rig):
-    left, right = views(rig, 12)
+    left, right = views(rig, 20)
     pair = [moving(left, 0.0, 1), moving(right, 0.06, 2)]
     blind = [
         CameraViews(c.name, c.image_size, {k: BoardView(v.ids, v.pixels) for k, v in c.views.items()}) for c in pair
