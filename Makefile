@@ -78,8 +78,8 @@ pictures: export PERFANIM_KEEP_PICTURES := 1
 pictures: $(STAMP) ## the README's pictures, in a window (BLENDER=COMMAND)
 	$(BIN)/python -m pytest tests/window -m pictures
 
-extension: $(STAMP) ## the extension's archives in dist
-	$(BIN)/python tools/build_extension.py --out dist
+extension: $(STAMP) ## the extension's archives in dist; PLATFORM=linux-x64|windows-x64|macos-arm64|macos-x64 for one
+	$(BIN)/python tools/build_extension.py --out dist $(if $(PLATFORM),--platform $(PLATFORM))
 
 release: $(STAMP) ## the archives with checksums and notes of the changelog
 	$(BIN)/python tools/make_release.py --out dist

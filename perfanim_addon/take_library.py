@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from ..core.errors import TakeError
-from ..core.formats.take_file.take_edits import append_notes
+from ..core.formats.take_file.append_notes import append_notes
 from ..core.formats.take_file.take_reader import ENDING, TakeSummary, has_frames, summarise, take_name, unused_path
 from ..core.session.pose_filters import FilterSettings
 from ..core.system.lock import is_locked

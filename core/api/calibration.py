@@ -18,9 +18,9 @@ from ..markers.subject import Subject
 from ..markers.take_frames import is_unnamed
 from ..subjects import pose_calibration
 from ..subjects.from_motion import fitted_body, subject_from_motion
-from ..subjects.marker_placement import place_markers, with_usual_offsets
 from ..subjects.pose_calibration import SubjectCalibration, calibrate_markers, calibration_points, pose_points
 from ..subjects.prototype_bodies import load_bodies
+from ..subjects.unknown_marker_placement import place_markers, with_usual_offsets
 from ..system.files import is_file
 from ..system.progress import Progress, no_progress
 from .take_reading import choose_worn

@@ -35,9 +35,9 @@ from ..session.verdict import Reason, ReasonKind
 from ..solver.marker_selection import choose_markers, with_markers, worn_in
 from ..solver.settings import METHODS, SolveSettings
 from ..subjects.contradictions import contradicted_bones, contradicted_places, moved_markers
-from ..subjects.marker_placement import place_markers
 from ..subjects.refine_body import refine_body
 from ..subjects.refinement_text import worthwhile
+from ..subjects.unknown_marker_placement import place_markers
 from ..system.progress import Progress, no_progress
 from ..system.schema import About, check_ranges
 from .calibration import fit_subject

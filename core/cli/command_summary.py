@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+_MOST_ROWS = 60  # rows of a report, or names in a list, that are shown
+
 
 class PartialResult(dict[str, Any]):
     """Summary of work that may have failed in part.
@@ -51,14 +53,17 @@ def _figure_lines(label: str, value: Any) -> list[str]:
         # an empty value in a row says nothing; a moment of 0.0 does
         rows = [[_row_value(*item) for item in row.items() if item[1] or isinstance(item[1], float)] for row in value]
         return [f"{label}: {len(value)}", *_cut_rows([", ".join(row) for row in rows])]
+    if isinstance(value, list) and len(value) > 12 and not isinstance(value[0], str):
+        return [f"{label}: {len(value)}"]
     if isinstance(value, list):
-        return [f"{label}: {len(value)}" if len(value) > 12 else f"{label}: {', '.join(map(_short, value))}"]
+        more = f", and {len(value) - _MOST_ROWS} more, see --json" if len(value) > _MOST_ROWS else ""
+        return [f"{label}: {', '.join(map(_short, value[:_MOST_ROWS]))}{more}"]
     return [f"{label}: {_short(value)}"]
 
 
 def _cut_rows(rows: list[str]) -> list[str]:
-    shown = [f"  {row}" for row in rows[:60]]
-    return [*shown, f"  and {len(rows) - 60} more, see --json"] if len(rows) > 60 else shown
+    shown = [f"  {row}" for row in rows[:_MOST_ROWS]]
+    return [*shown, f"  and {len(rows) - _MOST_ROWS} more, see --json"] if len(rows) > _MOST_ROWS else shown
 
 
 def _row_value(key: str, value: Any) -> str:

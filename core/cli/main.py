@@ -62,8 +62,9 @@ class _Parser(argparse.ArgumentParser):
     """Parser for the program and each command, with short one-line messages."""
 
     def error(self, message: str) -> NoReturn:
-        """End with exit status 2 and a message of limited length."""
-        super().error(fit_sentence(message, MOST_TEXT - len(f"{self.prog}: error: ")))
+        """End with exit status 2 and one line of limited length: a page of options would hide it."""
+        start, advice = f"{self.prog}: error: ", f" (usage: {self.prog} --help)"
+        self.exit(2, start + fit_sentence(message, MOST_TEXT - len(start + advice)) + advice + "\n")
 
 
 def build_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:

@@ -13,12 +13,11 @@ from .options import add_character_options, add_command, add_request_options, ad
 def add_parser(subparsers: Any) -> None:
     parser = add_command(subparsers, "retarget", run, "a motion onto a character (needs bpy or Blender)")
     parser.add_argument("motion", metavar="MOTION", help="motion: .bvh or .amc")
-    character = "humanoid of a .blend, .glb, .gltf, .vrm or .fbx file"
-    add_text(parser, "--to", "CHARACTER", character, dest="character", required=True)
     add_character_options(parser)
     add_request_options(
         parser,
         RetargetRequest,
+        character="--to CHARACTER",
         skeleton="--skeleton FILE.asf",
         picture="--render FILE.png",
         frame="--frame N",

@@ -61,7 +61,7 @@ class PoseFilter:
 
     @property
     def is_immediate(self) -> bool:
-        """Whether poses are to be shown as soon as they are solved (see `pose_taps`)."""
+        """Whether poses are to be shown as soon as they are solved (see `delayed_poses`)."""
         return self._settings.immediate
 
     def step(self, pose: ScenePose) -> ScenePose:

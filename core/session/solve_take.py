@@ -19,8 +19,8 @@ from ..markers.take_frames import take_frames
 from ..solver.settings import SolveSettings
 from ..system.progress import Progress
 from .capture_setup import CaptureSetup, SessionMaker
+from .delayed_poses import calm_poses
 from .multi_target_session import MultiTargetSession
-from .pose_taps import calm_poses
 from .recorded_frames import relabel
 from .session import Session
 from .solved_take import SolvedTake

@@ -24,7 +24,7 @@ from ..geometry.rig_file import save_rig
 from ..markers.marker_frame import MarkerFrame
 from ..markers.marker_set import load_marker_set
 from ..markers.subject import Subject, save_subject
-from ..session.pose_taps import calm_performer
+from ..session.delayed_poses import calm_performer
 from ..session.session import Session
 from ..session.steady_motion import motion_of
 from ..solver.settings import SolveSettings

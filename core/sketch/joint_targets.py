@@ -14,7 +14,7 @@ from ..body.skeleton import Skeleton
 from ..geometry import rotations as rot
 from ..geometry.arrays import Array
 from ..geometry.rigid_transform import kabsch
-from .key_curves import curve_positions
+from .key_interpolation import curve_positions
 from .motion_library import TOES, standing_toes_m
 from .reach import Reach
 from .sketch_file import Control, Sketch

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..body.skeleton import Skeleton
 from ..geometry.arrays import Array, Mask
-from .key_curves import curve_positions
+from .key_interpolation import curve_positions
 
 
 class Reach:

@@ -22,7 +22,7 @@ from ..geometry.arrays import Array, packed, unpacked
 from ..system.file_content import decode_text
 from ..system.files import read_bytes
 from ..system.schema import About, Via
-from .key_curves import curve_positions
+from .key_interpolation import curve_positions
 
 FEET = ("lfoot", "rfoot", "ltoes", "rtoes")
 _HEADER = ("control", "frame", "x", "y", "z")

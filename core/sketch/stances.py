@@ -14,7 +14,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter1d
 
 from ..geometry.arrays import Array, IntArray, Mask, runs
 from ..geometry.least_squares import gauss_newton
-from .key_curves import curve_positions
+from .key_interpolation import curve_positions
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from ..solver.marker_selection import worn_in
 from ..solver.subject_model import SubjectModel
 from ..system.progress import Progress, no_progress
 from .from_motion import body_of_poses
-from .marker_placement import solved_poses
+from .unknown_marker_placement import solved_poses
 
 
 @dataclass(frozen=True)

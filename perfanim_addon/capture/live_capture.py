@@ -7,7 +7,7 @@ import bpy
 
 from ...core.body.scene_pose import ScenePose
 from ...core.errors import PerfanimError
-from ...core.session.pose_taps import calm_poses
+from ...core.session.delayed_poses import calm_poses
 from ...core.session.walk_test import judge_walk, walk_figures
 from ...core.simulate.studio.simulated_performer import SimulatedPerformer
 from ...core.system.files import exists

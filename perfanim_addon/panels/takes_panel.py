@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import PerfanimError
-from ...core.formats.take_file.take_edits import append_notes
+from ...core.formats.take_file.append_notes import append_notes
 from ...core.formats.take_file.take_reader import TakeSummary, summarise
 from ...core.formats.take_file.take_setup import MOST_STARS
 from ...core.session.verdict import GOOD

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.errors import CharacterError, SettingsError
 from ...core.geometry.arrays import Array
-from ...core.sketch.key_curves import curve_positions
+from ...core.sketch.key_interpolation import curve_positions
 from ...core.sketch.sketch_file import Control, Sketch
 from ..animation.actions import present_frame
 from ..blender_versions import action_curves, play, play_only, played

@@ -8,7 +8,7 @@ import numpy as np
 from ...core.body.motion import LEAST_FPS, MOST_FPS
 from ...core.errors import SettingsError
 from ...core.geometry.arrays import Array
-from ...core.sketch.key_curves import curve_positions
+from ...core.sketch.key_interpolation import curve_positions
 from ...core.sketch.sketch_file import LIMITS, Control, Sketch
 from ..animation.actions import present_frame, scene_fps
 from ..blender_versions import action_curves

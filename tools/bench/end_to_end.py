@@ -18,7 +18,7 @@ from perfanim.core.markers.marker_frame import MarkerFrame
 from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
-from perfanim.core.session.pose_taps import calm_performer
+from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.session.steady_motion import motion_of

@@ -23,7 +23,7 @@ from perfanim.core.markers.marker_set import Marker, MarkerSet
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
 from perfanim.core.session.solve_take import solve_take
-from perfanim.core.sketch.key_curves import curve_positions
+from perfanim.core.sketch.key_interpolation import curve_positions
 from perfanim.core.sketch.motion_library import TOES
 from perfanim.core.sketch.sketch_file import Control, Sketch
 from perfanim.core.sketch.solve_sketch import SketchSettings, SketchSolver, key_distances

@@ -18,8 +18,8 @@ from perfanim.core.markers.marker_set import load_marker_set
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import Subject
 from perfanim.core.markers.take_frames import take_frames
+from perfanim.core.session.delayed_poses import calm_poses
 from perfanim.core.session.multi_target_session import MultiTargetSession
-from perfanim.core.session.pose_taps import calm_poses
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_frames, solve_take
 from perfanim.core.session.solved_take import SolvedTake

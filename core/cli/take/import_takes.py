@@ -13,8 +13,8 @@ from ...database.starter_database import starter_database
 from ...database.store import Database, open_database
 from ...errors import FormatError, MarkerSetError, PerfanimError, SubjectError, TakeError
 from ...formats.markers.marker_files import READABLE, is_recorded
-from ...formats.take_file.take_edits import recover
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name, unused_path
+from ...formats.take_file.take_recovery import recover
 from ...labelling.take_import import UPS
 from ...markers.label_faults import told
 from ...markers.label_matching import AUTO, load_names

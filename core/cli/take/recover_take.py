@@ -6,8 +6,8 @@ from typing import Any
 
 from ...errors import FormatError, SettingsError
 from ...formats.markers.marker_files import is_recorded
-from ...formats.take_file.take_edits import recover
 from ...formats.take_file.take_reader import ENDING, read_take_file, take_name
+from ...formats.take_file.take_recovery import recover
 from ...system.files import exists
 from ...system.progress import Progress
 from ..options import add_command, add_text

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...errors import CaptureError
 from ...geometry.arrays import Image
+from ...system.files import exists
 from .addresses import camera_name
 from .camera_controls import apply_controls
 from .device_names import device_numbers
@@ -210,6 +211,8 @@ def _open(device: int | str, size: tuple[int, int] | None, fps: float | None) ->
     else:
         capture = cv2.VideoCapture(device)
         advice = "check that it is plugged in, that no other program uses it and that this one may use cameras"
+        if exists(str(device)):
+            advice = f"write ./{device} for the file or folder of this name"
     if not capture.isOpened():
         capture.release()
         raise CaptureError(f"camera {camera_name(device)} does not open", advice=advice)

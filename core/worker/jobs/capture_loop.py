@@ -13,7 +13,7 @@ from ...formats.take_file.pose_codec import TimedPose, pack_solved
 from ...formats.take_file.take_writer import TakeWriter
 from ...geometry.arrays import Image
 from ...markers.marker_frame import MarkerFrame
-from ...session.pose_taps import DelayedPoses
+from ...session.delayed_poses import DelayedPoses
 from ..channel import Channel
 from ..client import WorkerClient
 from ..protocol import Message, MessageKind

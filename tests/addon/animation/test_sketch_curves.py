@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 import pytest
-from perfanim.core.sketch.key_curves import curve_positions
+from perfanim.core.sketch.key_interpolation import curve_positions
 from played import curves_of
 
 BLENDER_FLOAT = 1e-5  # of values up to 10

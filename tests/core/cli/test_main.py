@@ -55,7 +55,7 @@ def test_summary_for_a_person(inputs, capsys):
     assert main(["database", "info", str(inputs / "good.db")]) == 0
     printed = capsys.readouterr().out
     assert "frames: 3" in printed
-    assert "joints: 29" in printed  # long lists are counted
+    assert "joints: root, lfemur, ltibia, " in printed
     assert not printed.startswith("{")
 
 
@@ -93,7 +93,7 @@ def test_wrong_usage_exits_with_2(capsys, line):
     assert caught.value.code == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert "usage: perfanim" in printed.err
+    assert printed.err.count("\n") == 1 and "usage: perfanim" in printed.err
 
 
 @pytest.mark.parametrize(
@@ -110,11 +110,10 @@ def test_messages_of_wrong_usage_are_short_and_of_one_line(capsys, line):
     with pytest.raises(SystemExit) as caught:
         main(line)
     assert caught.value.code == 2
-    *usage, message = capsys.readouterr().err.splitlines()
-    assert message.startswith("perfanim") and ": error: " in message
+    (message,) = capsys.readouterr().err.splitlines()
+    assert message.startswith("perfanim") and ": error: " in message and " --help)" in message
     assert len(message) <= 300
     assert "\x1b" not in message
-    assert all(len(row) <= 300 for row in usage)
 
 
 def test_version_and_help_exit_with_0(capsys):
@@ -206,6 +205,8 @@ def test_summary_text():
         {"rms_mm": 1.23456, "names": ["a", "b"], "many": list(range(20)), "parts": {"x": 0.5}, "out": "f"}
     )
     assert text.splitlines() == ["rms mm: 1.235", "names: a, b", "many: 20", "parts: x 0.5", "out: f"]
+    (line,) = summary_text({"names": [f"M{n:02}" for n in range(70)]}).splitlines()
+    assert line.startswith("names: M00, M01") and line.endswith("M59, and 10 more, see --json")
 
 
 def test_a_long_table_of_figures_does_not_bury_the_others():

@@ -18,7 +18,7 @@ from perfanim.core.geometry.rig_file import load_rig, save_rig
 from perfanim.core.markers.marker_frame_codec import pack
 from perfanim.core.markers.marker_take import MarkerTake
 from perfanim.core.markers.subject import load_subject, save_subject
-from perfanim.core.session.pose_taps import calm_performer
+from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
 from perfanim.core.simulate.studio.render import Renderer
 from perfanim.core.simulate.studio.simulated_source import simulated_source

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from perfanim.core.body.motion_metrics import evaluate
 from perfanim.core.markers.take_frames import take_frames
-from perfanim.core.session.pose_taps import calm_performer
+from perfanim.core.session.delayed_poses import calm_performer
 from perfanim.core.session.session import Session
 from perfanim.core.session.solve_take import solve_take
 from perfanim.core.session.steady_motion import motion_of

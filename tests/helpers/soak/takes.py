@@ -28,8 +28,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from perfanim.core.formats.take_file.take_edits import recover
 from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_recovery import recover
 from perfanim.core.markers.marker_frame_codec import pack
 from perfanim.core.worker.client import WorkerClient
 from perfanim.core.worker.protocol import MessageKind

@@ -33,7 +33,7 @@ from perfanim.core.database.store import open_database
 from perfanim.core.errors import PerfanimError
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.motion.write_motion import write_motion
-from perfanim.core.formats.take_file.take_edits import append_notes
+from perfanim.core.formats.take_file.append_notes import append_notes
 from perfanim.core.formats.take_file.take_reader import read_take_file
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.take_writer import TakeWriter

@@ -16,9 +16,9 @@ from perfanim.core.formats.markers.marker_files import read_take
 from perfanim.core.formats.motion.bvh import read_bvh
 from perfanim.core.formats.motion.read_motion import read_motion
 from perfanim.core.formats.take_file import take_writer as writer_module
+from perfanim.core.formats.take_file.append_notes import append_notes
 from perfanim.core.formats.take_file.chunks import scan
 from perfanim.core.formats.take_file.pose_codec import TimedPose, pack_solved
-from perfanim.core.formats.take_file.take_edits import append_notes
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.take_writer import TakeWriter, WriterSettings
@@ -27,7 +27,7 @@ from perfanim.core.geometry import rotations as rot
 from perfanim.core.geometry.rig_file import save_rig
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.markers.marker_take import MarkerTake, save_take
-from perfanim.core.session.pose_taps import DelayedPoses
+from perfanim.core.session.delayed_poses import DelayedPoses
 from perfanim.core.session.session import Session
 from perfanim.core.solver.settings import SolveSettings
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from perfanim.core.cli.main import main
 from perfanim.core.errors import MOST_TEXT, TakeError
+from perfanim.core.formats.take_file.append_notes import append_notes, recover
 from perfanim.core.formats.take_file.chunks import ChunkKind, encode_chunk, preamble, scan
 from perfanim.core.formats.take_file.footer import Footer, RecordingFacts, duration_s, find_footer
-from perfanim.core.formats.take_file.take_edits import append_notes, recover
 from perfanim.core.formats.take_file.take_reader import Gap, read_take_file, summarise
 from perfanim.core.formats.take_file.take_setup import TakeEvent, TakeNotes, TakeSetup
 from perfanim.core.formats.take_file.whole_take import take_facts, write_chunks, write_whole_take

@@ -10,8 +10,8 @@ from perfanim.core.body.pose_notes import PoseNote
 from perfanim.core.errors import FormatError, TakeError
 from perfanim.core.formats.take_file.chunks import HEADER_BYTES, PREAMBLE_BYTES, ChunkKind, scan
 from perfanim.core.formats.take_file.pose_codec import pack_solved, unpack_solved
-from perfanim.core.formats.take_file.take_edits import recover
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise
+from perfanim.core.formats.take_file.take_recovery import recover
 from records import frame_record, frames_of, pose_record, poses_of
 
 Write = Callable[..., Path]

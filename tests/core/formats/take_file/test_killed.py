@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.formats.take_file.pose_codec import pack_solved
-from perfanim.core.formats.take_file.take_edits import recover
 from perfanim.core.formats.take_file.take_reader import read_take_file
+from perfanim.core.formats.take_file.take_recovery import recover
 from perfanim.core.markers.marker_frame_codec import pack_stamped
 from perfanim.core.system.lock import is_locked
 from records import frame_record, pose_record

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from perfanim.core.errors import TakeError
+from perfanim.core.formats.take_file.append_notes import append_notes
 from perfanim.core.formats.take_file.chunks import PREAMBLE_BYTES, encode_chunk, preamble
-from perfanim.core.formats.take_file.take_edits import append_notes
 from perfanim.core.formats.take_file.take_reader import read_take_file, summarise, unused_path
 from perfanim.core.formats.take_file.take_setup import TakeNotes, TakeSetup
 from records import frame_record, frames_of, pose_record, poses_of

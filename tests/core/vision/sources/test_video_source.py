@@ -151,8 +151,10 @@ def test_closed_source_ends(tmp_path):
     assert seen == [0]
 
 
-def test_camera_that_does_not_open_is_an_error(capfd):
-    with pytest.raises(CaptureError, match="camera 97 does not open"):
+def test_camera_that_does_not_open_is_an_error(tmp_path, monkeypatch, capfd):
+    (tmp_path / "97").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(CaptureError, match=r"camera 97 does not open.*write \./97 for the file or folder"):
         CameraSource([97, 98])
     with pytest.raises(CaptureError, match="more than once"):
         CameraSource([0, 0])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from perfanim.core.body.scene_pose import PerformerPose, ScenePose
 from perfanim.core.geometry import rotations as rot
-from perfanim.core.session.pose_taps import DelayedPoses, calm_poses
+from perfanim.core.session.delayed_poses import DelayedPoses, calm_poses
 
 JOINTS, FPS = 29, 60.0
 

@@ -16,7 +16,7 @@ from perfanim.core.session.solve_take import solve_take
 from perfanim.core.simulate.simulated_markers import simulate_markers
 from perfanim.core.solver.marker_selection import worn_in
 from perfanim.core.solver.settings import SolveSettings
-from perfanim.core.subjects.marker_placement import place_markers
+from perfanim.core.subjects.unknown_marker_placement import place_markers
 from perfanim.core.system.assets import MOTION
 
 SUIT = load_marker_set("plug-in-gait")
