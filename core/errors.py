@@ -22,6 +22,11 @@ def shorten(text: str, most: int) -> str:
     return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number and its noun, which takes an "s" unless the number is 1: "1 pose", "2 poses"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def fit_sentence(text: str, most: int) -> str:
     """Return a printable sentence of at most `most` letters: lists are cut first, then the end, never the beginning."""
     text = printable(text)

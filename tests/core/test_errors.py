@@ -2,7 +2,7 @@ import inspect
 
 import pytest
 from perfanim.core import errors
-from perfanim.core.errors import MOST_TEXT, FormatError, PerfanimError
+from perfanim.core.errors import MOST_TEXT, FormatError, PerfanimError, counted
 
 SUBCLASSES = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if kind is not PerfanimError]
 
@@ -34,6 +34,10 @@ def test_a_long_message_loses_lists_and_ends_but_never_the_fact() -> None:
     assert short.what.startswith("has no no") and short.what.endswith("no...") and short.advice == "record it again"
     listed = FormatError("is one", advice="give one of " + ", ".join(names) + "; choose the set that was worn")
     assert listed.advice.endswith(" more; choose the set that was worn")
+
+
+def test_a_counted_noun_is_singular_for_one_only() -> None:
+    assert [counted(number, "pose") for number in (0, 1, 2)] == ["0 poses", "1 pose", "2 poses"]
 
 
 @pytest.mark.parametrize("kind", SUBCLASSES)
